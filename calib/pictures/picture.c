@@ -24,6 +24,13 @@ void picture_free(struct picture *picture) {
     g_free(picture);
 }
 
+void picture_srgb(float ret[256]) {
+    for (int i = 0; i < 256; i++) {
+        const double v = i / 255.0;
+        ret[i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+    }
+}
+
 /* Scales each colour by mean(green) / mean(colour). */
 gboolean picture_balance(struct picture *picture, const char *cfa) {
     static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};

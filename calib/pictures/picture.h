@@ -20,6 +20,9 @@ void picture_free(struct picture *picture); /* NULL is ignored */
 typedef struct picture Picture;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
 
+/* The light of each code of 8 bits in sRGB (IEC 61966-2-1), 0 … 1. */
+void picture_srgb(float ret[256]);
+
 /* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"): each colour is scaled
  * so that the picture is grey on average, and pixels are used as they are. Exact, and as sharp as
  * the sensor, if the scene is grey under one light; else the mosaic stays visible. FALSE: unknown

@@ -2,6 +2,7 @@
 
 #include "base/input_file.h"
 #include "picture_header.h"
+#include "raw.h"
 
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
@@ -77,10 +78,7 @@ cv::Mat to_bytes(const picture *from) {
 /* Copies all channels in order; 8-bit values are made linear (sRGB). codes: as they are. */
 void fill(float *to, const cv::Mat &from, bool codes = false) {
     std::array<float, 256> table{};
-    for (gsize i = 0; i < 256; i++) {
-        const double v = (double)i / 255.0;
-        table[i] = (float)(v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4));
-    }
+    picture_srgb(table.data());
     for (int y = 0; y < from.rows; y++)
         for (int x = 0; x < from.cols * from.channels(); x++)
             if (codes && from.depth() == CV_8U)
@@ -202,6 +200,8 @@ bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
 } // namespace
 
 struct picture *vision_read(const char *path, GError **error) {
+    if (raw_is(path))
+        return raw_read_grey(path, error);
     gsize length = 0;
     g_autofree char *text = read_picture(path, &length, error);
     if (!text)

@@ -17,13 +17,13 @@ enum vision_error {
     VISION_ERROR_FAILED, /* OpenCV failed */
 };
 
-/* Reads a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) as grey. Files of 8 bits are taken as
- * sRGB and made linear, others as linear; 1 is white. EXIF orientation is ignored: pixels stay as
- * on the sensor. */
+/* Reads a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) as grey, camera raw as
+ * raw_read_grey(). Files of 8 bits are taken as sRGB and made linear, others as linear; 1 is white.
+ * EXIF orientation is ignored: pixels stay as on the sensor. */
 struct picture *vision_read(const char *path, GError **error);
 
-/* The same in colour: height × width × 3 (R, G, B), g_free(). ret_grey: the file is grey and all
- * three are equal. */
+/* The same in colour, and not of camera raw: height × width × 3 (R, G, B), g_free(). ret_grey: the
+ * file is grey and all three are equal. */
 gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
                             float **ret_rgb, GError **error);
 

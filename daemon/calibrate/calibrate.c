@@ -3,6 +3,7 @@
 
 #include "command/work.h"
 #include "exr/exr.h"
+#include "pictures/raw.h"
 #include "pictures/vision.h"
 #include "session/inputs.h"
 
@@ -176,29 +177,32 @@ static int calibrate_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
-                                 GError **error) {
+static gboolean calibrate_is_photograph(const char *name) {
     static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff",
                                        ".bmp", ".pgm",  ".ppm", ".exr"};
+    g_autofree char *lower = g_ascii_strdown(name, -1);
+    for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
+        if (g_str_has_suffix(lower, ends[i]))
+            return TRUE;
+    return raw_is(name);
+}
+
+GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,
+                                 GError **error) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
     g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
     for (const char *name; dir && paths->len < most && (name = g_dir_read_name(dir));) {
-        g_autofree char *lower = g_ascii_strdown(name, -1);
         if (*name == '.') {
             g_autofree char *path = g_build_filename(folder, name, NULL);
             g_ptr_array_add(skipped, g_strdup_printf("%s: it is a hidden file", path));
-            continue;
-        }
-        for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
-            if (g_str_has_suffix(lower, ends[i])) {
-                g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
-                break;
-            }
+        } else if (calibrate_is_photograph(name))
+            g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
     }
     if (dir && paths->len == 0)
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-            "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder",
+            "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder, "
+            "and no camera raw",
             folder);
     g_ptr_array_sort(paths, calibrate_by_name);
     return paths->len > 0 ? g_steal_pointer(&paths) : NULL;

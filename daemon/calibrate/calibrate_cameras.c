@@ -1,6 +1,7 @@
 /* calibrate cameras: cameras and turntable from captured boards, or one camera from photographs. */
 #include "base/config.h"
 #include "calibrate.h"
+#include "calibrate_video.h"
 #include "cameras/cameras.h"
 
 #define MOST_PICTURES 20000
@@ -20,10 +21,9 @@ static const GOptionEntry entries[] = {
      "cameras keep their mean azimuth",
      NULL},
     {"images", 'i', 0, G_OPTION_ARG_FILENAME, &images_option,
-     "No sessions: photographs (JPEG, PNG, TIFF, BMP, PGM, EXR) that one camera took of a board "
-     "held at different "
-     "tilts",
-     "DIR"},
+     "No sessions: a folder of photographs (JPEG, PNG, TIFF, BMP, PGM, EXR, camera raw) that one "
+     "camera took of a board held at different tilts, or a video of it",
+     "DIR|VIDEO"},
     {"corners", 0, 0, G_OPTION_ARG_FILENAME, &corners_option,
      "Also write the corners that were used to this file, as mrcal reads them", "FILE"},
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
@@ -38,9 +38,10 @@ struct job {
     struct calibrate_job base;
     struct board board;
     struct cameras_result *result;
-    enum rig_lens lens; /* if lens_option is given */
-    GArray *pictures;   /* struct cameras_picture, one per frame */
-    gboolean turns;     /* there is a turntable in a session's rig file, or it has turned */
+    enum rig_lens lens;            /* if lens_option is given */
+    GArray *pictures;              /* struct cameras_picture, one per frame */
+    struct calibrate_video *video; /* if --images is one */
+    gboolean turns; /* there is a turntable in a session's rig file, or it has turned */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -76,10 +77,23 @@ static gboolean cli_calibrate_cameras_gather_session(struct job *job, int lay, G
     return TRUE;
 }
 
+/* Names of the frames of a video that are used. */
+static GPtrArray *gather_video(struct job *job, GError **error) {
+    job->video = calibrate_video_read(images_option, &job->board, job->base.work, error);
+    if (!job->video)
+        return NULL;
+    GPtrArray *names = g_ptr_array_new_with_free_func(g_free);
+    for (guint i = 0; i < job->video->chosen->len; i++)
+        g_ptr_array_add(names, calibrate_video_name(job->video, i));
+    return names;
+}
+
 static gboolean gather_photographs(struct job *job, GError **error) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
     g_autoptr(GPtrArray) paths =
-        calibrate_photographs(images_option, MOST_PICTURES, job->base.rejected, error);
+        g_file_test(images_option, G_FILE_TEST_IS_REGULAR)
+            ? gather_video(job, error)
+            : calibrate_photographs(images_option, MOST_PICTURES, job->base.rejected, error);
     if (!paths)
         return FALSE;
     for (guint i = 0; i < paths->len; i++) {
@@ -95,7 +109,10 @@ static gboolean gather_photographs(struct job *job, GError **error) {
 }
 
 static struct picture *cli_calibrate_cameras_read_picture(int i, gpointer data, GError **error) {
-    const struct calibrate_frame *frame = ((struct job *)data)->base.frames->pdata[i];
+    const struct job *job = data;
+    const struct calibrate_frame *frame = job->base.frames->pdata[i];
+    if (job->video)
+        return calibrate_video_picture(job->video, (guint)i);
     return frame->sha256 ? calibrate_read(frame, error)
                          : calibrate_read_photograph(frame->path, error);
 }
@@ -271,16 +288,31 @@ static void tell_arm(Record *to, const struct calibration *calibration,
 
 static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *base) {
     const struct cameras_result *result = ((const struct job *)base)->result;
+    const struct calibrate_video *video = ((const struct job *)base)->video;
     const struct calibration_part *part = &base->calibration->parts[CALIBRATION_CAMERAS];
     record_int(to, "pictures", part->pictures);
     record_strings(to, "rejected", part->rejected);
     record_int(to, "corners", result->residuals->len);
     record_double(to, "rms_px", result->rms_px);
     record_double(to, "real_s", base->seconds);
+    if (video) {
+        record_begin(to, "video");
+        record_int(to, "frames", video->video->n_frames);
+        record_int(to, "searched", video->video->frames->len);
+        record_int(to, "seen", video->n_seen);
+        record_int(to, "chosen", video->chosen->len);
+        record_end(to);
+    }
     record_say(to, "%s: %d pictures, %u corners, %.3f px RMS", calibrate_output, part->pictures,
                result->residuals->len, result->rms_px);
     if (part->rejected->len)
         record_say(to, "; %u left out", part->rejected->len);
+    if (video)
+        record_say(to,
+                   "\n  %d frames; the %u sharpest of their neighbours were searched, %d show the "
+                   "board, and in %u it lies apart from the others",
+                   video->video->n_frames, video->video->frames->len, video->n_seen,
+                   video->chosen->len);
     tell_lenses(to, base->calibration, result);
     tell_arm(to, base->calibration, result);
     for (guint i = 0; images_option && i < part->rejected->len; i++)
@@ -296,7 +328,7 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     if (!board_option)
         return cli_usage(call->command, "no board is given: give --board");
     if (images_option ? call->n_arguments > 0 : call->n_arguments < 1)
-        return cli_usage(call->command, "give captured sessions, or --images DIR");
+        return cli_usage(call->command, "give captured sessions, or --images DIR|VIDEO");
     if (images_option && azimuth_option)
         return cli_usage(call->command, "--board-azimuth is for sessions, not for --images");
     if (!board_parse(&job.board, board_option, &bad) ||
@@ -308,6 +340,7 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     job.pictures = g_array_new(FALSE, FALSE, sizeof(struct cameras_picture));
     const int code = calibrate_run(call, &method, &job.base, error);
     cameras_result_free(job.result);
+    calibrate_video_free(job.video);
     g_array_unref(job.pictures);
     return code;
 }

@@ -92,6 +92,12 @@ static struct import_picture *import_coding_decode(const struct import_set *set,
                        set->wish->calibration);
         return NULL;
     }
+    if (*picture->cfa && strcmp(picture->cfa, set->wish->cfa) != 0) {
+        data_error_set(set->table, row->line, error,
+                       "%s says that its colour filter is %s, not %s; give --cfa %s", name,
+                       picture->cfa, set->wish->cfa, picture->cfa);
+        return NULL;
+    }
     const double white = import_coding_white(set, row, name, bits, error);
     const gboolean srgb = coding->transfer == IMPORT_TRANSFER_SRGB ||
                           (coding->transfer == IMPORT_TRANSFER_BY_BITS && bits == 8);

@@ -6,6 +6,7 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "exr/exr.h"
+#include "pictures/raw.h"
 #include "pictures/vision.h"
 
 void import_picture_free(struct import_picture *picture) {
@@ -25,7 +26,47 @@ static gboolean has_end(const char *name, const char *const *ends) {
 
 gboolean import_is_picture(const char *name) {
     static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".exr", NULL};
-    return has_end(name, ends);
+    return has_end(name, ends) || raw_is(name);
+}
+
+/* A mosaic as it is: grey. */
+static void take_mosaic(struct import_picture *to, const struct picture *from, const char *cfa) {
+    const gsize n = (gsize)from->width * (gsize)from->height;
+    to->width = from->width;
+    to->height = from->height;
+    to->grey = TRUE;
+    g_strlcpy(to->cfa, cfa, sizeof to->cfa);
+    to->rgb = g_new(float, 3 * n);
+    for (gsize i = 0; i < 3 * n; i++)
+        to->rgb[i] = from->values[i / 3];
+}
+
+/* A pixel for each cell of a mosaic. */
+static void take_cells(struct import_picture *to, const struct picture *from, const char *cfa) {
+    to->width = from->width / 2;
+    to->height = from->height / 2;
+    to->rgb = g_new0(float, 3 * (gsize)to->width * (gsize)to->height);
+    for (int y = 0; y < 2 * to->height; y++)
+        for (int x = 0; x < 2 * to->width; x++) {
+            const char colour = cfa[2 * (y & 1) + (x & 1)];
+            const int c = colour == 'r' ? 0 : colour == 'g' ? 1 : 2;
+            to->rgb[3 * ((gsize)(y / 2) * (gsize)to->width + (gsize)(x / 2)) + (gsize)c] +=
+                (c == 1 ? 0.5F : 1) * from->values[(gsize)y * (gsize)from->width + (gsize)x];
+        }
+}
+
+static struct import_picture *import_picture_read_raw(const char *path, gboolean mosaic,
+                                                      GError **error) {
+    char cfa[RAW_CFA];
+    g_autoptr(Picture) raw = raw_read(path, cfa, error);
+    if (!raw)
+        return NULL;
+    struct import_picture *picture = g_new0(struct import_picture, 1);
+    if (mosaic || strcmp(cfa, "mono") == 0)
+        take_mosaic(picture, raw, cfa);
+    else
+        take_cells(picture, raw, cfa);
+    return picture;
 }
 
 static struct import_picture *import_picture_read_exr(const char *path, GError **error) {
@@ -66,6 +107,10 @@ static struct import_picture *import_picture_read_any(const char *path, int *ret
     struct import_picture *picture = NULL;
     if (has_end(path, (const char *const[]){".exr", NULL})) {
         picture = import_picture_read_exr(path, &found);
+        if (ret_bits)
+            *ret_bits = 0;
+    } else if (raw_is(path)) {
+        picture = import_picture_read_raw(path, ret_bits != NULL, &found);
         if (ret_bits)
             *ret_bits = 0;
     } else {

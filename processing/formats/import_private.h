@@ -6,15 +6,18 @@
 #define IMPORT_MOST_HOLES 0.5 /* of a picture */
 #define IMPORT_NO_TEXT    "# none: imported\n"
 
-/* Reads a colour picture. EXR: R, G, B of the first part, or a grey "Y" for all three; else what
- * OpenCV reads. NULL: DATA_ERROR_INVALID. */
+/* Reads a colour picture. EXR: R, G, B of the first part, or a grey "Y" for all three; camera raw:
+ * a pixel for each 2 × 2 of the mosaic, with the mean of its two green ones; else what OpenCV
+ * reads. NULL: DATA_ERROR_INVALID. */
 typedef struct import_picture {
     int width, height;
     gboolean grey;
-    float *rgb; /* height × width × 3 */
+    char cfa[5]; /* of a mosaic that says it itself, "rggb"; else "" */
+    float *rgb;  /* height × width × 3 */
 } ImportPicture;
 struct import_picture *import_picture_read(const char *path, GError **error);
-/* The same with the numbers in the file; ret_bits: 8 or 16 of each, 0: floating-point. */
+/* The same with the numbers in the file; ret_bits: 8 or 16 of each, 0: floating-point. Camera raw
+ * is a grey mosaic of floating-point numbers, 0 its black level and 1 its white. */
 struct import_picture *import_picture_read_codes(const char *path, int *ret_bits, GError **error);
 void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ImportPicture, import_picture_free)

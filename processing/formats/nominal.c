@@ -292,12 +292,13 @@ char *nominal_template(const char *path, GError **error) {
             g_autofree char *key = g_strdup_printf("%s %s", kinds[k].class_name, name);
             g_autoptr(ImportPicture) picture = NULL;
             g_autoptr(GError) found = NULL;
+            int bits;
             if (!*name || !g_hash_table_add(known, g_steal_pointer(&key)))
                 continue;
             if (k == 0) {
                 g_autofree char *file = g_canonicalize_filename(
                     text_table_text(table, i, text_table_column(table, "file")), folder);
-                picture = import_picture_read(file, &found);
+                picture = import_picture_read_codes(file, &bits, &found);
             }
             if (found) {
                 data_error_set(path, text_table_line(table, i), error, "%s", found->message);

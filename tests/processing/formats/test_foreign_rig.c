@@ -9,6 +9,7 @@
 #include "lib/foreign_rig.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
+#include "lib/write_dng.h"
 
 #define TEXELS   24
 #define WIDTH_MM 36.0
@@ -69,6 +70,7 @@ static void write_exr(const char *dir, const char *name, const float *planes, in
 }
 
 static double same_light_deg;
+static const char *cfa = "mono";
 static gboolean target;
 static struct import_poses_result result;
 
@@ -78,7 +80,7 @@ static gboolean import_rows(const char *dir, const char *rows, const char *path,
     g_autofree char *nominal = write_nominal(dir);
     const struct import_poses poses = {.table = table,
                                        .calibration = nominal,
-                                       .cfa = "mono",
+                                       .cfa = cfa,
                                        .grid = grid,
                                        .threshold_dn = 40,
                                        .same_light_deg = same_light_deg,
@@ -305,6 +307,25 @@ static void test_coding(gconstpointer data) {
     g_assert_cmpfloat(sqrt(sum), <, coding->file_bits == 8 ? 0.003 : 0.0015);
 }
 
+/* Camera raw says its levels and its filter itself. Red pixels and blue ones are interpolated. */
+static void write_raw(const char *dir, const char *name, const float *planes) {
+    static const guint32 black[4] = {500, 512, 520, 530};
+    const int n = camera.width * camera.height, white = 14000;
+    g_autofree guint16 *values = g_new(guint16, n);
+    g_autofree char *path = g_build_filename(dir, name, NULL);
+    struct dng dng = {.width = camera.width, .height = camera.height, .values = values};
+    for (int i = 0; i < n; i++) {
+        const int cell = 2 * (i / camera.width & 1) + (i % camera.width & 1);
+        const int c = cell == 0 ? 0 : cell == 3 ? 2 : 1;
+        values[i] =
+            (guint16)lround(black[cell] + (double)planes[c * n + i] * (white - black[cell]));
+    }
+    dng.cfa = "rggb";
+    memcpy(dng.black, black, sizeof black);
+    dng.white = (guint32)white;
+    write_dng(path, &dng);
+}
+
 static void assert_refused(const char *dir, const char *rows, const char *what) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("refused");
@@ -312,6 +333,37 @@ static void assert_refused(const char *dir, const char *rows, const char *what) 
     g_assert_nonnull(error);
     assert_has(error->message, what);
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+static void test_raw(void) {
+    static const char *const names[] = {"R", "G", "B"};
+    g_autofree char *dir = new_folder();
+    g_autofree float *planes = render(smooth_print, 1);
+    const char *rows = "file,camera,lamp\na.dng,cam,lamp\n";
+    write_raw(dir, "a.dng", planes);
+    assert_refused(dir, rows,
+                   "a.dng says that its colour filter is rggb, not mono; give --cfa rggb");
+    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
+                   "a.dng says that its colour filter");
+    cfa = "rggb";
+    assert_refused(dir, "file,camera,lamp,bits\na.dng,cam,lamp,14\n",
+                   "bits is 14, but a.dng holds floating-point numbers; leave it empty");
+    assert_refused(dir, "file,camera,lamp,black_level\na.dng,cam,lamp,512\n",
+                   "a black_level of 512 is not below white, 1 in a.dng");
+    g_autoptr(ExrPart) part = btf_of(dir, rows);
+    cfa = "mono";
+    double sum = 0;
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < TEXELS * TEXELS; i++) {
+            double x, y;
+            middle_of(i, &x, &y);
+            const double off = (double)exr_part_plane(part, names[c])[i] -
+                               smooth_print(x, y, c) * lamp_cosine(x, y);
+            sum += off * off / (3 * TEXELS * TEXELS);
+            g_assert_cmpfloat(fabs(off), <, 0.008);
+        }
+    g_test_message("camera raw: RMS error %.5f of a mean of 0.3", sqrt(sum));
+    g_assert_cmpfloat(sqrt(sum), <, 0.0015);
 }
 
 static void test_bad_coding(void) {
@@ -673,6 +725,7 @@ int main(int argc, char **argv) {
         g_autofree char *name = g_strdup_printf("/foreign_rig/coding/%d", (int)i);
         g_test_add_data_func(name, &codings[i], test_coding);
     }
+    g_test_add_func("/foreign_rig/coding/raw", test_raw);
     g_test_add_func("/foreign_rig/coding/bad", test_bad_coding);
     g_test_add_func("/foreign_rig/turntable", test_turntable);
     g_test_add_func("/foreign_rig/target", test_target);

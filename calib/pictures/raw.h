@@ -1,0 +1,30 @@
+/*
+ * Camera raw (LibRaw): the numbers of a sensor behind its colour filter, linear in light. Any
+ * thread.
+ *
+ * A pixel of n is (n − b) / (w − b), b the black level at its place, w white, both as the file or
+ * LibRaw's table of cameras says. 0 is black, 1 is white; noise around black goes below 0. Nothing
+ * else is done to the numbers: no white balance, no demosaicing. Orientation is ignored: pixels
+ * stay as on the sensor.
+ */
+#pragma once
+
+#include "picture.h"
+
+G_BEGIN_DECLS
+
+#define RAW_CFA 5 /* room for the name of a mosaic */
+
+/* Whether a file is taken for camera raw: by the end of its name, .dng, .cr2, .nef and others. */
+gboolean raw_is(const char *path);
+
+/* Reads the visible part of the sensor. ret_cfa: "mono" or "rggb", "bggr", "grbg", "gbrg", the
+ * filter at the top left. NULL: VISION_ERROR_IO; pictures that are no mosaic of 2 × 2 (linear DNG,
+ * X-Trans, a sensor set diagonally) are refused. */
+struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error);
+
+/* The same as grey, for calibration: balanced (picture_balance()); what was white in the file is at
+ * least 1 still. */
+struct picture *raw_read_grey(const char *path, GError **error);
+
+G_END_DECLS

@@ -1,0 +1,160 @@
+#include "video.h"
+
+#include "base/input_file.h"
+#include "vision.h"
+
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include <array>
+#include <cstring>
+#include <unistd.h>
+
+#define MOST_BYTES (256 << 20) /* of the frames that are kept */
+#define LEAST_KEPT 16u
+
+namespace {
+
+void clear_frame(gpointer data) {
+    g_free(static_cast<struct video_frame *>(data)->grey);
+}
+
+/* Noise adds to all frames alike; half the size has less of it. */
+double sharpness_of(const cv::Mat &grey) {
+    cv::Mat half, dx, dy;
+    cv::Scalar mean, deviation;
+    cv::resize(grey, half, {}, 0.5, 0.5, cv::INTER_AREA);
+    cv::Sobel(half, dx, CV_32F, 1, 0);
+    cv::Sobel(half, dy, CV_32F, 0, 1);
+    cv::meanStdDev(half, mean, deviation);
+    const double n = (double)half.total(), variance = deviation[0] * deviation[0];
+    return variance > 0 ? (dx.dot(dx) + dy.dot(dy)) / n / variance : 0;
+}
+
+/* Of each two windows the sharper frame. */
+void merge_windows(GArray *frames) {
+    for (guint i = 0; i + 1 < frames->len; i++) {
+        auto *a = &g_array_index(frames, struct video_frame, i);
+        const auto *b = &g_array_index(frames, struct video_frame, i + 1);
+        g_array_remove_index(frames, a->sharpness >= b->sharpness ? i + 1 : i);
+    }
+}
+
+/* One more frame; every: a window's length. */
+void take(struct video *video, const cv::Mat &grey, int every) {
+    const gsize n = grey.total();
+    struct video_frame frame = {video->n_frames, sharpness_of(grey), nullptr};
+    struct video_frame *last =
+        video->frames->len
+            ? &g_array_index(video->frames, struct video_frame, video->frames->len - 1)
+            : nullptr;
+    const bool opens = video->n_frames % every == 0;
+    video->n_frames++;
+    if (!opens && last && last->sharpness >= frame.sharpness)
+        return;
+    frame.grey = g_new(guint8, n);
+    for (int y = 0; y < grey.rows; y++)
+        std::memcpy(frame.grey + (gsize)y * (gsize)grey.cols, grey.ptr<guint8>(y),
+                    (gsize)grey.cols);
+    if (!opens && last) {
+        g_free(last->grey);
+        *last = frame;
+    } else
+        g_array_append_val(video->frames, frame);
+}
+
+bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProgress progress,
+              gpointer data, const char *path, GError **error) {
+    const int n = (int)std::max(from.get(cv::CAP_PROP_FRAME_COUNT), 0.0);
+    int every = 1;
+    for (cv::Mat frame; from.read(frame);) {
+        cv::Mat grey = frame;
+        if (frame.channels() == 3)
+            cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
+        if (grey.type() != CV_8U || grey.empty())
+            break;
+        if (video->n_frames == 0) {
+            video->width = grey.cols;
+            video->height = grey.rows;
+            most = std::min(most, std::max((guint)(MOST_BYTES / grey.total()), LEAST_KEPT));
+        }
+        if (grey.cols != video->width || grey.rows != video->height) {
+            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                        "%s: frame %d has %d × %d pixels, the first one %d × %d", path,
+                        video->n_frames, grey.cols, grey.rows, video->width, video->height);
+            return false;
+        }
+        /* Windows are merged when a frame would open one more than `most`; their number is even,
+         * so that all have the same length. */
+        if (video->n_frames % every == 0 && video->frames->len >= most - most % 2) {
+            merge_windows(video->frames);
+            every *= 2;
+        }
+        take(video, grey, every);
+        if (progress && !progress(video->n_frames, std::max(n, video->n_frames), data, error))
+            return false;
+    }
+    if (video->frames->len == 0)
+        g_set_error(error, VISION_ERROR, VISION_ERROR_IO, "%s: no frame of it can be read", path);
+    return video->frames->len > 0;
+}
+
+/* FFmpeg, or OpenCV's own reader of Motion JPEG. No other: some take a path for more than that. */
+bool open_video(cv::VideoCapture &capture, const char *path) {
+    for (int by : {cv::CAP_FFMPEG, cv::CAP_OPENCV_MJPEG})
+        if (capture.open(path, by)) {
+            capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+            return true;
+        }
+    return false;
+}
+
+} // namespace
+
+struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
+                         GError **error) {
+    g_autofree char *whole = g_canonicalize_filename(path, nullptr);
+    guint64 length = 0;
+    const int fd = input_file_open(path, G_MAXINT64, &length, error);
+    if (fd < 0)
+        return nullptr;
+    close(fd);
+    struct video *video = g_new0(struct video, 1);
+    video->frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
+    g_array_set_clear_func(video->frames, clear_frame);
+    bool ok = false;
+    try {
+        cv::VideoCapture capture;
+        if (!open_video(capture, whole))
+            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                        "%s is not a folder of pictures, and not a video that can be read", path);
+        else
+            ok = input_file_check_pixels(path, (guint64)capture.get(cv::CAP_PROP_FRAME_WIDTH),
+                                         (guint64)capture.get(cv::CAP_PROP_FRAME_HEIGHT), length,
+                                         error) &&
+                 read_all(capture, video, (guint)std::max(most, 2), progress, data, path, error);
+    } catch (const std::exception &e) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", path, e.what());
+    }
+    if (!ok)
+        g_clear_pointer(&video, video_free);
+    return video;
+}
+
+void video_free(struct video *video) {
+    if (!video)
+        return;
+    g_array_unref(video->frames);
+    g_free(video);
+}
+
+struct picture *video_picture(const struct video *video, guint i, const char *name,
+                              const char *checksum) {
+    const struct video_frame *frame = &g_array_index(video->frames, struct video_frame, i);
+    std::array<float, 256> light{};
+    struct picture *picture = picture_new(name, checksum, video->width, video->height);
+    picture_srgb(light.data());
+    for (gsize k = 0; k < (gsize)video->width * (gsize)video->height; k++)
+        picture->values[k] = light[frame->grey[k]];
+    return picture;
+}

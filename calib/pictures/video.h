@@ -1,0 +1,42 @@
+/*
+ * Frames of a video that are worth looking at (OpenCV's videoio, with FFmpeg). Any thread.
+ *
+ * A video is divided into windows of equal length, and of each the sharpest frame is kept: that in
+ * which the mean of the squared gradient, divided by the variance of the picture, is largest. A
+ * camera or board that moves while the shutter is open blurs the frames; between two movements some
+ * are sharp.
+ */
+#pragma once
+
+#include "picture.h"
+
+G_BEGIN_DECLS
+
+struct video_frame {
+    int index; /* in the video, from 0 */
+    double sharpness;
+    guint8 *grey; /* height × width, sRGB */
+};
+
+typedef struct video {
+    int width, height;
+    int n_frames;   /* that were read */
+    GArray *frames; /* of struct video_frame, in order */
+} Video;
+
+/* Called after each frame; n: as the file says, which may be wrong. FALSE ends the reading. */
+typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
+
+/* Reads a whole video, and keeps most / 2 + 1 to most frames, or all of a shorter one. NULL:
+ * VISION_ERROR, INPUT_FILE_ERROR, or the error of progress (which may be NULL). Rotation that the
+ * file asks for is ignored: pixels stay as on the sensor. */
+struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
+                         GError **error);
+void video_free(struct video *video); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)
+
+/* A kept frame, linear in light. name, checksum: as in picture.h. */
+struct picture *video_picture(const struct video *video, guint i, const char *name,
+                              const char *checksum);
+
+G_END_DECLS
