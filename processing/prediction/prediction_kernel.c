@@ -1,0 +1,278 @@
+/* The covariance of pairs, and its constants by cross-validation. */
+#include "prediction_private.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FIT_ROWS 96 /* rows that the constants are fitted to, evenly spread over all */
+#define FIT_PAIRS                                                                                  \
+    600              /* and pairs: those of neighbouring views, so that they are as dense as all   \
+                      */
+#define FIT_SWEEPS 3 /* over all constants */
+#define FIT_STEP                                                                                   \
+    3.0               /* first factor by which a constant is changed; its root in each next sweep  \
+                       */
+#define MOST_GROUP 64 /* pairs of a group that are left out together; more: in parts */
+
+static double prediction_distance(struct vec3 a, struct vec3 b) {
+    return vec3_length(vec3_sub(a, b));
+}
+
+/* What depends on the two views and lights alone, of all of them: exponentials factor. */
+struct prediction_tables {
+    double *view2, *view3, *view4;    /* n_views² */
+    double *light1, *light2, *light3; /* n_lights² */
+};
+
+static double *prediction_decay(const struct vec3 *at, int n, double length, double factor) {
+    double *table = g_new(double, (gsize)n *(gsize)n);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            table[i * n + j] = factor * exp(-prediction_distance(at[i], at[j]) / length);
+    return table;
+}
+
+static void prediction_tables_make(const Prediction *prediction, struct prediction_tables *ret) {
+    const double *c = prediction->constants;
+    const int n = prediction->n_views, m = prediction->n_lights;
+    ret->view2 = prediction_decay(prediction->views, n, c[PREDICTION_A2], c[PREDICTION_C2]);
+    ret->view3 = prediction_decay(prediction->views, n, c[PREDICTION_A3], c[PREDICTION_C3]);
+    ret->view4 = prediction_decay(prediction->views, n, c[PREDICTION_B4], c[PREDICTION_C4]);
+    ret->light2 = prediction_decay(prediction->lights, m, c[PREDICTION_B2], 1);
+    ret->light3 = prediction_decay(prediction->lights, m, c[PREDICTION_B3], 1);
+    ret->light1 = g_new(double, (gsize)m *(gsize)m);
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j < m; j++)
+            ret->light1[i * m + j] =
+                1 + c[PREDICTION_C1] * vec3_dot(prediction->lights[i], prediction->lights[j]);
+}
+
+static void prediction_tables_clear(struct prediction_tables *tables) {
+    g_free(tables->view2);
+    g_free(tables->view3);
+    g_free(tables->view4);
+    g_free(tables->light1);
+    g_free(tables->light2);
+    g_free(tables->light3);
+}
+
+/* The half vector; where view and light are opposite, the normal. */
+static struct vec3 prediction_half(const Prediction *prediction, int pair) {
+    const struct vec3 sum = vec3_add(prediction->views[pair / prediction->n_lights],
+                                     prediction->lights[pair % prediction->n_lights]);
+    return vec3_length(sum) > 1e-9 ? vec3_unit(sum) : vec3(0, 0, 1);
+}
+
+struct prediction_columns {
+    const Prediction *prediction;
+    const struct prediction_tables *tables;
+    const int *a, *b;
+    const struct vec3 *half_a;
+    int n_a;
+    double *ret;
+};
+
+static void prediction_column(int j, gpointer data) {
+    const struct prediction_columns *job = data;
+    const Prediction *prediction = job->prediction;
+    const struct prediction_tables *t = job->tables;
+    const int n_views = prediction->n_views, n_lights = prediction->n_lights;
+    const int view = job->b[j] / n_lights, light = job->b[j] % n_lights;
+    const struct vec3 half = prediction_half(prediction, job->b[j]);
+    const double length = prediction->constants[PREDICTION_A4];
+    double *column = job->ret + (gsize)j * (gsize)job->n_a;
+    for (int i = 0; i < job->n_a; i++) {
+        const int v = (job->a[i] / n_lights) * n_views + view;
+        const int l = (job->a[i] % n_lights) * n_lights + light;
+        column[i] = t->light1[l] + t->view2[v] * t->light2[l] + t->view3[v] * t->light3[l] +
+                    t->view4[v] * exp(-prediction_distance(job->half_a[i], half) / length);
+    }
+}
+
+void prediction_covariance(const Prediction *prediction, const int *a, int n_a, const int *b,
+                           int n_b, double *ret) {
+    struct prediction_tables tables;
+    g_autofree struct vec3 *half_a = g_new(struct vec3, n_a);
+    for (int i = 0; i < n_a; i++)
+        half_a[i] = prediction_half(prediction, a[i]);
+    prediction_tables_make(prediction, &tables);
+    struct prediction_columns job = {prediction, &tables, a, b, half_a, n_a, ret};
+    work_for_each(0, n_b, prediction_column, &job);
+    prediction_tables_clear(&tables);
+}
+
+void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
+                                 double *ret) {
+    const double *c = prediction->constants;
+    const int n_lights = prediction->n_lights;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            const struct vec3 a = prediction->lights[pairs[i] % n_lights];
+            const struct vec3 b = prediction->lights[pairs[j] % n_lights];
+            const double v = prediction_distance(prediction->views[pairs[i] / n_lights],
+                                                 prediction->views[pairs[j] / n_lights]);
+            const double l = prediction_distance(a, b);
+            const double h = prediction_distance(prediction_half(prediction, pairs[i]),
+                                                 prediction_half(prediction, pairs[j]));
+            ret[i * n + j] = 1 + c[PREDICTION_C1] * vec3_dot(a, b) +
+                             c[PREDICTION_C2] * exp(-v / c[PREDICTION_A2] - l / c[PREDICTION_B2]) +
+                             c[PREDICTION_C3] * exp(-v / c[PREDICTION_A3] - l / c[PREDICTION_B3]) +
+                             c[PREDICTION_C4] * exp(-h / c[PREDICTION_A4] - v / c[PREDICTION_B4]) +
+                             (i == j ? c[PREDICTION_NUGGET] : 0);
+        }
+}
+
+double prediction_prior_variance(const Prediction *prediction, int pair) {
+    const double *c = prediction->constants;
+    return 1 + c[PREDICTION_C1] + c[PREDICTION_C2] + c[PREDICTION_C3] + c[PREDICTION_C4] +
+           c[PREDICTION_NUGGET];
+}
+
+/* Pairs i … of one group, at most MOST_GROUP. order: indices into pairs, by group. */
+static int prediction_same_group(const Prediction *prediction, const int *pairs, int m,
+                                 const int *order, int i) {
+    int n = 1;
+    while (n < MOST_GROUP && i + n < m &&
+           prediction->groups[pairs[order[i + n]]] == prediction->groups[pairs[order[i]]])
+        n++;
+    return n;
+}
+
+struct prediction_order {
+    int group, index;
+};
+
+static int prediction_by_group(const void *a, const void *b) {
+    const struct prediction_order *p = a, *q = b;
+    return p->group != q->group ? (p->group > q->group) - (p->group < q->group)
+                                : (p->index > q->index) - (p->index < q->index);
+}
+
+static int *prediction_sorted(const Prediction *prediction, const int *pairs, int m) {
+    g_autofree struct prediction_order *keys = g_new(struct prediction_order, m);
+    int *order = g_new(int, m);
+    for (int i = 0; i < m; i++)
+        keys[i] = (struct prediction_order){prediction->groups[pairs[i]], i};
+    qsort(keys, (gsize)m, sizeof *keys, prediction_by_group);
+    for (int i = 0; i < m; i++)
+        order[i] = keys[i].index;
+    return order;
+}
+
+void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
+                         const double *inverse, const double *rows, int n_rows, double *ret_errors,
+                         double *ret_variances) {
+    g_autofree int *order = prediction_sorted(prediction, pairs, m);
+    double block[MOST_GROUP * MOST_GROUP];
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n_rows, m, m, 1, rows, m, inverse, m, 0,
+                ret_errors, m);
+    for (int i = 0, n; i < m; i += n) {
+        n = prediction_same_group(prediction, pairs, m, order, i);
+        for (int j = 0; j < n; j++)
+            for (int k = 0; k < n; k++)
+                block[j * n + k] = inverse[(gsize)order[i + j] * (gsize)m + (gsize)order[i + k]];
+        if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, block, n) != 0 ||
+            LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', n, block, n) != 0)
+            memset(block, 0, sizeof block); /* of a positive matrix: cannot be but by rounding */
+        for (int j = 0; j < n; j++)
+            ret_variances[order[i + j]] = block[j * n + j];
+        for (int r = 0; r < n_rows; r++) {
+            double *row = ret_errors + (gsize)r * (gsize)m, out[MOST_GROUP] = {0};
+            for (int j = 0; j < n; j++)
+                for (int k = 0; k < n; k++)
+                    out[j] += block[MIN(j, k) * n + MAX(j, k)] * row[order[i + k]];
+            for (int j = 0; j < n; j++)
+                row[order[i + j]] = out[j];
+        }
+    }
+}
+
+/* Sum of squared errors of cross-validation; INFINITY for constants that do not work. */
+static double prediction_fit_error(const Prediction *prediction, const int *pairs, int m,
+                                   const double *rows, int n_rows) {
+    g_autofree double *k = g_new(double, (gsize)m *(gsize)m);
+    g_autofree double *errors = g_new(double, (gsize)n_rows *(gsize)m), *v = g_new(double, m);
+    prediction_covariance(prediction, pairs, m, pairs, m, k);
+    for (int i = 0; i < m; i++)
+        k[(gsize)i * (gsize)m + (gsize)i] += prediction->constants[PREDICTION_NUGGET];
+    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', m, k, m) != 0 ||
+        LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', m, k, m) != 0)
+        return INFINITY;
+    for (gsize i = 0; i < (gsize)m; i++)
+        for (gsize j = 0; j < i; j++)
+            k[i * (gsize)m + j] = k[j * (gsize)m + i];
+    prediction_left_out(prediction, pairs, m, k, rows, n_rows, errors, v);
+    double sum = 0;
+    for (gsize i = 0; i < (gsize)n_rows * (gsize)m; i++)
+        sum += errors[i] * errors[i];
+    return sum;
+}
+
+struct prediction_azimuth {
+    double off;
+    int index;
+};
+
+static int prediction_by_azimuth(const void *a, const void *b) {
+    const struct prediction_azimuth *p = a, *q = b;
+    return p->off != q->off ? (p->off > q->off) - (p->off < q->off)
+                            : (p->index > q->index) - (p->index < q->index);
+}
+
+/* Indices into measured, ascending, of at most FIT_PAIRS pairs whose views are nearest in azimuth
+ * to +x, in which views are as dense as in all. */
+static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
+    const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
+    g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);
+    int *indices = g_new(int, n);
+    for (int i = 0; i < m; i++) {
+        const struct vec3 view = prediction->views[prediction->measured[i] / prediction->n_lights];
+        keys[i] = (struct prediction_azimuth){fabs(atan2(view.y, view.x)), i};
+    }
+    qsort(keys, (gsize)m, sizeof *keys, prediction_by_azimuth);
+    for (int i = 0; i < n; i++)
+        indices[i] = keys[i].index;
+    *ret_n = n;
+    return indices;
+}
+
+gboolean prediction_fit(Prediction *prediction, const double *rows, int n_rows,
+                        const struct work *work, GError **error) {
+    static const double least[] = {1e-3, 1e-4, 0.1, 0.1, 1e-4, 0.05, 0.05, 1e-4, 0.02, 0.1, 1e-5};
+    static const double most[] = {100, 100, 10, 20, 100, 3, 5, 100, 3, 20, 0.3};
+    G_STATIC_ASSERT(G_N_ELEMENTS(least) == PREDICTION_CONSTANTS);
+    int m;
+    const int n = MIN(n_rows, FIT_ROWS);
+    g_autofree int *indices = prediction_fit_pairs(prediction, &m), *pairs = g_new(int, m);
+    g_autofree double *values = g_new(double, (gsize)n *(gsize)m);
+    for (int i = 0; i < m; i++)
+        pairs[i] = prediction->measured[indices[i]];
+    for (int r = 0; r < n; r++)
+        for (int i = 0; i < m; i++)
+            values[(gsize)r * (gsize)m + (gsize)i] =
+                rows[(gsize)(r * (gint64)n_rows / n) * (gsize)prediction->n_measured +
+                     (gsize)indices[i]];
+    double *c = prediction->constants, step = FIT_STEP;
+    double best = prediction_fit_error(prediction, pairs, m, values, n);
+    const gint64 begun_us = g_get_monotonic_time();
+    for (int sweep = 0; sweep < FIT_SWEEPS; sweep++, step = sqrt(step))
+        for (int i = 0; i < PREDICTION_CONSTANTS; i++) {
+            if (!work_tell(work, "prediction", sweep * PREDICTION_CONSTANTS + i,
+                           FIT_SWEEPS * PREDICTION_CONSTANTS, begun_us, error))
+                return FALSE;
+            const double before = c[i];
+            double at = before;
+            for (int side = 0; side < 2 && at == before; side++) {
+                c[i] = CLAMP(side ? before / step : before * step, least[i], most[i]);
+                const double now = prediction_fit_error(prediction, pairs, m, values, n);
+                if (now < best) {
+                    best = now;
+                    at = c[i];
+                }
+            }
+            c[i] = at;
+        }
+    return TRUE;
+}
