@@ -54,7 +54,8 @@ struct archive {
     struct session_grid grid;
     int views, lights, lasers;
     int planned, done, skipped; /* shots */
-    int unneeded; /* sweeps that [lasers] stop = covered has left out; not among skipped */
+    int unneeded; /* shots that [lasers] stop = covered and [lights] sampling = adaptive have left
+                     out; not among skipped */
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */

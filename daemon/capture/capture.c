@@ -92,13 +92,18 @@ void capture_count(Capture *capture) {
 }
 
 static gboolean capture_open_adaptive(Capture *capture, GError **error) {
-    struct adaptive_hooks hooks = capture_adaptive_hooks;
-    hooks.data = capture;
-    if (capture->conf.laser_stop == STOP_COVERED)
-        capture->adaptive = adaptive_new(capture->session, &capture->conf, capture->shots,
-                                         &capture->devices->geometry, &capture->calibration->rig,
-                                         capture->devices->clock, &hooks, error);
-    return capture->adaptive || capture->conf.laser_stop == STOP_ALL;
+    struct adaptive_setup setup = {.session = capture->session,
+                                   .conf = &capture->conf,
+                                   .shots = capture->shots,
+                                   .nominal = &capture->devices->geometry,
+                                   .timing = &capture->devices->timing,
+                                   .calibration = capture->calibration,
+                                   .clock = capture->devices->clock,
+                                   .hooks = capture_adaptive_hooks};
+    setup.hooks.data = capture;
+    if (adaptive_is_wanted(&capture->conf))
+        capture->adaptive = adaptive_new(&setup, error);
+    return capture->adaptive || !adaptive_is_wanted(&capture->conf);
 }
 
 /* A session directory with everything that captures into it; nothing begins yet. */

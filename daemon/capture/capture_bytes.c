@@ -63,7 +63,7 @@ static double capture_bytes_ratio(const Capture *capture, int kind, int camera) 
     return planned > 0 ? sum / planned : 1;
 }
 
-/* Expected bytes of the planned shots. Sweeps that have not been chosen yet do not count. */
+/* Expected bytes of the planned shots. Those that have not been chosen yet do not count. */
 static double capture_bytes_left(Capture *capture) {
     const int n_cameras = capture->devices->geometry.n_cameras;
     double left = 0;

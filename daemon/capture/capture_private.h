@@ -39,7 +39,7 @@ struct Capture {
     struct session_conf conf;
     Session *session;
     struct calibration *calibration; /* the session's */
-    Adaptive *adaptive;              /* chooses sweeps; NULL: all are taken */
+    Adaptive *adaptive;              /* chooses shots; NULL: all are taken */
     Intake *intake;
     Sequencer *sequencer;
     enum capture_state state;
@@ -91,8 +91,8 @@ void capture_add_event(Capture *capture, const char *level, const char *source,
                        const char *message);
 void capture_save_value(Session *session, const char *key, double value);
 
-/* The shots of the session that will be taken as far as is known: skipped ones, and sweeps that are
- * not chosen yet, do not count. */
+/* The shots of the session that will be taken as far as is known: skipped ones, and those that
+ * are not chosen yet, do not count. */
 void capture_count(Capture *capture);
 
 extern const struct intake_hooks capture_intake_hooks;

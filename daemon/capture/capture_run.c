@@ -473,6 +473,11 @@ static void note_remaining(Capture *capture) {
             (!capture->adaptive || adaptive_is_chosen(capture->adaptive, shot)))
             g_ptr_array_add(capture->remaining, shot);
     }
+    /* The plan's order is that of the first round, and of all that may follow it. */
+    if (capture->adaptive && adaptive_is_further(capture->adaptive))
+        plan_order_left((struct session_shot **)capture->remaining->pdata,
+                        (int)capture->remaining->len, &capture->conf, &devices->geometry,
+                        &devices->timing);
     g_free(capture->plan_left_s);
     capture->plan_left_s = g_new(double, capture->remaining->len + 1);
     plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
@@ -515,7 +520,8 @@ void capture_begin_soon(Capture *capture) {
 }
 
 /* A session that was aborted or paused meanwhile goes on with the choice when it is resumed. */
-static void capture_run_on_chosen(int n, const char *message, const GError *error, gpointer data) {
+static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_lights,
+                                  const GError *error, gpointer data) {
     Capture *capture = data;
     const gboolean pausing = capture->state == CAPTURE_PAUSING;
     if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING && !pausing)
@@ -525,11 +531,10 @@ static void capture_run_on_chosen(int n, const char *message, const GError *erro
         return;
     }
     capture_count(capture);
-    g_autofree char *text =
-        n > 0
-            ? g_strdup_printf("%s; %d more sweep%s may add to that", message, n, n == 1 ? "" : "s")
-            : g_strdup_printf("%s; no further sweep is expected to add to that", message);
-    capture_add_event(capture, "info", "lasers", text);
+    if (of_lasers)
+        capture_add_event(capture, "info", "lasers", of_lasers);
+    if (of_lights)
+        capture_add_event(capture, "info", "lights", of_lights);
     if (pausing)
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
     else if (n > 0) {

@@ -20,7 +20,8 @@
 #define SHOWN_EVENTS 10
 
 struct counts {
-    int planned, done, skipped, frames, retakes, views, lights, lasers, sweeps, left_out;
+    int planned, done, skipped, frames, retakes, views, lights, lasers;
+    int sweeps, sweeps_left_out, lamps, lamps_left_out; /* shots */
     gint64 bytes;
 };
 
@@ -42,8 +43,11 @@ static gboolean cli_info_count(Session *session, struct counts *ret, GError **er
         ret->done += shot->state == SHOT_DONE;
         ret->skipped += shot->state == SHOT_SKIPPED;
         ret->sweeps += shot->kind == SHOT_SWEEP && shot->state == SHOT_DONE;
-        ret->left_out += shot->state == SHOT_SKIPPED && shot->note &&
-                         g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+        ret->lamps += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+        const gboolean left_out = shot->state == SHOT_SKIPPED && shot->note &&
+                                  g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+        ret->sweeps_left_out += left_out && shot->kind == SHOT_SWEEP;
+        ret->lamps_left_out += left_out && shot->kind == SHOT_LAMP;
     }
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = frames->pdata[i];
@@ -182,17 +186,44 @@ static void tell_sweeps(Record *to, Session *session, const struct counts *count
     if (!known || !worst)
         return;
     record_int(to, "sweeps_done", counts->sweeps);
-    record_int(to, "sweeps_left_out", counts->left_out);
+    record_int(to, "sweeps_left_out", counts->sweeps_left_out);
     record_double(to, "sweeps_known_pct", g_ascii_strtod(known, NULL));
     record_double(to, "sweeps_worst_view_pct", g_ascii_strtod(worst, NULL));
     record_say(to, "sweeps     %d taken, ", counts->sweeps);
-    if (counts->left_out > 0)
-        record_say(to, "%d left out as they would hardly add anything", counts->left_out);
+    if (counts->sweeps_left_out > 0)
+        record_say(to, "%d left out as they would hardly add anything", counts->sweeps_left_out);
     else
         record_say(to, "which are all");
     record_say(
         to, "; two sweeps or more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
         g_ascii_strtod(known, NULL), g_ascii_strtod(worst, NULL));
+}
+
+/* Tells how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
+ * are expected to be predicted. */
+static void tell_lamps(Record *to, Session *session, const struct counts *counts) {
+    g_autofree char *expected = session_value(session, ADAPTIVE_ERROR_PCT);
+    g_autoptr(GHashTable) rounds = session_values(session, ADAPTIVE_LIGHT_ROUNDS, NULL);
+    if (!expected || !rounds)
+        return;
+    int n = 0;
+    GHashTableIter iter;
+    gpointer shots;
+    g_hash_table_iter_init(&iter, rounds);
+    while (g_hash_table_iter_next(&iter, NULL, &shots))
+        n += *(const char *)shots != '\0'; /* the last one has none */
+    record_int(to, "lamps_done", counts->lamps);
+    record_int(to, "lamps_left_out", counts->lamps_left_out);
+    record_int(to, "lamps_rounds", n);
+    record_double(to, "lamps_expected_error_pct", g_ascii_strtod(expected, NULL));
+    record_say(to, "lamps      %d %s taken in %d %s", PLURAL(counts->lamps, "shot"),
+               PLURAL(n, "round"));
+    if (counts->lamps_left_out > 0)
+        record_say(to, ", %d left out", counts->lamps_left_out);
+    record_say(to,
+               "; an error of %.2f %% is expected in all pictures where the others are "
+               "predicted\n",
+               g_ascii_strtod(expected, NULL));
 }
 
 static gboolean tell_session(Record *to, Session *session, const char *state,
@@ -239,6 +270,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
     record_say(to, "directions %d %s, %d %s, %d %s\n", PLURAL(counts->views, "view"),
                PLURAL(counts->lights, "light"), PLURAL(counts->lasers, "laser position"));
     tell_sweeps(to, session, counts);
+    tell_lamps(to, session, counts);
     if (chosen)
         record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);

@@ -380,6 +380,54 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
+/* [lights] sampling = adaptive: what is not taken is predicted from other views and lights. */
+static gboolean plan_check_sampling(const struct plan_build *b, GError **error) {
+    const struct session_conf *conf = b->conf;
+    if (conf->light_sampling == SAMPLING_ALL)
+        return TRUE;
+    if (b->views->len < 2) {
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
+                       "adaptive predicts pictures from those of other views, and this session has "
+                       "a single view, as an RTI set has: set sampling = all");
+        return FALSE;
+    }
+    for (int i = 0; i < b->rig->n_lasers && b->lasers->len > 0; i++)
+        if (b->timing->mounts[i] != 0) {
+            plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
+                           "adaptive takes the lamps' shots in rounds, and the laser unit %s is "
+                           "mounted by hand at several places, for which somebody has to be there: "
+                           "set sampling = all, or capture [lasers] in a session of their own",
+                           b->rig->lasers[i].name);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+/* The budget of lamps must suffice for their first round. */
+static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
+    const struct session_conf *conf = b->conf;
+    if (conf->light_sampling == SAMPLING_ALL || conf->light_budget_min <= 0)
+        return TRUE;
+    g_autofree const struct session_shot **list =
+        g_new(const struct session_shot *, b->shots->len + 1);
+    g_autofree gboolean *is_first = g_new0(gboolean, b->shots->len + 1);
+    int n = 0;
+    for (guint i = 0; i < b->shots->len; i++)
+        list[i] = &g_array_index(b->shots, struct session_shot, i);
+    plan_first_lamps(conf, b->rig, b->timing, list, (int)b->shots->len, is_first);
+    for (guint i = 0; i < b->shots->len; i++)
+        if (is_first[i])
+            list[n++] = list[i];
+    const double least_s = plan_lamps_s(list, n, conf, b->rig, b->timing);
+    if (least_s <= 60 * conf->light_budget_min)
+        return TRUE;
+    plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "budget_min",
+                   "%g min are too few for the first round, whose %d shots take %.2f min: give as "
+                   "many, or a smaller first, which is %d",
+                   conf->light_budget_min, n, ceil(least_s / 0.6) / 100, conf->light_first);
+    return FALSE;
+}
+
 static void plan_count(const struct plan_build *b, guint n_first, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
@@ -390,8 +438,12 @@ static void plan_count(const struct plan_build *b, guint n_first, struct plan *p
     plan->bytes = plan_bytes(b, n_first, &plan->bytes_least);
 }
 
-/* Orders the shots: those of the first round of sweeps, then those that may follow. Returns how
- * many the first are; sets the plan's poses and n_later. */
+static int plan_later(const struct plan *plan) {
+    return plan->n_later_sweeps + plan->n_later_lamps;
+}
+
+/* Orders the shots: those of the first round, then those that may follow. Returns how many the
+ * first are; sets the plan's poses, n_later_sweeps and n_later_lamps. */
 static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *poses, int n_poses,
                                struct plan *plan) {
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, b->shots->len);
@@ -402,12 +454,15 @@ static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *pos
     for (guint i = 0; i < b->shots->len; i++)
         list[i] = &g_array_index(b->shots, struct session_shot, i);
     plan_first_sweeps(b->conf, b->rig, list, (int)b->shots->len, is_first);
+    plan_first_lamps(b->conf, b->rig, b->timing, list, (int)b->shots->len, is_first);
     for (guint i = 0; i < b->shots->len; i++) {
         g_array_append_vals(is_first[i] && list[i]->state == SHOT_PLANNED ? first : later, list[i],
                             1);
-        plan->n_later += !is_first[i] && list[i]->state == SHOT_PLANNED;
+        const gboolean is_later = !is_first[i] && list[i]->state == SHOT_PLANNED;
+        plan->n_later_sweeps += is_later && list[i]->kind == SHOT_SWEEP;
+        plan->n_later_lamps += is_later && list[i]->kind == SHOT_LAMP;
     }
-    if (plan->n_later == 0) {
+    if (plan_later(plan) == 0) {
         plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
         return b->shots->len;
     }
@@ -423,7 +478,7 @@ static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *pos
     return n_first;
 }
 
-/* Returns how many shots the first round of sweeps has. */
+/* Returns how many shots the first round has. */
 static guint plan_predict(struct plan_build *b, struct plan *plan) {
     const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
     int n_poses = (int)b->poses->len;
@@ -440,9 +495,9 @@ static guint plan_predict(struct plan_build *b, struct plan *plan) {
     plan->predicted_s =
         plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     /* The axes are homed again before a further round. */
-    plan->predicted_s += plan->n_later > 0 ? homing_s : 0;
+    plan->predicted_s += plan_later(plan) > 0 ? homing_s : 0;
     plan->first_s = plan->predicted_s;
-    if (plan->n_later > 0) {
+    if (plan_later(plan) > 0) {
         g_autoptr(GArray) round = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
         g_array_append_vals(round, b->shots->data, n_first);
         plan->first_s =
@@ -497,18 +552,36 @@ static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
 static void plan_note_stop(const struct plan_build *b, const struct plan *plan) {
     if (b->conf->laser_stop == STOP_ALL)
         return;
-    if (plan->n_later > 0)
+    if (plan->n_later_sweeps > 0)
         g_ptr_array_add(plan->notes,
                         g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
                                         "as far as those before them leave something unseen; the "
                                         "predicted time and frames are for all of them",
-                                        plan->n_later));
+                                        plan->n_later_sweeps));
     else
         g_ptr_array_add(plan->notes,
                         g_strdup_printf("[lasers] stop = covered: the first round already has all "
                                         "sweeps, since no angle of the turntable has more than "
                                         "first = %d, so that none can be saved",
                                         b->conf->laser_first));
+}
+
+static void plan_note_sampling(const struct plan_build *b, const struct plan *plan) {
+    if (b->conf->light_sampling == SAMPLING_ALL)
+        return;
+    if (plan->n_later_lamps > 0)
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("[lights] sampling = adaptive: %d of the shots of lamps "
+                                        "are taken only as far as those before them do not tell "
+                                        "what they would show; the predicted time and frames are "
+                                        "for all of them",
+                                        plan->n_later_lamps));
+    else
+        g_ptr_array_add(plan->notes,
+                        g_strdup_printf("[lights] sampling = adaptive: the first round already has "
+                                        "all shots of lamps, since no angle of the turntable has "
+                                        "more than first = %d, so that none can be saved",
+                                        b->conf->light_first));
 }
 
 static void plan_note_bytes(const struct plan_build *b, const struct plan *plan) {
@@ -574,6 +647,7 @@ static struct plan *plan_finish(struct plan_build *b) {
     }
     plan_note_auto(b->conf, plan->notes);
     plan_note_stop(b, plan);
+    plan_note_sampling(b, plan);
     plan_note_texels(b, plan->notes);
     plan_note_bytes(b, plan);
     if (b->views->len == 1)
@@ -669,8 +743,9 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
     b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
     if (plan_check_stop(&b, &why) && plan_add_directions(&b, &why) &&
-        plan_check_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why) &&
-        check_poses(&b, &why))
+        plan_check_sampling(&b, &why) && plan_check_directions(&b, &why) &&
+        check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why) &&
+        plan_check_budget(&b, &why))
         plan = plan_finish(&b);
     g_clear_pointer(&b.views, g_array_unref);
     g_clear_pointer(&b.lights, g_array_unref);

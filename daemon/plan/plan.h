@@ -69,6 +69,10 @@ enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
 /* STOP_COVERED: sweeps are taken in rounds until what is left adds little (adaptive/adaptive.h). */
 enum laser_stop { STOP_ALL, STOP_COVERED };
 
+/* SAMPLING_ADAPTIVE: of the shots of lamps those are taken, in rounds, that tell most of what is
+ * not known yet; the other pictures are predicted (adaptive/adaptive.h). */
+enum light_sampling { SAMPLING_ALL, SAMPLING_ADAPTIVE };
+
 /* A session file, parsed strictly; see etc/demo/session.conf for every key. */
 struct session_conf {
     char *name;
@@ -99,6 +103,11 @@ struct session_conf {
     int laser_first;       /* sweeps of the first round at each turntable angle, at most */
     double laser_gain_pct; /* what a further sweep must be expected to add to its views' texels */
     double laser_line_mm;  /* full width at half maximum of the lines at the origin; 0: unknown */
+    enum light_sampling light_sampling;
+    int light_first;         /* shots of the first round for each turntable angle, on average */
+    double light_error_pct;  /* expected error of all values of the BTF that is enough */
+    double light_budget_min; /* what the shots of lamps may take at most, by the plan's times, moves
+                                between them counted and sweeps not; 0: any time */
     gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */
@@ -127,15 +136,16 @@ struct plan {
     int n_poses;                 /* visits counted: a pose may be visited again for another lamp */
     int n_frames;                /* camera frames to be triggered, brackets and sweeps counted */
     guint64 bytes;               /* on disk, predicted: the cameras see the lines wherever they pass
-                                    the sample, and all sweeps are taken */
+                                    the sample, and all shots are taken */
     guint64 bytes_least;         /* they see none of them, and the first round suffices */
     double predicted_s;
     double lower_bound_s;
-    int n_mounts;     /* by hand, that at the beginning counted; 0: no unit has a further place */
-    double nested_s;  /* predicted for the nested order: for τ, for α, for lamps */
-    double first_s;   /* STOP_COVERED: predicted if the first round suffices; else predicted_s */
-    int n_later;      /* sweeps that are taken only if the first round does not suffice */
-    GPtrArray *notes; /* char *: what was re-planned or left out, and why */
+    int n_mounts;    /* by hand, that at the beginning counted; 0: no unit has a further place */
+    double nested_s; /* predicted for the nested order: for τ, for α, for lamps */
+    double first_s;  /* STOP_COVERED, SAMPLING_ADAPTIVE: predicted if the first round suffices;
+                        else predicted_s */
+    int n_later_sweeps, n_later_lamps; /* shots that are taken only if it does not suffice */
+    GPtrArray *notes;                  /* char *: what was re-planned or left out, and why */
 };
 
 #define PLAN_ERROR plan_error_quark()
@@ -195,6 +205,30 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing);
  * together. The order of the shots does not matter. Without STOP_COVERED: all. */
 void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
                        const struct session_shot *const *shots, int n, gboolean *ret_first);
+
+/* Which of n shots of lamps belong to the first round of [lights] sampling = adaptive (ret_first,
+ * n, is set for these alone): [lights] first for each turntable angle, spread over all pairs of a
+ * view and a light of this rig, those that take less time first. Every material has the same, and
+ * a larger first has those of a smaller one. Without SAMPLING_ADAPTIVE nothing is set. */
+void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
+                      const struct rig_timing *timing, const struct session_shot *const *shots,
+                      int n, gboolean *ret_first);
+
+/* The time that each of n shots adds to a round that visits its pose for it alone, coming from
+ * the nearest pose of another one; 0 for those that are not of lamps, or skipped. */
+void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, const struct session_shot *const *shots,
+                        int n, double *ret_s);
+
+/* Puts shots, some of a session's, into a quick order of their own ([capture] order is kept to);
+ * dark ones come first. The pointers are moved, the shots stay as they are. */
+void plan_order_left(struct session_shot **shots, int n, const struct session_conf *conf,
+                     const struct rig *rig, const struct rig_timing *timing);
+
+/* The time that the budget of lamps is counted in: that of these shots, all of them of lamps, done
+ * or not, in the order of plan_order_left(), with the homing of the axes before them. */
+double plan_lamps_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
+                    const struct rig *rig, const struct rig_timing *timing);
 
 /* Sweeps of the same turntable angle: numbers of n shots, in order of laser position; a GPtrArray
  * of GArrays of int, in order of angle. At most COVERAGE_MAX_SWEEPS each; others are in none. */

@@ -166,6 +166,13 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
                    const struct rig *rig, const struct rig_timing *timing);
 
+/* The angles of a shot's pose. */
+struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig *rig);
+
+/* Time of the move from one shot's pose to that of another, all axes together. */
+double plan_shots_move_s(const struct session_shot *from, const struct session_shot *to,
+                         const struct rig *rig, const struct rig_timing *timing);
+
 /* Read-out of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 

@@ -72,7 +72,7 @@ double plan_lead_s(const struct session_shot *previous, const struct session_sho
     return MAX(light_s(previous, shot, rig, timing), readout_s);
 }
 
-static struct plan_pose pose_of(const struct session_shot *shot, const struct rig *rig) {
+struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig *rig) {
     const int lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
 
     return (struct plan_pose){llround(shot->turntable_deg * UDEG), llround(shot->arc_deg * UDEG),
@@ -98,17 +98,24 @@ static double pose_move_s(const struct plan_pose *from, const struct plan_pose *
     return longest_s;
 }
 
+double plan_shots_move_s(const struct session_shot *from, const struct session_shot *to,
+                         const struct rig *rig, const struct rig_timing *timing) {
+    const struct plan_pose a = plan_pose_of(from, rig), b = plan_pose_of(to, rig);
+
+    return pose_move_s(&a, &b, timing);
+}
+
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
                  const struct rig *rig, const struct rig_timing *timing,
                  const struct session_shot *from, double *ret_left_s) {
     const struct session_shot *previous = NULL;
-    struct plan_pose at = from ? pose_of(from, rig) : (struct plan_pose){0};
+    struct plan_pose at = from ? plan_pose_of(from, rig) : (struct plan_pose){0};
 
     for (int i = 0; i < n; i++) {
         ret_left_s[i] = 0;
         if (shots[i]->state != SHOT_PLANNED)
             continue;
-        const struct plan_pose to = pose_of(shots[i], rig);
+        const struct plan_pose to = plan_pose_of(shots[i], rig);
         double lead = plan_lead_s(previous, shots[i], rig, timing);
         ret_left_s[i] =
             MAX(lead, pose_move_s(&at, &to, timing)) + plan_shot_s(shots[i], conf, timing);

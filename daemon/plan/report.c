@@ -36,10 +36,11 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         const char *key;
         int value;
     } counts[] = {
-        {"views", plan->session.n_views},   {"lights", plan->session.n_lights},
-        {"lasers", plan->session.n_lasers}, {"poses", plan->n_poses},
-        {"shots", plan->session.n_shots},   {"frames", plan->n_frames},
-        {"mounts", plan->n_mounts},         {"later_sweeps", plan->n_later},
+        {"views", plan->session.n_views},     {"lights", plan->session.n_lights},
+        {"lasers", plan->session.n_lasers},   {"poses", plan->n_poses},
+        {"shots", plan->session.n_shots},     {"frames", plan->n_frames},
+        {"mounts", plan->n_mounts},           {"later_sweeps", plan->n_later_sweeps},
+        {"later_lamps", plan->n_later_lamps},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -53,7 +54,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"predicted_s", plan->predicted_s},
         {"lower_bound_s", plan->lower_bound_s},
         {"nested_s", plan->nested_s},
-        {"first_s", plan->n_later > 0 ? plan->first_s : plan->predicted_s},
+        {"first_s", plan->first_s},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
         g_variant_builder_add(&builder, "{sv}", times[i].key, g_variant_new_double(times[i].value));
@@ -74,13 +75,23 @@ static double get_double(GVariant *report, const char *key) {
 }
 
 /* "about 21.3 MB", or, where they differ, "13.1 to 21.3 MB". */
-static char *report_size_range(guint64 least, guint64 most, gboolean rounds) {
+static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
+    const gboolean lamps = get_int(report, "later_lamps") > 0;
+    const gboolean sweeps = get_int(report, "later_sweeps") > 0;
     g_autofree char *most_text = g_format_size(most);
     g_autofree char *least_text = g_format_size(least);
+    g_autoptr(GString) by = g_string_new(NULL);
     if (least == 0 || !((double)least < LEAST_RANGE * (double)most))
         return g_strdup_printf("about %s of frames", most_text);
-    return g_strdup_printf("%s to %s of frames, by %show much the cameras see of the laser's lines",
-                           least_text, most_text, rounds ? "how many sweeps are needed and " : "");
+    if (lamps || sweeps)
+        g_string_append_printf(by, "how many %s are needed",
+                               !sweeps  ? "shots of lamps"
+                               : !lamps ? "sweeps"
+                                        : "shots of lamps and sweeps");
+    if (get_int(report, "lasers") > 0)
+        g_string_append_printf(by, "%show much the cameras see of the laser's lines",
+                               by->len ? " and " : "");
+    return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
 }
 
 char *report_text(GVariant *report) {
@@ -90,7 +101,9 @@ char *report_text(GVariant *report) {
     g_variant_lookup(report, "session", "&s", &name);
     g_variant_lookup(report, "bytes", "t", &bytes);
     g_variant_lookup(report, "bytes_least", "t", &least);
-    g_autofree char *size = report_size_range(least, bytes, get_int(report, "later_sweeps") > 0);
+    const int later_sweeps = get_int(report, "later_sweeps");
+    const int later_lamps = get_int(report, "later_lamps");
+    g_autofree char *size = report_size_range(report, least, bytes);
     g_string_append_printf(text, "session         %s\n", name);
     const int views = get_int(report, "views"), lights = get_int(report, "lights");
     const int lasers = get_int(report, "lasers"), pictures = views * lights;
@@ -119,10 +132,12 @@ char *report_text(GVariant *report) {
         g_string_append_printf(text, ", %.1f %% above the lower bound of %s",
                                100 * (predicted_s / bound_s - 1), bound);
     g_string_append(text, "\n");
-    if (get_int(report, "later_sweeps") > 0) {
+    if (later_sweeps > 0 || later_lamps > 0) {
         g_autofree char *first = report_duration(get_double(report, "first_s"));
-        g_string_append_printf(text, "if it suffices  %s with the first round of sweeps alone\n",
-                               first);
+        g_string_append_printf(text, "if it suffices  %s with the first round of %s alone\n", first,
+                               later_lamps == 0    ? "sweeps"
+                               : later_sweeps == 0 ? "lamps"
+                                                   : "lamps and sweeps");
     }
     if (predicted_s > 0)
         g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,

@@ -126,11 +126,16 @@ static const struct option capture_options[] = {
 
 static const char *const stop_choices[] = {"all", "covered", NULL};
 
+static const char *const sampling_choices[] = {"all", "adaptive", NULL};
+
 struct ring_fields {
     char *preset;
     char **rings, **devices;
     double offset_deg;
-    int stop, first; /* [lasers] */
+    int first;    /* [lights], [lasers] */
+    int sampling; /* [lights] */
+    double error_pct, budget_min;
+    int stop; /* [lasers] */
     double gain_pct, line_mm;
 };
 
@@ -157,6 +162,24 @@ struct ring_fields {
 
 static const struct option ring_options[] = {RING_OPTIONS, {NULL}};
 
+static const struct option light_options[] = {
+    RING_OPTIONS,
+    {"sampling", OPTION_CHOICE, .fallback = "all", .choices = sampling_choices,
+     .offset = RING(sampling),
+     .help = "All views under all lights, or, in rounds, those pairs that tell most for the time "
+             "that they take, until what is left can be predicted; predicted pictures are marked"},
+    {"first", OPTION_INT, NULL, 1, MAX_DIRECTIONS, "4", .offset = RING(first),
+     .help = "With sampling = adaptive: lights of the first round for each angle of the "
+             "turntable, on average"},
+    {"error_pct", OPTION_DOUBLE, "%", 0, 100, "2", .offset = RING(error_pct),
+     .help = "With sampling = adaptive: no further round if the expected error of the pictures, "
+             "all together, is below this part of their root mean square"},
+    {"budget_min", OPTION_DOUBLE, "min", 0, 100000, "0", .offset = RING(budget_min),
+     .help = "With sampling = adaptive: minutes that the lamps' shots may take, moves between them "
+             "counted and laser sweeps not; 0: as many as they need"},
+    {NULL},
+};
+
 static const struct option laser_options[] = {
     RING_OPTIONS,
     {"stop", OPTION_CHOICE, .fallback = "all", .choices = stop_choices, .offset = RING(stop),
@@ -178,7 +201,7 @@ const struct option *session_conf_options(const char *class_name) {
         const char *class_name;
         const struct option *options;
     } tables[] = {{"session", session_options}, {"sample", sample_options},
-                  {"views", ring_options},      {"lights", ring_options},
+                  {"views", ring_options},      {"lights", light_options},
                   {"lasers", laser_options},    {"capture", capture_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
@@ -451,10 +474,14 @@ static void session_conf_read_directions(struct session_conf *conf, const Config
 
     if (!views && all_sections)
         config_lacks(mistakes, config, "there is no section [views]");
-    struct ring_fields fields = {0};
+    struct ring_fields fields = {0}, of_lights = {0};
     read_rings(views, ring_options, conf->views, &conf->n_views, &conf->views_of, NULL, mistakes);
-    read_rings(lights, ring_options, conf->lights, &conf->n_lights, &conf->lights_of, NULL,
+    read_rings(lights, light_options, conf->lights, &conf->n_lights, &conf->lights_of, &of_lights,
                mistakes);
+    conf->light_sampling = (enum light_sampling)of_lights.sampling;
+    conf->light_first = of_lights.first;
+    conf->light_error_pct = of_lights.error_pct;
+    conf->light_budget_min = of_lights.budget_min;
     read_rings(lasers, laser_options, conf->lasers, &conf->n_lasers, &conf->lasers_of, &fields,
                mistakes);
     conf->laser_stop = (enum laser_stop)fields.stop;

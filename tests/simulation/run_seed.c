@@ -24,15 +24,18 @@ struct Reference {
 /* The sessions, as changes of the small rig's. */
 static const struct {
     const char *what;
-    struct change changes[6];
+    struct change changes[8];
 } sessions[SCHEDULE_SESSIONS] = {
     {"the small rig's session", {{0}}},
     {"one exposure, and a short one at each step of a sweep",
      {{"[capture]", "exposures_us = 16000"}, {"[capture]", "laser_short_us = 1000"}, {0}}},
     {"all exposures and all frames of the sweeps are kept",
      {{"[capture]", "keep_exposures = yes"}, {"[capture]", "keep_laser_frames = yes"}, {0}}},
-    {"sweeps in rounds, until the surface is known",
-     {{"[lasers]", "rings = 30:2; 60:2"},
+    {"lamps and sweeps in rounds, until pictures and surface are known",
+     {{"[lights]", "sampling = adaptive"},
+      {"[lights]", "first = 1"},
+      {"[lights]", "error_pct = 8"},
+      {"[lasers]", "rings = 30:2; 60:2"},
       {"[lasers]", "stop = covered"},
       {"[lasers]", "first = 1"},
       {"[lasers]", "gain_pct = 1"},

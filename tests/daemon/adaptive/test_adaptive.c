@@ -1,5 +1,6 @@
-/* Sessions with [lasers] stop = covered in the small simulated rig: what is left out is said, and a
- * session that is aborted, damaged or killed anywhere goes on to the same one. */
+/* Sessions with [lasers] stop = covered and [lights] sampling = adaptive in the small simulated
+ * rig: what is left out is said, and a session that is aborted, damaged or killed anywhere goes on
+ * to the same one. */
 #include "adaptive/adaptive.h"
 
 #include <string.h>
@@ -14,9 +15,25 @@ static const struct change changes[] = {
     {NULL, NULL},
 };
 
+/* 4 turntable angles; 32 shots of lamps, 8 of them in the first round. */
+#define LAMPS                                                                                      \
+    {"[views]", "rings = 30:4; 60:4"}, {"[lights]", "rings = 30:4; 60:4"},                         \
+        {"[lights]", "sampling = adaptive"}, {                                                     \
+        "[lights]", "first = 2"                                                                    \
+    }
+static const struct change lamps[] = {LAMPS, {"[lights]", "error_pct = 4"}, {NULL, NULL}};
+static const struct change both[] = {LAMPS,
+                                     {"[lights]", "error_pct = 4"},
+                                     {"[lasers]", "stop = covered"},
+                                     {"[lasers]", "first = 1"},
+                                     {"[lasers]", "gain_pct = 1"},
+                                     {NULL, NULL}};
+
 struct outcome { /* what must be the same, however it came about */
     GString *text;
-    int done, left_out, planned, rounds;
+    int done, left_out, planned, rounds; /* sweeps */
+    int lamps_done, lamps_left_out, lamp_rounds;
+    double error_pct;
 };
 
 static void outcome_clear(struct outcome *outcome) {
@@ -39,6 +56,9 @@ static struct outcome outcome_of(const char *path) {
         outcome.planned += shot->state == SHOT_PLANNED;
         outcome.left_out += sweep && shot->state == SHOT_SKIPPED && shot->note &&
                             g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+        outcome.lamps_done += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+        outcome.lamps_left_out += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
+                                  shot->note && g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
         g_string_append_printf(outcome.text, "%d %d %s\n", (int)shot->id, shot->state,
                                shot->state == SHOT_SKIPPED ? shot->note : "");
     }
@@ -48,27 +68,36 @@ static struct outcome outcome_of(const char *path) {
     }
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
     g_assert_no_error(error);
-    g_autoptr(GHashTable) values = session_values(session, "lasers.", &error);
+    g_autoptr(GHashTable) values = session_values(session, "l", &error);
     g_assert_no_error(error);
     g_autofree char **names = (char **)g_hash_table_get_keys_as_array(values, NULL);
     const guint n = g_hash_table_size(values);
     qsort(names, n, sizeof *names, outcome_by_name);
     for (guint i = 0; i < n; i++) {
+        const char *value = g_hash_table_lookup(values, names[i]);
+        if (!g_str_has_prefix(names[i], "lasers.") && !g_str_has_prefix(names[i], "lights."))
+            continue;
         outcome.rounds += g_str_has_prefix(names[i], "lasers.round.");
-        g_string_append_printf(outcome.text, "%s=%s\n", names[i],
-                               (const char *)g_hash_table_lookup(values, names[i]));
+        outcome.lamp_rounds += g_str_has_prefix(names[i], "lights.round.");
+        if (g_str_equal(names[i], ADAPTIVE_ERROR_PCT))
+            outcome.error_pct = g_ascii_strtod(value, NULL);
+        g_string_append_printf(outcome.text, "%s=%s\n", names[i], value);
     }
     return outcome;
 }
 
-static struct outcome undisturbed(void) {
-    struct run *run = run_begin(changes);
+static struct outcome undisturbed_of(const struct change *with, const char *said) {
+    struct run *run = run_begin(with);
     run_to_end(run);
     run_check_whole(run->session);
     struct outcome outcome = outcome_of(run->session);
-    g_assert_nonnull(strstr(run->told->str, "no further sweep is expected to add to that"));
+    g_assert_nonnull(strstr(run->told->str, said));
     run_free(run);
     return outcome;
+}
+
+static struct outcome undisturbed(void) {
+    return undisturbed_of(changes, "no further sweep is expected to add to that");
 }
 
 static void test_rounds(void) {
@@ -88,11 +117,11 @@ static void test_rounds(void) {
 }
 
 /* Aborted and resumed after so many frames each time. */
-static void test_resume(void) {
-    static const int every[] = {60, 95, 150, 210};
-    struct outcome expected = undisturbed();
-    for (gsize k = 0; k < G_N_ELEMENTS(every); k++) {
-        struct run *run = run_begin(changes);
+static void check_resume(const struct change *with, const char *said, const int *every,
+                         gsize n_every) {
+    struct outcome expected = undisturbed_of(with, said);
+    for (gsize k = 0; k < n_every; k++) {
+        struct run *run = run_begin(with);
         int n = 0;
         while (run_until(run, every[k]) != CAPTURE_DONE) {
             capture_abort(run->capture);
@@ -107,6 +136,58 @@ static void test_resume(void) {
         run_free(run);
     }
     outcome_clear(&expected);
+}
+
+static void test_resume(void) {
+    static const int every[] = {60, 95, 150, 210};
+    check_resume(changes, "no further sweep is expected to add to that", every,
+                 G_N_ELEMENTS(every));
+}
+
+/* The flat matt sample is predicted to within the error asked for from a part of the pictures: more
+ * than the first round, since that is sparse, and fewer than all. */
+static void test_lamps(void) {
+    struct outcome outcome = undisturbed_of(lamps, "error_pct = 4 asks for no more");
+    g_test_message("%d shots taken, %d left out, %d rounds, %.2f %%", outcome.lamps_done,
+                   outcome.lamps_left_out, outcome.lamp_rounds, outcome.error_pct);
+    g_assert_cmpint(outcome.lamps_done + outcome.lamps_left_out, ==, 32);
+    g_assert_cmpint(outcome.lamps_done, >, 8);
+    g_assert_cmpint(outcome.lamps_left_out, >, 0);
+    g_assert_cmpint(outcome.planned, ==, 0);
+    g_assert_cmpint(outcome.lamp_rounds, >=, 3); /* the last one is empty */
+    g_assert_cmpfloat(outcome.error_pct, <=, 4);
+    g_assert_cmpfloat(outcome.error_pct, >, 0);
+    g_assert_cmpint(outcome.rounds, ==, 0);
+    outcome_clear(&outcome);
+}
+
+/* Lamps and sweeps in rounds together: each choose what they choose alone. */
+static void test_both(void) {
+    static const int every[] = {50, 121};
+    struct outcome alone = undisturbed_of(lamps, "error_pct = 4 asks for no more");
+    struct outcome outcome = undisturbed_of(both, "error_pct = 4 asks for no more");
+    g_assert_cmpint(outcome.lamps_done, ==, alone.lamps_done);
+    g_assert_cmpint(outcome.rounds, >=, 2);
+    check_resume(both, "no further sweep is expected to add to that", every, G_N_ELEMENTS(every));
+    outcome_clear(&alone);
+    outcome_clear(&outcome);
+}
+
+/* An error that nothing reaches: all are taken, as they are with a budget that suffices for them. A
+ * budget for little more than the first round ends it, and the lamps take no longer. */
+static void test_lamp_bounds(void) {
+    static const struct change all[] = {LAMPS, {"[lights]", "error_pct = 0"}, {NULL, NULL}};
+    static const struct change budget[] = {
+        LAMPS, {"[lights]", "error_pct = 0"}, {"[lights]", "budget_min = 0.6"}, {NULL, NULL}};
+    struct outcome outcome = undisturbed_of(all, "no shot is left");
+    g_assert_cmpint(outcome.lamps_done, ==, 32);
+    g_assert_cmpfloat(outcome.error_pct, ==, 0);
+    outcome_clear(&outcome);
+    outcome = undisturbed_of(budget, "budget_min = 0.6 has no time for a further shot");
+    g_test_message("%d shots in 0.6 min", outcome.lamps_done);
+    g_assert_cmpint(outcome.lamps_done, >=, 8);
+    g_assert_cmpint(outcome.lamps_done, <, 32);
+    outcome_clear(&outcome);
 }
 
 /* With a bound that nothing reaches, the first round is all; with none, all may be taken, and with
@@ -154,5 +235,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/adaptive/resume", test_resume);
     g_test_add_func("/adaptive/bounds", test_bounds);
     g_test_add_func("/adaptive/values", test_values);
+    g_test_add_func("/adaptive/lamps", test_lamps);
+    g_test_add_func("/adaptive/both", test_both);
+    g_test_add_func("/adaptive/lamp-bounds", test_lamp_bounds);
     return run_tests();
 }

@@ -188,7 +188,8 @@ static char *content_of(const char *path) {
     static const char *const queries[] = {
         "SELECT id || ' ' || state || ' ' || coalesce(note, '') FROM shot ORDER BY id",
         "SELECT path || ' ' || sha256 FROM frame ORDER BY path",
-        "SELECT key || '=' || value FROM value WHERE key LIKE 'lasers.%' ORDER BY key"};
+        "SELECT key || '=' || value FROM value WHERE key LIKE 'lasers.%' OR key LIKE 'lights.%' "
+        "ORDER BY key"};
     g_autofree char *file = g_build_filename(path, "session.db", NULL);
     GString *text = g_string_new(NULL);
     sqlite3 *db = NULL;
@@ -205,11 +206,11 @@ static char *content_of(const char *path) {
 }
 
 static void test_adaptive(void) {
-    static const struct change changes[] = {{"[lasers]", "rings = 30:4; 60:4"},
-                                            {"[lasers]", "stop = covered"},
-                                            {"[lasers]", "first = 2"},
-                                            {"[lasers]", "gain_pct = 1"},
-                                            {NULL, NULL}};
+    static const struct change changes[] = {
+        {"[lasers]", "rings = 30:4; 60:4"},  {"[lasers]", "stop = covered"},
+        {"[lasers]", "first = 2"},           {"[lasers]", "gain_pct = 1"},
+        {"[lights]", "sampling = adaptive"}, {"[lights]", "first = 1"},
+        {"[lights]", "error_pct = 8"},       {NULL, NULL}};
     const char *asked = g_getenv("MESORIG_ADAPTIVE_KILLS");
     const int wanted = asked ? atoi(asked) : 5;
     g_autoptr(GRand) random = g_rand_new_with_seed(21);
@@ -222,6 +223,7 @@ static void test_adaptive(void) {
     run_whole((const char *[]){MESORIG, "capture", RIG, conf, "-o", reference, NULL}, "reference");
     g_autofree char *expected = content_of(reference);
     g_assert_nonnull(strstr(expected, "lasers.round.2="));
+    g_assert_nonnull(strstr(expected, "lights.round.2="));
     g_assert_nonnull(strstr(expected, " skipped "));
 
     int kills = 0, amid = 0, runs = 0;

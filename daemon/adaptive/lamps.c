@@ -1,0 +1,385 @@
+#include "lamps.h"
+
+#include <math.h>
+
+#include "frames/rectify.h"
+#include "prediction/prediction.h"
+#include "session/inputs.h"
+#include "session/outputs.h"
+
+#define RAD(deg)    ((deg) * (G_PI / 180))
+#define MOST_PROBES 256
+#define GROWTH      1.0 /* shots of a further round, of those before it, at most */
+
+struct Lamps {
+    struct lamps_setup setup;
+    int n_views, n_lights, n_probes;
+    int *texels; /* n_probes, of the grid */
+    struct vec3 *views, *lights;
+    int *groups;  /* of each pair of a view and a light: the shot that shows it; or none's number */
+    int *pair_of; /* of each shot and camera; −1: it shows none */
+    float *
+        *values; /* of each pair, n_probes × 3: R, G, B, where the lamp gives what the calibration
+                    says; NAN: a hole. NULL: not taken. Readers set them, each another one */
+    double *output; /* of each shot: what the lamp gave in it, relative to the calibration */
+    gboolean *done; /* of each shot */
+    double *price_s;
+    GCancellable *cancellable;
+};
+
+struct lamps_job { /* a frame to be read */
+    const Lamps *lamps;
+    int pair, camera, lamp;
+    double turntable_rad, arc_rad;
+    struct input input;
+};
+
+static void lamps_free_job(gpointer data) {
+    struct lamps_job *job = data;
+    input_clear(&job->input);
+    g_free(job);
+}
+
+/* ρ = π L / E of each probe, as processing makes it (btf/btf.h) but for the lamp's output. */
+static void lamps_to_reflectance(const struct lamps_job *job, const guint8 *holes, float *values) {
+    const Lamps *lamps = job->lamps;
+    const struct calibration *calibration = lamps->setup.calibration;
+    const struct session_grid *grid = &lamps->setup.conf->grid;
+    const struct radiometry_lamp *lamp = &calibration->lamp_radiometry[job->lamp];
+    for (int i = 0; i < lamps->n_probes; i++) {
+        const int row = lamps->texels[i] / grid->width, column = lamps->texels[i] % grid->width;
+        const struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
+        const double irradiance =
+            rig_lamp_irradiance(&calibration->rig.arc, &calibration->rig.lamps[job->lamp],
+                                job->arc_rad, rig_turn(p, job->turntable_rad));
+        for (int c = 0; c < 3; c++) {
+            const double scale = G_PI / (irradiance * (lamp->known ? lamp->colour[c] : 1));
+            values[3 * i + c] =
+                holes[i] || !(irradiance > 0) ? NAN : (float)((double)values[3 * i + c] * scale);
+        }
+    }
+}
+
+/* A reader's thread. A camera that does not see the sample as a whole tells nothing. */
+static gboolean lamps_read(gpointer data, GError **error) {
+    static const char *const any[] = {NULL};
+    struct lamps_job *job = data;
+    const Lamps *lamps = job->lamps;
+    const struct calibration *calibration = lamps->setup.calibration;
+    const char *cfa;
+    g_autoptr(ExrPart) frame = input_read(&job->input, any, error);
+    const float *mosaic = frame ? input_mosaic(job->input.path, frame, &cfa, error) : NULL;
+    if (!mosaic)
+        return FALSE;
+    g_autofree float *values = g_new(float, 3 * lamps->n_probes);
+    g_autofree guint8 *holes = g_new(guint8, lamps->n_probes);
+    g_autoptr(Rectify) rectify = rectify_new_at(
+        &calibration->rig.cameras[job->camera], &calibration->camera_radiometry[job->camera], cfa,
+        job->turntable_rad, &lamps->setup.conf->grid, lamps->texels, lamps->n_probes, NULL);
+    if (!rectify)
+        return TRUE;
+    rectify_apply(rectify, mosaic, values, holes);
+    lamps_to_reflectance(job, holes, values);
+    g_free(lamps->values[job->pair]);
+    lamps->values[job->pair] = g_steal_pointer(&values);
+    return TRUE;
+}
+
+static int lamps_pair(const Lamps *lamps, const struct session_shot *shot, int camera) {
+    const int n_cameras = lamps->setup.calibration->rig.n_cameras;
+    return shot->kind == SHOT_LAMP && camera < n_cameras
+               ? lamps->pair_of[(shot->id - 1) * n_cameras + camera]
+               : -1;
+}
+
+void lamps_take(Lamps *lamps, const struct session_shot *shot, const struct session_frame *frames,
+                int n) {
+    for (int i = 0; i < n; i++) {
+        const int pair = lamps_pair(lamps, shot, frames[i].camera);
+        if (pair < 0)
+            continue;
+        const struct rig_camera *camera = &lamps->setup.calibration->rig.cameras[frames[i].camera];
+        struct lamps_job *job = g_new0(struct lamps_job, 1);
+        *job =
+            (struct lamps_job){.lamps = lamps,
+                               .pair = pair,
+                               .camera = frames[i].camera,
+                               .lamp = shot->device,
+                               .turntable_rad = RAD(shot->turntable_deg),
+                               .arc_rad = RAD(shot->arc_deg),
+                               .input = {.path = session_file(lamps->setup.session, frames[i].path),
+                                         .sha256 = g_strdup(frames[i].sha256),
+                                         .shot = shot->id,
+                                         .width = camera->width,
+                                         .height = camera->height}};
+        readers_push(lamps->setup.readers, lamps_read, lamps_free_job, job);
+    }
+}
+
+gboolean lamps_note_done(Lamps *lamps, GError **error) {
+    const GPtrArray *shots = lamps->setup.shots;
+    struct outputs *outputs = outputs_load(lamps->setup.session, shots, error);
+    if (!outputs)
+        return FALSE;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        lamps->done[i] = shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+        lamps->output[i] =
+            lamps->done[i] && lamps->setup.calibration->lamp_radiometry[shot->device].known
+                ? outputs_of(outputs, shot->id)
+                : 1;
+    }
+    outputs_free(outputs);
+    return TRUE;
+}
+
+static gboolean lamps_is_taken(const Lamps *lamps, int pair) {
+    const int shot = lamps->groups[pair];
+    return lamps->values[pair] && shot > 0 && lamps->done[shot - 1];
+}
+
+/* n_probes × 3 × pairs, NAN: not taken. Of more pictures than the predictor can work with as many
+ * as it can are given, evenly spread; the others count as predicted in the expected error. */
+static float *lamps_table(const Lamps *lamps, int *ret_taken) {
+    const int n_pairs = lamps->n_views * lamps->n_lights, rows = 3 * lamps->n_probes;
+    float *table = g_new(float, (gsize)n_pairs *(gsize)rows);
+    int n = 0, k = 0;
+    for (int pair = 0; pair < n_pairs; pair++)
+        n += lamps_is_taken(lamps, pair);
+    const gint64 most = MIN(n, PREDICTION_MOST_MEASURED);
+    for (int pair = 0; pair < n_pairs; pair++) {
+        const gboolean taken = lamps_is_taken(lamps, pair);
+        const gboolean given = taken && (k + 1) * most / n > k * most / n;
+        k += taken;
+        for (int row = 0; row < rows; row++)
+            table[(gsize)row * (gsize)n_pairs + (gsize)pair] =
+                given ? (float)((double)lamps->values[pair][row] /
+                                lamps->output[lamps->groups[pair] - 1])
+                      : NAN;
+    }
+    *ret_taken = n;
+    return table;
+}
+
+/* How many of the chosen shots, from the first on, the budget has time for. */
+static int lamps_within_budget(const Lamps *lamps, const struct rounds *rounds, const int *chosen,
+                               int n) {
+    const struct lamps_setup *setup = &lamps->setup;
+    const struct session_conf *conf = setup->conf;
+    const guint n_shots = setup->shots->len;
+    g_autofree const struct session_shot **list = g_new(const struct session_shot *, n_shots + 1);
+    double left_s = 60 * conf->light_budget_min;
+    if (left_s <= 0)
+        return n;
+    for (int round = 1; round <= rounds->n; round++) {
+        int taken = 0;
+        for (guint i = 0; i < n_shots; i++)
+            if (rounds->of[i] == round)
+                list[taken++] = setup->shots->pdata[i];
+        left_s -= plan_lamps_s(list, taken, conf, setup->nominal, setup->timing);
+    }
+    int least = 0, most = n + 1;
+    while (most - least > 1) {
+        const int middle = (least + most) / 2;
+        for (int i = 0; i < middle; i++)
+            list[i] = setup->shots->pdata[chosen[i]];
+        if (plan_lamps_s(list, middle, conf, setup->nominal, setup->timing) <= left_s)
+            least = middle;
+        else
+            most = middle;
+    }
+    return least;
+}
+
+struct lamps_candidates {
+    GArray *numbers;               /* of int: of shots, from 0 */
+    struct prediction_shot *shots; /* as many */
+    int *pairs;                    /* that they point to */
+};
+
+static void lamps_clear_candidates(struct lamps_candidates *candidates) {
+    g_array_unref(candidates->numbers);
+    g_free(candidates->shots);
+    g_free(candidates->pairs);
+}
+
+/* The shots that are still to be taken, if any. */
+static struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
+    const struct lamps_setup *setup = &lamps->setup;
+    const int n_cameras = setup->calibration->rig.n_cameras;
+    struct lamps_candidates ret = {.numbers = g_array_new(FALSE, FALSE, sizeof(int))};
+    ret.shots = g_new0(struct prediction_shot, setup->shots->len + 1);
+    ret.pairs = g_new(int, (setup->shots->len + 1) * (guint)n_cameras);
+    int n_pairs = 0;
+    for (int i = 0; i < (int)setup->shots->len; i++) {
+        const struct session_shot *shot = setup->shots->pdata[i];
+        struct prediction_shot *one = &ret.shots[ret.numbers->len];
+        if (shot->kind != SHOT_LAMP || shot->state == SHOT_SKIPPED || lamps->done[i])
+            continue;
+        *one = (struct prediction_shot){.pairs = ret.pairs + n_pairs,
+                                        .price_s = MAX(lamps->price_s[i], 1e-3)};
+        for (int c = 0; c < n_cameras; c++)
+            if (lamps_pair(lamps, shot, c) >= 0)
+                ret.pairs[n_pairs++] = lamps_pair(lamps, shot, c);
+        one->n_pairs = (int)(ret.pairs + n_pairs - one->pairs);
+        if (one->n_pairs > 0)
+            g_array_append_val(ret.numbers, i);
+    }
+    return ret;
+}
+
+/* Sets the shots of a further round, and why there is none. */
+static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *rounds,
+                                   const Prediction *prediction, struct lamps_choice *ret,
+                                   GError **error) {
+    const struct session_conf *conf = lamps->setup.conf;
+    const struct work work = {.cancellable = lamps->cancellable};
+    struct lamps_candidates left = lamps_list_candidates(lamps);
+    int n_done = 0, n = 0;
+    for (guint i = 0; i < lamps->setup.shots->len; i++)
+        n_done += lamps->done[i];
+    const int most = MIN((int)left.numbers->len, MAX(1, (int)(GROWTH * n_done)));
+    g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, most + 1);
+    g_autofree int *chosen = g_new(int, most + 1);
+    if (left.numbers->len > 0 && ret->error_pct <= conf->light_error_pct) {
+        lamps_clear_candidates(&left);
+        ret->end = LAMPS_KNOWN;
+        return TRUE;
+    }
+    if (most > 0)
+        n = prediction_choose(prediction, left.shots, (int)left.numbers->len, NULL, most, choices,
+                              &work, error);
+    for (int i = 0; i < n; i++) {
+        chosen[i] = g_array_index(left.numbers, int, choices[i].shot);
+        if (100 * choices[i].error_after <= conf->light_error_pct)
+            n = i + 1;
+    }
+    lamps_clear_candidates(&left);
+    if (n < 0)
+        return FALSE;
+    ret->end = n == 0 ? LAMPS_ALL : LAMPS_GO_ON;
+    if (n > 0 && (n = lamps_within_budget(lamps, rounds, chosen, n)) == 0)
+        ret->end = LAMPS_BUDGET;
+    g_array_append_vals(ret->shots, chosen, (guint)n);
+    if (n > 0)
+        ret->after_pct = 100 * choices[n - 1].error_after;
+    return TRUE;
+}
+
+gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
+                      GError **error) {
+    const struct work work = {.cancellable = lamps->cancellable};
+    const struct prediction_pairs pairs = {.n_views = lamps->n_views,
+                                           .n_lights = lamps->n_lights,
+                                           .views = lamps->views,
+                                           .lights = lamps->lights,
+                                           .groups = lamps->groups};
+    *ret = (struct lamps_choice){.n_pictures = lamps->n_views * lamps->n_lights};
+    g_autofree float *table = lamps_table(lamps, &ret->n_taken);
+    g_autoptr(Prediction) prediction = prediction_new(&pairs, table, lamps->n_probes, &work, error);
+    if (!prediction)
+        return FALSE;
+    ret->shots = g_array_new(FALSE, FALSE, sizeof(int));
+    ret->error_pct = ret->after_pct = 100 * prediction_error(prediction);
+    if (lamps_choose_shots(lamps, rounds, prediction, ret, error))
+        return TRUE;
+    g_clear_pointer(&ret->shots, g_array_unref);
+    return FALSE;
+}
+
+/* Texels spread over the grid by the additive recurrence of the plastic number (Roberts 2018), so
+ * that a periodic structure is met in all its phases. */
+static void lamps_spread_probes(Lamps *lamps) {
+    const struct session_grid *grid = &lamps->setup.conf->grid;
+    const int n = grid->width * grid->height;
+    lamps->n_probes = MIN(n, MOST_PROBES);
+    lamps->texels = g_new(int, lamps->n_probes);
+    for (int i = 0; i < lamps->n_probes; i++) {
+        const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
+        const int column = (int)((x - floor(x)) * grid->width);
+        const int row = (int)((y - floor(y)) * grid->height);
+        lamps->texels[i] = n <= MOST_PROBES ? i : row * grid->width + column;
+    }
+}
+
+static struct vec3 *lamps_directions(const GPtrArray *directions) {
+    struct vec3 *ret = g_new(struct vec3, directions->len + 1);
+    for (guint i = 0; i < directions->len; i++) {
+        const struct session_direction *direction = directions->pdata[i];
+        ret[i] = rig_direction(RAD(direction->theta_deg), RAD(direction->phi_deg));
+    }
+    return ret;
+}
+
+/* Which pair each camera shows in each shot. */
+static void lamps_find_pairs(Lamps *lamps, const GPtrArray *views) {
+    const struct lamps_setup *setup = &lamps->setup;
+    const int n_cameras = setup->calibration->rig.n_cameras;
+    const int n_pairs = lamps->n_views * lamps->n_lights;
+    lamps->pair_of = g_new(int, (setup->shots->len + 1) * (guint)n_cameras);
+    lamps->groups = g_new(int, n_pairs + 1);
+    for (int pair = 0; pair < n_pairs; pair++)
+        lamps->groups[pair] = -1 - pair;
+    for (guint i = 0; i < setup->shots->len; i++) {
+        const struct session_shot *shot = setup->shots->pdata[i];
+        for (int c = 0; c < n_cameras; c++) {
+            int *pair = &lamps->pair_of[i * (guint)n_cameras + (guint)c];
+            *pair = -1;
+            for (guint v = 0; v < views->len && shot->kind == SHOT_LAMP; v++) {
+                const struct session_direction *view = views->pdata[v];
+                if (shot->cameras >> c & 1 && view->device == c &&
+                    fabs(remainder(view->turntable_deg - shot->turntable_deg, 360)) < 1e-6)
+                    *pair = (int)v * lamps->n_lights + shot->source;
+            }
+            if (*pair >= 0 && shot->state != SHOT_SKIPPED)
+                lamps->groups[*pair] = (int)i + 1;
+        }
+    }
+}
+
+Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
+    g_autoptr(GPtrArray) views = session_views(setup->session, error);
+    g_autoptr(GPtrArray) lights = views ? session_lights(setup->session, error) : NULL;
+    const struct session_shot *const *shots =
+        (const struct session_shot *const *)setup->shots->pdata;
+    const guint n = setup->shots->len;
+    if (!lights)
+        return NULL;
+    Lamps *lamps = g_new0(Lamps, 1);
+    lamps->setup = *setup;
+    lamps->n_views = (int)views->len;
+    lamps->n_lights = (int)lights->len;
+    lamps->views = lamps_directions(views);
+    lamps->lights = lamps_directions(lights);
+    lamps->values = g_new0(float *, views->len * lights->len + 1);
+    lamps->output = g_new(double, n + 1);
+    lamps->done = g_new0(gboolean, n + 1);
+    lamps->price_s = g_new0(double, n + 1);
+    lamps->cancellable = g_cancellable_new();
+    lamps_spread_probes(lamps);
+    lamps_find_pairs(lamps, views);
+    plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing, shots, (int)n, lamps->price_s);
+    return lamps;
+}
+
+void lamps_stop(Lamps *lamps) {
+    g_cancellable_cancel(lamps->cancellable);
+}
+
+void lamps_free(Lamps *lamps) {
+    if (!lamps)
+        return;
+    for (int i = 0; i < lamps->n_views * lamps->n_lights; i++)
+        g_free(lamps->values[i]);
+    g_free(lamps->values);
+    g_free(lamps->texels);
+    g_free(lamps->views);
+    g_free(lamps->lights);
+    g_free(lamps->groups);
+    g_free(lamps->pair_of);
+    g_free(lamps->output);
+    g_free(lamps->done);
+    g_free(lamps->price_s);
+    g_object_unref(lamps->cancellable);
+    g_free(lamps);
+}

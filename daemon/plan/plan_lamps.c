@@ -1,0 +1,251 @@
+/*
+ * Which shots of lamps come first ([lights] sampling = adaptive): a sparse set, spread over all
+ * pairs of directions, that depends on the rig and the session's directions alone, so that it is
+ * the same for every material.
+ *
+ * The distance of two pairs of a view v and a light l is d² = |v − v'|² + |l − l'|², of unit
+ * vectors in the sample's frame. One after the other, that shot is added which lowers the sum of
+ * d² from every pair to the nearest one taken (the greedy solution of the k-medoids problem) by
+ * most for each second that it takes. The first shots of a longer list are those of a shorter one.
+ */
+#include "plan_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* More pairs than this are thinned out evenly before distances are summed over them. */
+#define MOST_TARGETS 4096
+#define FARTHEST     16.0f /* d² while nothing is taken; no two pairs are farther apart than 8 */
+
+struct spread {
+    const struct rig *rig;
+    const struct session_shot *const *shots;
+    int n_shots;
+    GArray *views, *lights; /* of struct vec3; views: of turntable angle and camera */
+    int *view_of;           /* n_shots × cameras; −1: the camera takes no part */
+    float *view_d2, *light_d2;
+    int step;       /* every so many-th pair is a target */
+    float *nearest; /* views × lights: d² to the nearest pair that is taken; −1: no target */
+    float *widest;  /* views: the largest of these */
+};
+
+static gboolean plan_lamps_wanted(const struct session_shot *shot) {
+    return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
+}
+
+static float *plan_lamps_distances(const GArray *directions) {
+    const guint n = directions->len;
+    float *d2 = g_new(float, (gsize)n *n + 1);
+    for (guint i = 0; i < n; i++)
+        for (guint k = 0; k < n; k++) {
+            const struct vec3 between = vec3_sub(g_array_index(directions, struct vec3, i),
+                                                 g_array_index(directions, struct vec3, k));
+            d2[i * n + k] = (float)vec3_dot(between, between);
+        }
+    return d2;
+}
+
+static int plan_lamps_view(struct spread *s, GHashTable *known, const struct session_shot *shot,
+                           int camera) {
+    const gint64 key = llround(shot->turntable_deg * UDEG) * RIG_MAX_CAMERAS + camera;
+    int at = GPOINTER_TO_INT(g_hash_table_lookup(known, &key)) - 1;
+    if (at < 0) {
+        const struct vec3 eye = rig_camera_centre_mm(&s->rig->cameras[camera]);
+        const struct vec3 view = rig_turn(vec3_unit(eye), -RAD(shot->turntable_deg));
+        at = (int)s->views->len;
+        g_array_append_val(s->views, view);
+        g_hash_table_insert(known, g_memdup2(&key, sizeof key), GINT_TO_POINTER(at + 1));
+    }
+    return at;
+}
+
+/* Directions of all views and lights of the shots. A light has the direction that it has in the
+ * first shot with it: another one differs by what the arc was shifted, if at all. */
+static void plan_lamps_add_directions(struct spread *s) {
+    g_autoptr(GHashTable) known = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    s->view_of = g_new(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
+    for (int i = 0; i < s->n_shots; i++) {
+        const struct session_shot *shot = s->shots[i];
+        for (int c = 0; c < s->rig->n_cameras; c++)
+            s->view_of[i * s->rig->n_cameras + c] =
+                plan_lamps_wanted(shot) && shot->cameras & 1u << c
+                    ? plan_lamps_view(s, known, shot, c)
+                    : -1;
+        if (!plan_lamps_wanted(shot))
+            continue;
+        if ((int)s->lights->len <= shot->source)
+            g_array_set_size(s->lights, (guint)shot->source + 1);
+        struct vec3 *light = &g_array_index(s->lights, struct vec3, shot->source);
+        if (vec3_length(*light) > 0)
+            continue;
+        const struct vec3 lamp_mm =
+            rig_lamp_position_mm(&s->rig->arc, &s->rig->lamps[shot->device], RAD(shot->arc_deg));
+        *light = rig_turn(vec3_unit(lamp_mm), -RAD(shot->turntable_deg));
+    }
+}
+
+static void plan_lamps_add_targets(struct spread *s) {
+    const int n_lights = (int)s->lights->len;
+    int pairs = 0, k = 0;
+    s->nearest = g_new(float, (gsize)s->views->len *(gsize)n_lights + 1);
+    s->widest = g_new0(float, s->views->len + 1);
+    for (guint i = 0; i < s->views->len * (guint)n_lights; i++)
+        s->nearest[i] = -1;
+    for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++)
+        pairs += s->view_of[i] >= 0;
+    s->step = MAX(1, (pairs + MOST_TARGETS - 1) / MOST_TARGETS);
+    for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++) {
+        if (s->view_of[i] < 0 || k++ % s->step != 0)
+            continue;
+        s->nearest[s->view_of[i] * n_lights + s->shots[i / s->rig->n_cameras]->source] = FARTHEST;
+        s->widest[s->view_of[i]] = FARTHEST;
+    }
+}
+
+static void plan_lamps_clear(struct spread *s) {
+    g_array_unref(s->views);
+    g_array_unref(s->lights);
+    g_free(s->view_of);
+    g_free(s->view_d2);
+    g_free(s->light_d2);
+    g_free(s->nearest);
+    g_free(s->widest);
+}
+
+/* By how much a pair lowers the sum of d² over the targets. */
+static double plan_lamps_pair_gain(const struct spread *s, int view, int light) {
+    const guint n_views = s->views->len, n_lights = s->lights->len;
+    const float *to_light = s->light_d2 + (gsize)light * n_lights;
+    double sum = 0;
+    for (guint v = 0; v < n_views; v++) {
+        const float to_view = s->view_d2[(gsize)view * n_views + v];
+        const float *nearest = s->nearest + (gsize)v * n_lights;
+        float row = 0;
+        if (to_view >= s->widest[v])
+            continue;
+        for (guint l = 0; l < n_lights; l++)
+            row += MAX(nearest[l] - to_view - to_light[l], 0.0f);
+        sum += (double)row;
+    }
+    return sum;
+}
+
+static void plan_lamps_take_pair(struct spread *s, int view, int light) {
+    const guint n_views = s->views->len, n_lights = s->lights->len;
+    for (guint v = 0; v < n_views; v++) {
+        float *nearest = s->nearest + (gsize)v * n_lights;
+        s->widest[v] = 0;
+        for (guint l = 0; l < n_lights; l++) {
+            nearest[l] = MIN(nearest[l], s->view_d2[(gsize)view * n_views + v] +
+                                             s->light_d2[(gsize)light * n_lights + l]);
+            s->widest[v] = MAX(s->widest[v], nearest[l]);
+        }
+    }
+}
+
+static double plan_lamps_gain(const struct spread *s, int shot) {
+    const int *views = s->view_of + (gsize)shot * (gsize)s->rig->n_cameras;
+    double sum = 0;
+    for (int c = 0; c < s->rig->n_cameras; c++)
+        if (views[c] >= 0)
+            sum += plan_lamps_pair_gain(s, views[c], s->shots[shot]->source);
+    return sum;
+}
+
+static void plan_lamps_take(struct spread *s, int shot) {
+    const int *views = s->view_of + (gsize)shot * (gsize)s->rig->n_cameras;
+    for (int c = 0; c < s->rig->n_cameras; c++)
+        if (views[c] >= 0)
+            plan_lamps_take_pair(s, views[c], s->shots[shot]->source);
+}
+
+static gboolean plan_lamps_same_pose(const struct session_shot *a, const struct session_shot *b) {
+    return llround(a->turntable_deg * UDEG) == llround(b->turntable_deg * UDEG) &&
+           llround(a->arc_deg * UDEG) == llround(b->arc_deg * UDEG);
+}
+
+void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, const struct session_shot *const *shots,
+                        int n, double *ret_s) {
+    g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(int)); /* a shot of each */
+    g_autofree int *pose_of = g_new0(int, n + 1);
+    for (int i = 0; i < n; i++) {
+        pose_of[i] = -1;
+        for (guint p = 0; p < poses->len && plan_lamps_wanted(shots[i]) && pose_of[i] < 0; p++)
+            if (plan_lamps_same_pose(shots[g_array_index(poses, int, p)], shots[i]))
+                pose_of[i] = (int)p;
+        if (pose_of[i] < 0 && plan_lamps_wanted(shots[i])) {
+            pose_of[i] = (int)poses->len;
+            g_array_append_val(poses, i);
+        }
+    }
+    g_autofree double *move_s = g_new(double, poses->len + 1);
+    for (guint p = 0; p < poses->len; p++) {
+        move_s[p] = poses->len > 1 ? G_MAXDOUBLE : 0;
+        for (guint q = 0; q < poses->len; q++)
+            if (q != p)
+                move_s[p] = MIN(move_s[p], plan_shots_move_s(shots[g_array_index(poses, int, q)],
+                                                             shots[g_array_index(poses, int, p)],
+                                                             rig, timing));
+    }
+    for (int i = 0; i < n; i++)
+        ret_s[i] = pose_of[i] < 0
+                       ? 0
+                       : plan_shot_s(shots[i], conf, timing) +
+                             MAX(plan_lead_s(NULL, shots[i], rig, timing), move_s[pose_of[i]]);
+}
+
+/* The time of a shot beside one that is taken in its pose is less by the move. */
+static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
+                              const struct rig_timing *timing, int wanted, gboolean *ret_first) {
+    g_autofree double *price_s = g_new(double, s->n_shots + 1);
+    plan_lamp_prices_s(conf, s->rig, timing, s->shots, s->n_shots, price_s);
+    for (int n = 0; n < wanted; n++) {
+        double most = 0;
+        int best = -1;
+        for (int i = 0; i < s->n_shots; i++) {
+            if (ret_first[i] || !plan_lamps_wanted(s->shots[i]))
+                continue;
+            const double rate = plan_lamps_gain(s, i) / MAX(price_s[i], 1e-6);
+            if (best < 0 || rate > most) {
+                most = rate;
+                best = i;
+            }
+        }
+        if (best < 0)
+            return;
+        ret_first[best] = TRUE;
+        plan_lamps_take(s, best);
+        for (int i = 0; i < s->n_shots; i++)
+            if (plan_lamps_wanted(s->shots[i]) && plan_lamps_same_pose(s->shots[i], s->shots[best]))
+                price_s[i] = plan_shot_s(s->shots[i], conf, timing) +
+                             plan_lead_s(NULL, s->shots[i], s->rig, timing);
+    }
+}
+
+void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
+                      const struct rig_timing *timing, const struct session_shot *const *shots,
+                      int n, gboolean *ret_first) {
+    struct spread s = {.rig = rig, .shots = shots, .n_shots = n};
+    if (conf->light_sampling == SAMPLING_ALL)
+        return;
+    g_autoptr(GHashTable) turns = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    for (int i = 0; i < n; i++) {
+        const gint64 udeg = llround(shots[i]->turntable_deg * UDEG);
+        if (shots[i]->kind != SHOT_LAMP)
+            continue;
+        ret_first[i] = FALSE;
+        if (plan_lamps_wanted(shots[i]))
+            g_hash_table_add(turns, g_memdup2(&udeg, sizeof udeg));
+    }
+    s.views = g_array_new(FALSE, TRUE, sizeof(struct vec3));
+    s.lights = g_array_new(FALSE, TRUE, sizeof(struct vec3));
+    plan_lamps_add_directions(&s);
+    s.view_d2 = plan_lamps_distances(s.views);
+    s.light_d2 = plan_lamps_distances(s.lights);
+    plan_lamps_add_targets(&s);
+    plan_lamps_choose(&s, conf, timing, (int)g_hash_table_size(turns) * conf->light_first,
+                      ret_first);
+    plan_lamps_clear(&s);
+}

@@ -1,0 +1,57 @@
+/* A part of a session's shots, put into a quick order of its own: what a further round has. */
+#include "plan_private.h"
+
+#include <string.h>
+
+static gboolean plan_left_same_pose(const struct plan_pose *a, const struct plan_pose *b) {
+    return a->turntable_udeg == b->turntable_udeg && a->arc_udeg == b->arc_udeg &&
+           a->arm_udeg == b->arm_udeg && a->probe_udeg == b->probe_udeg;
+}
+
+static guint plan_left_find(GArray *poses, const struct plan_pose *pose) {
+    guint i = 0;
+    while (i < poses->len && !plan_left_same_pose(&g_array_index(poses, struct plan_pose, i), pose))
+        i++;
+    if (i == poses->len)
+        g_array_append_vals(poses, pose, 1);
+    return i;
+}
+
+void plan_order_left(struct session_shot **shots, int n, const struct session_conf *conf,
+                     const struct rig *rig, const struct rig_timing *timing) {
+    g_autoptr(GArray) list = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
+    g_autofree struct session_shot **before = g_memdup2(shots, sizeof(gpointer) * (gsize)n);
+
+    /* Of each shot a copy, with its place in the list as its number. */
+    for (int i = 0; i < n; i++) {
+        struct session_shot shot = *shots[i];
+        const struct plan_pose pose = plan_pose_of(&shot, rig);
+        shot.id = i;
+        shot.pose = (int)plan_left_find(poses, &pose);
+        g_array_append_val(list, shot);
+    }
+    if (n < 2)
+        return;
+    plan_order(list, (const struct plan_pose *)(gpointer)poses->data, (int)poses->len, rig, timing,
+               conf->order);
+    for (int i = 0; i < n; i++)
+        shots[i] = before[g_array_index(list, struct session_shot, i).id];
+}
+
+double plan_lamps_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
+                    const struct rig *rig, const struct rig_timing *timing) {
+    g_autofree struct session_shot *copies = g_new(struct session_shot, n + 1);
+    g_autofree struct session_shot **list = g_new(struct session_shot *, n + 1);
+
+    if (n == 0)
+        return 0;
+    for (int i = 0; i < n; i++) {
+        copies[i] = *shots[i];
+        copies[i].state = SHOT_PLANNED;
+        list[i] = &copies[i];
+    }
+    plan_order_left(list, n, conf, rig, timing);
+    return plan_homing_s(rig, timing) +
+           plan_remaining_s((const struct session_shot *const *)list, n, conf, rig, timing, NULL);
+}
