@@ -9,8 +9,8 @@
 struct video_load; /* one camera's share */
 
 /* Refused (DEVICE_ERROR_UNSUPPORTED) if a link would carry more than it can; the error names the
- * link, the cameras on it and what they need. sysfs: folder of the device, NULL or no USB: nothing
- * is counted and *ret is NULL. */
+ * link, the cameras on it and what they need. sysfs: folder of the device; if it is NULL or not on
+ * USB, nothing is counted and *ret is NULL. */
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */

@@ -75,8 +75,8 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
 /* Writing a BDI, a view at a time in any order. The file appears, synced, when it is finished. */
 typedef struct BonnWriter BonnWriter;
 
-/* header->kind is BONN_BDI or BONN_BDI_SPARSE; the header is copied as far as needed. mask: a byte
- * a texel, 0 where there is none; NULL: all are there. */
+/* header->kind is BONN_BDI or BONN_BDI_SPARSE; the header is copied as far as needed. mask: one
+ * byte per texel, 0 where there is no texel; NULL: all are there. */
 BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
                             GError **error);
 void bonn_writer_free(BonnWriter *writer); /* what is not finished is removed; NULL is ignored */

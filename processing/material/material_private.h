@@ -17,8 +17,9 @@ struct mesorig_material {
     Directions *views, *lights;     /* NULL if n_grid */
     double error;                   /* −1: not known */
     struct material_relief *relief; /* NULL: none */
-    /* What material_sample.c makes of it at the first call, under the lock, and reads atomically;
-     * freed with the material. The lock is one that ThreadSanitizer sees, which GLib's are not. */
+    /* The sampler: material_sample.c makes it at the first call, under the lock, and reads the
+     * pointer atomically; freed with the material. The lock is of a kind that ThreadSanitizer
+     * knows, unlike GLib's. */
     pthread_mutex_t sampling_lock;
     gpointer sampling;
     GDestroyNotify sampling_free;

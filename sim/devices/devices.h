@@ -12,7 +12,7 @@
 #include "drivers/laser.h"
 
 /* Where the load is when a drive with this largest position error stands at deg, without backlash.
- * wraps: deg means the same a turn further. */
+ * wraps: deg and deg + 360 are the same. */
 double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
 
 extern const struct axis_driver sim_axis_driver;

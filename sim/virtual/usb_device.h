@@ -27,7 +27,7 @@ struct virtual_usb_class {
     const char *const *strings; /* further ones, numbered from 4 on, NULL-terminated */
     /* A transfer to a bulk endpoint; -EPIPE to stall. */
     int (*bulk_out)(gpointer model, guint8 endpoint, const guint8 *data, int n);
-    /* One from a bulk endpoint, of no more than size bytes: asked again and again while it answers
+    /* A request for no more than size bytes from a bulk endpoint. It is repeated while it returns
      * -EAGAIN. */
     int (*bulk_in)(gpointer model, guint8 endpoint, guint8 *data, int size);
 };

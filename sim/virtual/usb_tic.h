@@ -19,8 +19,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)
 VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 
 /* The motor turns a part of the world ("turntable", "arc", "sweep NAME"), which is at 0° where the
- * motor is at zero_steps; a negative steps_per_deg turns it the other way. The world follows
- * whenever the Tic is spoken to, as its driver does all the time. */
+ * motor is at zero_steps; a negative steps_per_deg turns it the other way. The world is brought up
+ * to date at every request to the Tic, and its driver polls it all the time. */
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 

@@ -71,8 +71,8 @@ guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
 /* Two triangles; corners counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
-/* The quads between rings of vertices that follow each other, n + 1 of them. Outside is where the
- * way around a ring, then the way along, make a left-handed turn; flip: right-handed. */
+/* The quads between n + 1 rings of vertices that follow each other. The outward normal is
+ * (direction around a ring) × (direction from ring to ring); flip: the opposite. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
 /* How many periods fit best into a length, a multiple of unit, and at least one unit. */
 int sample_count(double length_mm, double period_mm, int unit);

@@ -78,7 +78,8 @@ struct codec {
     int variant;       /* for codecs that share their functions */
 
     /* What --method=name takes, besides --memory and -o: names are those of the command line's
-     * options, without "--". Those that are not given take their fallback, without one 0. */
+     * options, without "--". Options that are not given take their fallback, or 0 if they have
+     * none. */
     const struct option *options;
     gsize options_size;
     /* How options contradict each other, a sentence without a full stop; NULL: not. May be NULL. */
