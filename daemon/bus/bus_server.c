@@ -26,9 +26,18 @@ static gboolean new_connection(GDBusServer *server, GDBusConnection *connection,
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;
+    /* GLib would cut it short, and listen at another path. */
+    if (strlen(path) >= sizeof(to.sun_path)) {
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_FILENAME_TOO_LONG,
+            "%s has %zu bytes, and a socket's path has at most %zu: choose another path for "
+            "--listen",
+            path, strlen(path), sizeof(to.sun_path) - 1);
+        return FALSE;
+    }
     if (lstat(path, &info) != 0)
         return TRUE;
-    if (!S_ISSOCK(info.st_mode) || strlen(path) >= sizeof(to.sun_path)) {
+    if (!S_ISSOCK(info.st_mode)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
                     "%s exists and is not a socket: choose another path for --listen", path);
         return FALSE;

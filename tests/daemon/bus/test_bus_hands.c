@@ -1,0 +1,316 @@
+/* Devices by hand, as the bus answers for them: names that there are not, calls that meet, clients
+ * that go, a door that opens, and devices that fail. Whatever happens, what was switched on goes
+ * off, or the operator is told that it may shine. */
+#include "bus/bus_hands.h"
+
+#include <string.h>
+
+#include "lib/bus_peer.h"
+#include "lib/process.h"
+
+/* Where calls are to meet, the clock is real: a virtual one may jump to the end of what the first
+ * call has begun before the second comes in. */
+
+static gboolean no_hands(const Bus *bus) {
+    return bus->hands->len == 0;
+}
+
+static gboolean some_hands(const Bus *bus) {
+    return bus->hands->len > 0;
+}
+
+static gboolean is_dark(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lamps; i++)
+        if (lamps_is_on(devices->lamps[i].bank, devices->lamps[i].index))
+            return FALSE;
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (laser_is_on(devices->lasers[i]))
+            return FALSE;
+    return TRUE;
+}
+
+static GVariant *on(const char *name) {
+    return g_variant_new("(sb)", name, TRUE);
+}
+
+static GVariant *off(const char *name) {
+    return g_variant_new("(sb)", name, FALSE);
+}
+
+static GVariant *picture(const char *camera, gint64 exposure_us) {
+    return g_variant_new("(sxd)", camera, exposure_us, 0.0);
+}
+
+static GVariant *to(const char *axis, double deg) {
+    return g_variant_new("(sd)", axis, deg);
+}
+
+static GVariant *name_of(const char *axis) {
+    return g_variant_new("(s)", axis);
+}
+
+static void test_names(void) {
+    static const struct change bare[] = {{"[camera cam60]", NULL},  {"[laser laser30]", NULL},
+                                         {"[laser laser60]", NULL}, {"[axis sweep30]", NULL},
+                                         {"[axis sweep60]", NULL},  {0}};
+    struct bus_peer *peer = bus_peer_new(NULL);
+    bus_peer_refused(peer, "Snap", picture("cam30", 4000), "NoRig", "OpenRig");
+    bus_peer_refused(peer, "SetLamp", on("lamp30"), "NoRig", "OpenRig");
+    bus_peer_refused(peer, "SetLaser", on("laser30"), "NoRig", "OpenRig");
+    bus_peer_refused(peer, "MoveAxis", to("arc", 3), "NoRig", "OpenRig");
+    bus_peer_refused(peer, "HomeAxis", name_of("arc"), "NoRig", "OpenRig");
+    bus_peer_tell(peer, "OpenRig", g_variant_new("(s)", peer->rig));
+    bus_peer_refused(peer, "Snap", picture("cam31", 4000), "Unknown",
+                     "no camera “cam31”: there are cam30, cam60");
+    bus_peer_refused(peer, "SetLamp", on("lamp31"), "Unknown", "there are lamp30, lamp60");
+    bus_peer_refused(peer, "SetLaser", on("laser31"), "Unknown", "there are laser30, laser60");
+    bus_peer_refused(peer, "MoveAxis", to("swing", 3), "Unknown",
+                     "there are turntable, arc, sweep30, sweep60");
+    bus_peer_refused(peer, "HomeAxis", name_of("swing"), "Unknown", "no axis “swing”");
+    bus_peer_free(peer);
+
+    peer = bus_peer_open(bare);
+    bus_peer_refused(peer, "Snap", picture("cam31", 4000), "Unknown", "there is cam30");
+    bus_peer_refused(peer, "SetLaser", on("laser30"), "Unknown", "there is none");
+    bus_peer_free(peer);
+}
+
+/* Two lamps of a bank, a laser: what one call does leaves the others as they are. */
+static void test_lights(void) {
+    static const struct change slow[] = {
+        {"[rig]", "clock = real"}, {"[laser laser30]", "warm_up_ms = 500"}, {0}};
+    struct bus_peer *peer = bus_peer_open(slow);
+    GAsyncResult *first = NULL;
+    bus_peer_tell(peer, "SetLamp", off("lamp30")); /* that is off */
+    bus_peer_tell(peer, "SetLaser", off("laser60"));
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_tell(peer, "SetLamp", on("lamp30"));
+    bus_peer_tell(peer, "SetLamp", on("lamp60"));
+    bus_peer_tell(peer, "SetLamp", on("lamp60")); /* again */
+    g_assert_cmpuint(peer->bus->hands->len, ==, 2);
+    bus_peer_tell(peer, "SetLamp", off("lamp60"));
+    g_assert_cmpuint(peer->bus->hands->len, ==, 1);
+    g_assert_true(lamps_is_on(peer->bus->devices->banks[0], 0));
+    g_assert_false(lamps_is_on(peer->bus->devices->banks[0], 1));
+    bus_peer_begin(peer->client, "SetLaser", on("laser30"), &first);
+    bus_peer_refused(peer, "SetLaser", on("laser30"), "Busy", "laser30 is busy with another call");
+    g_variant_unref(bus_peer_end(peer->client, &first, NULL, NULL));
+    g_assert_true(laser_is_on(peer->bus->devices->lasers[0]));
+    bus_peer_tell(peer, "SafeState", NULL);
+    bus_peer_wait(peer, no_hands);
+    g_assert_true(is_dark(peer->bus->devices));
+    bus_peer_free(peer);
+}
+
+/* A client that goes takes with it what it has begun, and nothing of another's. */
+static void test_gone(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    g_autoptr(GDBusConnection) other = bus_peer_join(peer);
+    GAsyncResult *lamp = NULL, *laser = NULL, *moves = NULL, *snaps = NULL;
+    bus_peer_tell(peer, "SetLamp", on("lamp30"));
+    bus_peer_tell(peer, "HomeAxis", name_of("arc"));
+    bus_peer_begin(other, "SetLamp", on("lamp60"), &lamp);
+    g_variant_unref(bus_peer_end(other, &lamp, NULL, NULL));
+    bus_peer_begin(other, "SetLaser", on("laser30"), &laser);
+    g_variant_unref(bus_peer_end(other, &laser, NULL, NULL));
+    bus_peer_begin(other, "MoveAxis", to("arc", 170), &moves);
+    bus_peer_begin(other, "Snap", picture("cam30", 3000000), &snaps);
+    while (peer->bus->hands->len < 5)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_true(axis_is_moving(peer->bus->devices->arc));
+    g_dbus_connection_close_sync(other, NULL, NULL);
+    while (peer->bus->hands->len > 1)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_false(axis_is_moving(peer->bus->devices->arc));
+    g_assert_false(laser_is_on(peer->bus->devices->lasers[0]));
+    g_assert_true(lamps_is_on(peer->bus->devices->banks[0], 0));
+    g_assert_false(lamps_is_on(peer->bus->devices->banks[0], 1));
+    g_autoptr(GError) error = NULL;
+    g_assert_null(bus_peer_end(other, &moves, NULL, &error));
+    g_clear_error(&error);
+    g_assert_null(bus_peer_end(other, &snaps, NULL, &error));
+    bus_peer_tell(peer, "CloseRig", NULL);
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_free(peer);
+}
+
+/* What is on goes off; no laser shines and no axis moves behind an open door, lamps do. */
+static void test_door(void) {
+    static const struct change changes[] = {
+        {"[rig]", "clock = real"}, {"[interlock door]", "open_after_s = 3"}, {0}};
+    struct bus_peer *peer = bus_peer_open(changes);
+    GAsyncResult *snaps = NULL;
+    g_autoptr(GError) error = NULL;
+    bus_peer_tell(peer, "SetLaser", on("laser30"));
+    bus_peer_begin(peer->client, "Snap", picture("cam30", 20000000), &snaps);
+    bus_peer_fails(peer->client, &snaps, "Cancelled", "door");
+    bus_peer_wait(peer, no_hands);
+    g_assert_true(is_dark(peer->bus->devices));
+    bus_peer_refused(peer, "SetLaser", on("laser30"), "DeviceInterlock", "door");
+    bus_peer_refused(peer, "MoveAxis", to("arc", 3), "DeviceInterlock", "door");
+    bus_peer_refused(peer, "HomeAxis", name_of("turntable"), "DeviceInterlock", "door");
+    g_assert_false(bus_hands_park(peer->bus, peer->bus->devices->arc, NULL, &error));
+    assert_has(error->message, "door");
+    bus_peer_tell(peer, "SetLamp", on("lamp30"));
+    bus_peer_tell(peer, "SetLamp", off("lamp30"));
+    bus_peer_free(peer);
+}
+
+static void test_axes(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    static const struct change stalls[] = {{"[axis arc]", "fault_stall_at = 1"}, {0}};
+    static const struct change silent[] = {
+        {"[axis arc]", "fault_stall_at = 1"}, {"[axis arc]", "fault_stall_kind = silent"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    GAsyncResult *moves = NULL;
+    bus_peer_refused(peer, "MoveAxis", to("sweep30", 99), "DeviceRange", "sweep30");
+    bus_peer_tell(peer, "HomeAxis", name_of("arc"));
+    bus_peer_begin(peer->client, "MoveAxis", to("arc", 170), &moves);
+    bus_peer_wait(peer, some_hands);
+    bus_peer_refused(peer, "HomeAxis", name_of("arc"), "Busy", "arc is busy");
+    bus_peer_tell(peer, "SafeState", NULL);
+    bus_peer_fails(peer->client, &moves, "Cancelled", "SafeState");
+    bus_peer_wait(peer, no_hands);
+    g_assert_false(axis_is_moving(peer->bus->devices->arc));
+    bus_peer_tell(peer, "MoveAxis", to("arc", 10));
+    /* Stopped by somebody else than its client. */
+    bus_peer_begin(peer->client, "MoveAxis", to("arc", 170), &moves);
+    bus_peer_wait(peer, some_hands);
+    axis_stop(peer->bus->devices->arc, NULL);
+    bus_peer_fails(peer->client, &moves, "DeviceStalled", "it was stopped at");
+    bus_peer_free(peer);
+
+    peer = bus_peer_open(stalls);
+    bus_peer_tell(peer, "HomeAxis", name_of("arc"));
+    bus_peer_refused(peer, "MoveAxis", to("arc", 170), "DeviceStalled", "arc");
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_free(peer);
+
+    peer = bus_peer_open(silent);
+    bus_peer_tell(peer, "HomeAxis", name_of("arc"));
+    bus_peer_refused(peer, "MoveAxis", to("arc", 170), "DeviceTimeout", "arc");
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_free(peer);
+}
+
+static struct parked {
+    int n;
+    char *error;
+} parked;
+
+static void on_park(Bus *bus, const GError *error) {
+    g_free(parked.error);
+    parked = (struct parked){parked.n + 1, error ? g_strdup(error->message) : NULL};
+}
+
+static gboolean has_parked(const Bus *bus) {
+    return parked.n > 0;
+}
+
+static void park_arc(struct bus_peer *peer) {
+    g_autoptr(GError) error = NULL;
+    parked.n = 0;
+    g_assert_true(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, &error));
+    g_assert_no_error(error);
+}
+
+static void test_park(void) {
+    static const struct change changes[] = {{"[rig]", "clock = real"},
+                                            {"[axis arc]", "park_deg = 40"},
+                                            {"[axis arc]", "speed_deg_s = 300"},
+                                            {"[axis arc]", "accel_deg_s2 = 1000"},
+                                            {0}};
+    static const struct change stalls[] = {
+        {"[axis arc]", "park_deg = 40"}, {"[axis arc]", "fault_stall_at = 1"}, {0}};
+    struct bus_peer *peer = bus_peer_open(changes);
+    GAsyncResult *moves = NULL;
+    g_autoptr(GError) error = NULL;
+    park_arc(peer); /* homes, then moves */
+    bus_peer_refused(peer, "MoveAxis", to("arc", 3), "Busy", "arc is busy");
+    g_assert_false(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, &error));
+    assert_has(error->message, "somebody is moving the axis arc");
+    bus_peer_wait(peer, has_parked);
+    g_assert_null(parked.error);
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->devices->arc), 40, 0.01);
+    bus_peer_tell(peer, "MoveAxis", to("arc", 100));
+    park_arc(peer); /* moves */
+    bus_peer_wait(peer, has_parked);
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(peer->bus->devices->arc), 40, 0.01);
+    bus_peer_tell(peer, "HomeAxis", name_of("turntable"));
+    bus_peer_tell(peer, "MoveAxis", to("arc", 100));
+    bus_peer_begin(peer->client, "MoveAxis", to("turntable", 170), &moves);
+    bus_peer_wait(peer, some_hands);
+    park_arc(peer); /* beside another axis */
+    bus_peer_tell(peer, "SafeState", NULL);
+    bus_peer_wait(peer, has_parked);
+    assert_has(parked.error, "SafeState");
+    g_clear_error(&error);
+    g_assert_null(bus_peer_end(peer->client, &moves, NULL, &error));
+    bus_peer_wait(peer, no_hands);
+    bus_peer_free(peer);
+
+    peer = bus_peer_open(stalls);
+    park_arc(peer);
+    bus_peer_wait(peer, has_parked);
+    assert_has(parked.error, "arc");
+    bus_peer_wait(peer, no_hands);
+    bus_peer_free(peer);
+}
+
+static void test_pictures(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    static const struct change lost[] = {{"[camera cam30]", "fault_lost = 1"}, {0}};
+    static const struct change stale[] = {{"[camera cam30]", "fault_stale = 1"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    GAsyncResult *first = NULL;
+    bus_peer_refused(peer, "Snap", picture("cam30", 1), "DeviceRange", "cam30");
+    bus_peer_begin(peer->client, "Snap", picture("cam30", 500000), &first);
+    bus_peer_refused(peer, "Snap", picture("cam30", 4000), "Busy", "cam30 is busy");
+    g_variant_unref(bus_peer_end(peer->client, &first, NULL, NULL));
+    bus_peer_begin(peer->client, "Snap", picture("cam30", 500000), &first);
+    bus_peer_wait(peer, some_hands);
+    bus_peer_tell(peer, "SafeState", NULL);
+    bus_peer_fails(peer->client, &first, "Cancelled", "SafeState");
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_free(peer);
+
+    peer = bus_peer_open(lost);
+    bus_peer_refused(peer, "Snap", picture("cam30", 4000), "DeviceTimeout", "cam30");
+    bus_peer_free(peer);
+
+    /* The first picture has none before it; the next is refused until the camera gives up. */
+    peer = bus_peer_open(stale);
+    bus_peer_tell(peer, "Snap", picture("cam30", 4000));
+    bus_peer_refused(peer, "Snap", picture("cam30", 4000), "DeviceStale", "cam30");
+    g_assert_cmpuint(peer->bus->hands->len, ==, 0);
+    bus_peer_free(peer);
+}
+
+/* A laser that does not obey: whoever asked is told, and so is everybody. */
+static void test_deaf(void) {
+    static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
+    struct bus_peer *peer = bus_peer_open(deaf);
+    bus_peer_tell(peer, "SetLaser", on("laser30"));
+    bus_peer_refused(peer, "SetLaser", off("laser30"), "DeviceTimeout", "laser30");
+    bus_peer_wait(peer, no_hands);
+    while (!strstr(peer->told->str, DEVICES_UNSAFE))
+        g_main_context_iteration(NULL, TRUE);
+    g_test_message("%s", peer->told->str);
+    bus_peer_free(peer);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    /* Faults of devices are told as warnings. */
+    g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
+    g_test_add_func("/bus-hands/names", test_names);
+    g_test_add_func("/bus-hands/lights", test_lights);
+    g_test_add_func("/bus-hands/gone", test_gone);
+    g_test_add_func("/bus-hands/door", test_door);
+    g_test_add_func("/bus-hands/axes", test_axes);
+    g_test_add_func("/bus-hands/park", test_park);
+    g_test_add_func("/bus-hands/pictures", test_pictures);
+    g_test_add_func("/bus-hands/deaf", test_deaf);
+    return g_test_run();
+}
