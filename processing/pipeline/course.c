@@ -85,6 +85,12 @@ void course_free(Course *course) {
 
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
     course_drop_tasks(course);
+    if (course->speed.wall_s <= 0) { /* what was before the first views says nothing of them: files
+                                        were looked for, often on a disk */
+        course->begun_us = course->looked_us = g_get_monotonic_time();
+        course->looked_cpu_s = process_cpu_s();
+        course->n_busy = CLAMP(n, 1, course->n_threads);
+    }
     course->tasks = g_new0(struct course_task, n);
     course->n_tasks = n;
     for (int i = 0; i < n; i++)
