@@ -4,39 +4,122 @@
 
 #include <math.h>
 #include <png.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <jpeglib.h>
 
 struct trace_texture {
     int size[2];
     enum gltf_wrap wrap[2];
-    guint8 *rgba;      /* rows from the top, sRGB */
+    guint8 *rgb;       /* rows from the top, sRGB */
     float linear[256]; /* of a byte */
 };
 
-TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error) {
+/* g_free() it. NULL: error. */
+static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
+                                 GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
-    gsize size;
-    gconstpointer data = g_bytes_get_data(bytes, &size);
-    if (data == NULL || !png_image_begin_read_from_memory(&image, data, size) ||
+    if (!png_image_begin_read_from_memory(&image, data, length) ||
         image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "%s; save it as PNG of at most %d pixels each way",
-                    *image.message ? image.message : "it is empty or too large",
-                    TRACE_TEXTURE_MAX_SIDE);
+                    "%s; save it as PNG or JPEG of at most %d pixels each way",
+                    *image.message ? image.message : "it is too large", TRACE_TEXTURE_MAX_SIDE);
         png_image_free(&image);
         return NULL;
     }
-    image.format = PNG_FORMAT_RGBA;
-    guint8 *rgba = g_try_malloc(PNG_IMAGE_SIZE(image));
-    if (rgba == NULL || !png_image_finish_read(&image, NULL, rgba, 0, NULL)) {
+    image.format = PNG_FORMAT_RGBA; /* without alpha the reader would put it on a background */
+    const gsize n = (gsize)image.width * image.height;
+    guint8 *ret = g_try_malloc(4 * n);
+    if (ret == NULL || !png_image_finish_read(&image, NULL, ret, 0, NULL)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its picture: %s",
-                    rgba == NULL ? "there is no memory left" : image.message);
+                    ret == NULL ? "there is no memory left" : image.message);
         png_image_free(&image);
-        g_free(rgba);
+        g_free(ret);
         return NULL;
     }
+    for (gsize i = 0; i < n; i++)
+        memmove(ret + 3 * i, ret + 4 * i, 3);
+    ret_size[0] = (int)image.width;
+    ret_size[1] = (int)image.height;
+    return ret;
+}
+
+/* What libjpeg calls with errors; manager comes first, so that its address is this one's. */
+struct trace_texture_trouble {
+    struct jpeg_error_mgr manager;
+    jmp_buf back;
+    char text[JMSG_LENGTH_MAX];
+};
+
+G_NORETURN static void trace_texture_jpeg_error(j_common_ptr codec) {
+    struct trace_texture_trouble *trouble = (struct trace_texture_trouble *)(gpointer)codec->err;
+    trouble->manager.format_message(codec, trouble->text);
+    longjmp(trouble->back, 1);
+}
+
+/* Warnings, for example that the file ends early, are errors, too. */
+static void trace_texture_jpeg_message(j_common_ptr codec, int level) {
+    if (level < 0)
+        trace_texture_jpeg_error(codec);
+}
+
+/* g_free() it. NULL: error. */
+static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size[2],
+                                  GError **error) {
+    struct jpeg_decompress_struct codec;
+    struct trace_texture_trouble trouble;
+    guint8 *volatile ret = NULL;
+    codec.err = jpeg_std_error(&trouble.manager);
+    trouble.manager.error_exit = trace_texture_jpeg_error;
+    trouble.manager.emit_message = trace_texture_jpeg_message;
+    if (setjmp(trouble.back)) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its picture, a JPEG: %s", trouble.text);
+        jpeg_destroy_decompress(&codec);
+        g_free(ret);
+        return NULL;
+    }
+    jpeg_create_decompress(&codec);
+    jpeg_mem_src(&codec, data, length);
+    jpeg_read_header(&codec, TRUE);
+    const gsize width = codec.image_width, height = codec.image_height;
+    if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE ||
+        (ret = g_try_malloc(3 * width * height)) == NULL) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
+                    "it is too large; save it as PNG or JPEG of at most %d pixels each way",
+                    TRACE_TEXTURE_MAX_SIDE);
+        jpeg_destroy_decompress(&codec);
+        return NULL;
+    }
+    codec.out_color_space = JCS_RGB;
+    jpeg_start_decompress(&codec);
+    while (codec.output_scanline < codec.output_height) {
+        JSAMPROW row = ret + 3 * width * codec.output_scanline;
+        jpeg_read_scanlines(&codec, &row, 1);
+    }
+    jpeg_finish_decompress(&codec);
+    jpeg_destroy_decompress(&codec);
+    ret_size[0] = (int)width;
+    ret_size[1] = (int)height;
+    return ret;
+}
+
+TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error) {
+    gsize length;
+    int size[2];
+    const guint8 *data = g_bytes_get_data(bytes, &length);
+    if (data == NULL) {
+        g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_SCENE, "it is empty");
+        return NULL;
+    }
+    const gboolean jpeg = length > 2 && data[0] == 0xff && data[1] == 0xd8;
+    guint8 *rgb = jpeg ? trace_texture_jpeg(data, length, size, error)
+                       : trace_texture_png(data, length, size, error);
+    if (rgb == NULL)
+        return NULL;
     TraceTexture *ret = g_new0(TraceTexture, 1);
-    *ret = (TraceTexture){
-        .size = {(int)image.width, (int)image.height}, .wrap = {wrap[0], wrap[1]}, .rgba = rgba};
+    *ret = (TraceTexture){.size = {size[0], size[1]}, .wrap = {wrap[0], wrap[1]}, .rgb = rgb};
     for (int k = 0; k < 256; k++) {
         const double coded = k / 255.0;
         ret->linear[k] =
@@ -48,7 +131,7 @@ TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GEr
 void trace_texture_free(TraceTexture *texture) {
     if (texture == NULL)
         return;
-    g_free(texture->rgba);
+    g_free(texture->rgb);
     g_free(texture);
 }
 
@@ -78,7 +161,7 @@ void trace_texture_colour(const TraceTexture *texture, double u, double v, doubl
     for (int j = 0; j < 2; j++)
         for (int i = 0; i < 2; i++) {
             const gsize row = (gsize)pixel[1][j] * (gsize)texture->size[0];
-            const guint8 *from = texture->rgba + 4 * (row + (gsize)pixel[0][i]);
+            const guint8 *from = texture->rgb + 3 * (row + (gsize)pixel[0][i]);
             for (int c = 0; c < 3; c++)
                 ret_rgb[c] += share[0][i] * share[1][j] * (double)texture->linear[from[c]];
         }

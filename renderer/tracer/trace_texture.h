@@ -1,6 +1,6 @@
 /*
- * A picture on a surface: PNG, decoded to linear light, bilinear between its pixels, repeated,
- * mirrored or held beyond its edges as glTF's samplers say. Any thread, once it is made.
+ * A picture on a surface: PNG or JPEG, decoded to linear light, bilinear between its pixels,
+ * repeated, mirrored or held beyond its edges as glTF's samplers say. Any thread, once it is made.
  */
 #pragma once
 
@@ -12,8 +12,9 @@
 
 typedef struct trace_texture TraceTexture;
 
-/* bytes: a PNG of any kind; its alpha is left out. TRACE_ERROR_SCENE: it is another format,
- * damaged, or larger than TRACE_TEXTURE_MAX_SIDE each way. */
+/* bytes: a PNG of any kind, whose alpha is left out, or a JPEG, grey or in colour.
+ * TRACE_ERROR_SCENE: it is another format, damaged, or larger than TRACE_TEXTURE_MAX_SIDE each way.
+ */
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
 

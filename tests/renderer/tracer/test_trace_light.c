@@ -125,10 +125,10 @@ static void test_texture(void) {
     }
 }
 
-/* A picture that is no PNG, and one that is not there: the colour alone, and a warning. */
+/* A picture that is damaged, and one that is not there: the colour alone, and a warning. */
 static void test_texture_unread(void) {
     static const char *const uris[] = {"data:image/jpeg;base64,/9j/4A==", "nowhere.png"};
-    static const char *const words[] = {"save it as PNG", "nowhere.png"};
+    static const char *const words[] = {"its picture, a JPEG", "nowhere.png"};
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
     for (int k = 0; k < 2; k++) {
@@ -175,10 +175,45 @@ static void test_wrap(void) {
         trace_texture_free(texture);
     }
     g_autoptr(GError) error = NULL;
-    g_autoptr(GBytes) jpeg = g_bytes_new_static("\xff\xd8\xff\xe0", 4);
+    g_autoptr(GBytes) other = g_bytes_new_static("GIF89a", 6);
     const enum gltf_wrap wrap[2] = {GLTF_WRAP_REPEAT, GLTF_WRAP_REPEAT};
-    g_assert_null(trace_texture_new(jpeg, wrap, &error));
-    g_assert_nonnull(strstr(error->message, "save it as PNG"));
+    g_assert_null(trace_texture_new(other, wrap, &error));
+    g_assert_nonnull(strstr(error->message, "save it as PNG or JPEG"));
+}
+
+/* 16 × 16 pixels in four squares, which Pillow wrote: quality 90, no subsampling. */
+static const char four_squares[] =
+    "/9j/4AAQSkZJRgABAQAAAQABAAD/2wBDAAMCAgMCAgMDAwMEAwMEBQgFBQQEBQoHBwYIDAoMDAsKCwsN"
+    "DhIQDQ4RDgsLEBYQERMUFRUVDA8XGBYUGBIUFRT/2wBDAQMEBAUEBQkFBQkUDQsNFBQUFBQUFBQUFBQU"
+    "FBQUFBQUFBQUFBQUFBQUFBQUFBQUFBQUFBQUFBQUFBQUFBQUFBT/wAARCAAQABADAREAAhEBAxEB/8QA"
+    "FgABAQEAAAAAAAAAAAAAAAAABwgJ/8QAFBABAAAAAAAAAAAAAAAAAAAAAP/EABgBAAMBAQAAAAAAAAAA"
+    "AAAAAAcICQUG/8QAFBEBAAAAAAAAAAAAAAAAAAAAAP/aAAwDAQACEQMRAD8AFA3OqYGOkUnpS0c23ZMn"
+    "Wv/Z";
+
+/* A JPEG has the colours that were written, and one that ends early is refused. */
+static void test_jpeg(void) {
+    static const double squares[4][3] = {
+        {200, 40, 40}, {40, 180, 60}, {50, 60, 210}, {240, 240, 240}};
+    const enum gltf_wrap wrap[2] = {GLTF_WRAP_REPEAT, GLTF_WRAP_REPEAT};
+    g_autoptr(GError) error = NULL;
+    gsize size;
+    g_autofree guchar *jpeg = g_base64_decode(four_squares, &size);
+    g_autoptr(GBytes) bytes = g_bytes_new_static(jpeg, size);
+    TraceTexture *texture = trace_texture_new(bytes, wrap, &error);
+    g_assert_no_error(error);
+    for (int k = 0; k < 4; k++) {
+        double rgb[3];
+        trace_texture_colour(texture, 0.25 + 0.5 * (k % 2), k < 2 ? 0.75 : 0.25, rgb);
+        for (int c = 0; c < 3; c++) {
+            const double coded = squares[k][c] / 255;
+            const double linear = pow((coded + 0.055) / 1.055, 2.4);
+            g_assert_cmpfloat_with_epsilon(rgb[c], linear, 0.02);
+        }
+    }
+    trace_texture_free(texture);
+    g_autoptr(GBytes) less = g_bytes_new_static(jpeg, size - 20);
+    g_assert_null(trace_texture_new(less, wrap, &error));
+    g_assert_nonnull(strstr(error->message, "its picture, a JPEG"));
 }
 
 /* Beneath an even sky of radiance 1 a white body is invisible: every pixel is 1. Convex. */
@@ -455,6 +490,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/trace-light/texture", test_texture);
     g_test_add_func("/trace-light/texture_unread", test_texture_unread);
     g_test_add_func("/trace-light/wrap", test_wrap);
+    g_test_add_func("/trace-light/jpeg", test_jpeg);
     g_test_add_func("/trace-light/captured", test_captured);
     g_test_add_func("/trace-light/same", test_same);
     g_test_add_func("/trace-light/cancelled", test_cancelled);
