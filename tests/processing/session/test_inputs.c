@@ -4,6 +4,8 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
+#include "lib/remove_tree.h"
+
 #define WIDTH  5
 #define HEIGHT 3
 
@@ -53,9 +55,61 @@ static void test_bad(void) {
     }
 }
 
+/* The asked file, or an error that names it and says what differs. */
+static void read_as(const struct input *input, const char *const *channels, const char *words) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(ExrPart) part = input_read(input, channels, &error);
+    if (!words) {
+        g_assert_no_error(error);
+        g_assert_cmpint(part->width, ==, WIDTH);
+        return;
+    }
+    g_assert_null(part);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, input->path));
+    if (!strstr(error->message, words))
+        g_error("it does not say “%s”: %s", words, error->message);
+}
+
+static void test_read(void) {
+    static const char *const grey[] = {"Y", NULL}, *const red[] = {"R", NULL};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-inputs-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
+    g_autofree char *wrong = g_strnfill(64, '0');
+    g_autoptr(GError) error = NULL;
+    g_autoptr(ExrFile) file = exr_file_new();
+    gint64 bytes = 0;
+    exr_file_add(file, new_part(grey, "bggr"));
+    struct input input = {.path = path, .shot = 1, .width = WIDTH, .height = HEIGHT};
+    read_as(&input, grey, "the session lists this frame, but: ");
+    exr_write(path, file, EXR_NONE, FALSE, &error);
+    g_assert_no_error(error);
+    g_autofree char *sum = exr_sha256(path, &bytes, &error);
+    g_assert_no_error(error);
+    read_as(&input, grey, NULL); /* not compared */
+    input.sha256 = (char *)"";
+    read_as(&input, grey, NULL);
+    input.sha256 = sum;
+    read_as(&input, grey, NULL);
+    read_as(&input, red, "has no channel R");
+    input.width++;
+    read_as(&input, grey, "it has 5 × 3 pixels, but the session's calibration says");
+    input.width--;
+    input.height++;
+    read_as(&input, grey, "5 × 3 pixels");
+    input.height--;
+    input.sha256 = wrong;
+    read_as(&input, grey, "is not the one the session committed");
+    input.sha256 = NULL;
+    g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
+    read_as(&input, grey, "delete it, and `mesorig resume` takes it again");
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/inputs/mosaic", test_mosaic);
     g_test_add_func("/inputs/bad", test_bad);
+    g_test_add_func("/inputs/read", test_read);
     return g_test_run();
 }
