@@ -31,10 +31,16 @@ static void bar_end(struct bar *bar) {
 
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
+    const gboolean next = g_strcmp0(progress->stage, bar->stage) != 0;
+    /* Told at once, but only once: some work is told again while what follows it goes on. */
+    const gboolean ended =
+        progress->done == progress->total && (next || progress->done != bar->done);
     if (cli_json) {
         const gint64 now_us = g_get_monotonic_time();
-        if (!cli_streams ||
-            (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC))
+        g_free(bar->stage);
+        bar->stage = g_strdup(progress->stage);
+        bar->done = progress->done;
+        if (!cli_streams || (!ended && now_us < bar->json_us + G_USEC_PER_SEC))
             return;
         bar->json_us = now_us;
         g_autoptr(Record) record = record_new();
@@ -47,7 +53,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     }
     if (progress->total == 0)
         return; /* a stage with nothing to do */
-    if (g_strcmp0(progress->stage, bar->stage) != 0) {
+    if (next) {
         bar_end(bar);
         g_autofree char *what = g_strdup_printf("%-9s", progress->stage);
         bar->progress = progress_new(what);
@@ -55,7 +61,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     }
     bar->done = progress->done;
     bar->total = progress->total;
-    bar_show(bar, progress->left_s, progress->done == progress->total);
+    bar_show(bar, progress->left_s, ended);
 }
 
 /* The work has no main loop: the signals get a thread with one. */
