@@ -6,13 +6,22 @@
 
 #include <glib-unix.h>
 #include <signal.h>
+#include <time.h>
 
 struct bar {
     Progress *progress;
     char *stage;
     int done, total;
-    gint64 json_us;
+    gint64 json_us, begun_us;
 };
+
+/* Of the whole program. */
+static double work_cpu_s(void) {
+    struct timespec now;
+    return clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0
+               ? (double)now.tv_sec + (double)now.tv_nsec / 1e9
+               : 0;
+}
 
 static void bar_show(struct bar *bar, double left_s, gboolean now) {
     g_autofree char *left = left_s >= 0 ? report_duration(left_s) : NULL;
@@ -48,6 +57,8 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
         record_int(record, "done", progress->done);
         record_int(record, "total", progress->total);
         record_double(record, "left_s", progress->left_s);
+        record_double(record, "real_s", (double)(now_us - bar->begun_us) / G_USEC_PER_SEC);
+        record_double(record, "cpu_s", work_cpu_s());
         record_print(record, TRUE);
         return;
     }
@@ -92,7 +103,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     const gint64 begun_us = g_get_monotonic_time();
-    struct bar bar = {0};
+    struct bar bar = {.begun_us = begun_us};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         attach(context, g_unix_signal_source_new(numbers[i]), cli_work_on_signal, cancellable);
     GThread *thread = g_thread_new("signals", wait_for_signals, loop);
