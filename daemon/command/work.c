@@ -6,13 +6,22 @@
 
 #include <glib-unix.h>
 #include <signal.h>
+#include <time.h>
 
 struct bar {
     Progress *progress;
     char *stage;
     int done, total;
-    gint64 json_us;
+    gint64 json_us, begun_us;
 };
+
+/* Of the whole program. */
+static double work_cpu_s(void) {
+    struct timespec now;
+    return clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0
+               ? (double)now.tv_sec + (double)now.tv_nsec / 1e9
+               : 0;
+}
 
 static void bar_show(struct bar *bar, double left_s, gboolean now) {
     g_autofree char *left = left_s >= 0 ? report_duration(left_s) : NULL;
@@ -31,10 +40,16 @@ static void bar_end(struct bar *bar) {
 
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
+    const gboolean next = g_strcmp0(progress->stage, bar->stage) != 0;
+    /* Told at once, but only once: some work is told again while what follows it goes on. */
+    const gboolean ended =
+        progress->done == progress->total && (next || progress->done != bar->done);
     if (cli_json) {
         const gint64 now_us = g_get_monotonic_time();
-        if (!cli_streams ||
-            (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC))
+        g_free(bar->stage);
+        bar->stage = g_strdup(progress->stage);
+        bar->done = progress->done;
+        if (!cli_streams || (!ended && now_us < bar->json_us + G_USEC_PER_SEC))
             return;
         bar->json_us = now_us;
         g_autoptr(Record) record = record_new();
@@ -42,12 +57,14 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
         record_int(record, "done", progress->done);
         record_int(record, "total", progress->total);
         record_double(record, "left_s", progress->left_s);
+        record_double(record, "real_s", (double)(now_us - bar->begun_us) / G_USEC_PER_SEC);
+        record_double(record, "cpu_s", work_cpu_s());
         record_print(record, TRUE);
         return;
     }
     if (progress->total == 0)
         return; /* a stage with nothing to do */
-    if (g_strcmp0(progress->stage, bar->stage) != 0) {
+    if (next) {
         bar_end(bar);
         g_autofree char *what = g_strdup_printf("%-9s", progress->stage);
         bar->progress = progress_new(what);
@@ -55,7 +72,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     }
     bar->done = progress->done;
     bar->total = progress->total;
-    bar_show(bar, progress->left_s, progress->done == progress->total);
+    bar_show(bar, progress->left_s, ended);
 }
 
 /* The work has no main loop: the signals get a thread with one. */
@@ -86,7 +103,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     const gint64 begun_us = g_get_monotonic_time();
-    struct bar bar = {0};
+    struct bar bar = {.begun_us = begun_us};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         attach(context, g_unix_signal_source_new(numbers[i]), cli_work_on_signal, cancellable);
     GThread *thread = g_thread_new("signals", wait_for_signals, loop);

@@ -180,13 +180,16 @@ static struct course_pace course_views_pace(const Course *course,
 static double course_after_s(const Course *course, const struct course_pace *views) {
     struct course_pace pace = {0};
     const double slower = course_slower(views);
+    /* Its first parts need not be like its last ones: views of an elevation are read one after the
+     * other. */
+    const double weight = course->share * course->share;
     double done_s = 0, after_s = 0;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
         course_pace_add(&pace, course, work, course->made[work].cpu_s, course->made[work].units);
     if (course->working >= 0) {
         done_s = process_cpu_s() - course->worked_s;
-        course_pace_add(&pace, course, course->working, course->share > 0 ? done_s : 0,
-                        course->share * course->expected[course->working]);
+        course_pace_add(&pace, course, course->working, weight * done_s,
+                        weight * course->share * course->expected[course->working]);
     }
     /* As if some more of it had gone as views did. */
     pace.cpu_s += LITTLE_S * slower;
@@ -197,7 +200,8 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         if (work != course->working)
             after_s += all_s;
         else if (course->share > 0) /* the more of it is done, the more its own pace counts */
-            after_s += (1 - course->share) * (done_s + (1 - course->share) * all_s);
+            after_s +=
+                (1 - course->share) * (weight * done_s / course->share + (1 - weight) * all_s);
         else
             after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
     }

@@ -1,6 +1,7 @@
 /* What progress leaves in a log: nothing of a stage that is over at once, and few lines of a long
  * one. */
 #include "command/progress.h"
+#include "command/work.h"
 
 #include "lib/process.h"
 
@@ -45,6 +46,28 @@ static void test_long(void) {
     progress_free(progress);
 }
 
+static gboolean tell_again(const struct work *work, gpointer data, GError **error) {
+    struct work_progress progress = {"again", 1, 64, -1};
+    work->progress(&progress, work->data);
+    g_usleep(1100000);
+    progress.done = 2;
+    work->progress(&progress, work->data);
+    progress.done = 64;
+    for (int i = 0; i < 100; i++)
+        work->progress(&progress, work->data);
+    return TRUE;
+}
+
+/* Work whose end is told again and again, as what follows it goes on: a line when it ends, and one
+ * that stays, without time left. */
+static void test_again(void) {
+    double seconds;
+    g_string_truncate(told, 0);
+    g_assert_true(cli_work_run(tell_again, NULL, &seconds, NULL));
+    g_test_message("%s", told->str);
+    g_assert_cmpint(lines(), ==, 3);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     told = g_string_new(NULL);
@@ -55,6 +78,7 @@ int main(int argc, char **argv) {
     g_set_printerr_handler(keep);
     g_test_add_func("/progress/short", test_short);
     g_test_add_func("/progress/long", test_long);
+    g_test_add_func("/progress/again", test_again);
     const int result = g_test_run();
     g_string_free(told, TRUE);
     return result;
