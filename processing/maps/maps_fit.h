@@ -10,7 +10,8 @@
  * In a first round m_i is Y_i, y0 its mean, and h_i is 1; in two more, m_i is what the model gave,
  * y0 a twentieth of the mean, and h_i Huber's factor, so that shadows and other things that the
  * model does not hold count less. From d and S follow metallic and specular; then base, specular
- * colour and sheen are solved for each colour.
+ * colour and sheen are solved for each colour, by least squares first, then with weights that make
+ * it the least sum of absolute differences of all three (iteratively reweighted least squares).
  *
  * Of the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give metallic m.
  *

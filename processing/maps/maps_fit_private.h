@@ -52,6 +52,6 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);
 /* The colours, for the texel that maps_solver_run() has just solved. */
-void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
+void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret);

@@ -8,19 +8,21 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define EXPONENT     0.6F
-#define DARK         0.05F /* y0, relative to the mean */
-#define HUBER        1.345 /* standard deviations; Huber 1981 */
-#define STEPS        6
-#define ROUNDS       3
-#define ENOUGH       1e-4 /* relative decrease of the cost that ends a round */
-#define STEP         1e-2F
-#define MOST_NORMAL  0.85F
-#define LEAST_COSINE 1e-3F
-#define LEAST_WEIGHT 0.02F
-#define WEAK         0.5  /* of the priors of factors, in pairs with a column of 1 */
-#define PRIOR        2e-4 /* of the shape's priors, relative to Σ w² Y² */
-#define SHRINK       0.1  /* of the specular colour, towards grey */
+#define EXPONENT      0.6F
+#define DARK          0.05F /* y0, relative to the mean */
+#define HUBER         1.345 /* standard deviations; Huber 1981 */
+#define STEPS         6
+#define ROUNDS        3
+#define ENOUGH        1e-4 /* relative decrease of the cost that ends a round */
+#define STEP          1e-2F
+#define MOST_NORMAL   0.85F
+#define LEAST_COSINE  1e-3F
+#define LEAST_WEIGHT  0.02F
+#define WEAK          0.5  /* of the priors of factors, in pairs with a column of 1 */
+#define PRIOR         2e-4 /* of the shape's priors, relative to Σ w² Y² */
+#define COLOUR_ROUNDS 5
+#define COLOUR_HUBER  0.3 /* standard deviations up to which squares count; chosen on low_weave */
+#define SHRINK        0.1 /* of the specular colour, towards grey */
 
 /* The usual deviations of a shape's values. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
@@ -433,7 +435,103 @@ static double maps_solver_metallic(double d, double s, double least) {
     return low;
 }
 
-void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
+/* What is known of a texel when its colours are sought: metallic m, specular w, a dielectric's
+ * reflectance, and how much there is of a layer. */
+struct maps_colours {
+    double m, w, f0, layer;
+    const struct maps_layers *layers;
+};
+
+/* What base, specular colour and sheen are multiplied with in pair i; returns what else there is.
+ */
+static double maps_solver_colour_columns(const struct maps_solver *solver,
+                                         const struct maps_colours *of, int i,
+                                         double ret[MAPS_COLUMNS]) {
+    const float *const *p = (const float *const *)solver->pairs->planes;
+    const gboolean sheen = of->layers->sheen_roughness > 0;
+    const double f5 = (double)p[MAPS_F5][i], lobe = (double)solver->lobe[i];
+    const double extra = (double)p[MAPS_EXTRA][i], m = of->m, w = of->w;
+    double left = 1, top = 0;
+    if (of->layers->coat_roughness > 0) {
+        left = 1 - of->layer * (0.04 + 0.96 * pow(1 - (double)p[MAPS_VZ][i], 5));
+        top = of->layer * extra;
+    }
+    if (sheen)
+        left = 1 - of->layer * MAX(maps_sheen_albedo(of->layers, (double)p[MAPS_VZ][i]),
+                                   maps_sheen_albedo(of->layers, (double)p[MAPS_LZ][i]));
+    const double below = (1 - m) * (1 - w * (of->f0 + (1 - of->f0) * f5));
+    ret[0] = left * ((double)solver->diffuse[i] * below + m * lobe * (1 - f5));
+    ret[1] = left * (1 - m) * w * (double)MAPS_DIELECTRIC * lobe * (1 - f5);
+    ret[2] = sheen ? extra : 0;
+    return left * ((1 - m) * w + m) * lobe * f5 + top;
+}
+
+/* Least squares of each colour with the weights of solver->trial. */
+static void maps_solver_colours_fit(const struct maps_solver *solver, const float *rgb,
+                                    const struct maps_colours *of, const double start[MAPS_COLUMNS],
+                                    double ret[3][MAPS_COLUMNS]) {
+    const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
+    /* The core model's reflectance of a dielectric is given. */
+    const double least[MAPS_COLUMNS] = {0, core ? 1 : 0, 0};
+    const double most[MAPS_COLUMNS] = {1, core ? 1 : (double)MAPS_MOST_SPECULAR, 1};
+    double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
+    for (int i = 0; i < solver->n; i++) {
+        const double weight = (double)solver->trial[i];
+        double columns[MAPS_COLUMNS];
+        if (solver->weights[i] <= 0)
+            continue;
+        const double known = maps_solver_colour_columns(solver, of, i, columns);
+        for (int c = 0; c < 3; c++)
+            for (int j = 0; j < MAPS_COLUMNS; j++) {
+                b[c][j] += weight * columns[j] * ((double)rgb[3 * (gsize)i + (gsize)c] - known);
+                for (int k = 0; k < MAPS_COLUMNS; k++)
+                    a[c][j][k] += weight * columns[j] * columns[k];
+            }
+    }
+    for (int c = 0; c < 3; c++) {
+        const double prior = SHRINK * a[c][1][1] + 1e-9 * solver->n_valid;
+        memcpy(ret[c], start, sizeof ret[c]);
+        a[c][1][1] += prior;
+        b[c][1] += prior * start[1];
+        a[c][0][0] += 1e-9;
+        a[c][2][2] += 1e-9;
+        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c],
+                        of->layers->sheen_roughness > 0 ? 3 : 2, least, most, ret[c]);
+    }
+}
+
+/* Into solver->trial the weights with which the next fit brings the sum of absolute differences
+ * down: an edge that one texel shows in some views and not in others gets one of both colours
+ * rather than their mixture, which differs from both. */
+static void maps_solver_colours_robust(struct maps_solver *solver, const float *rgb,
+                                       const struct maps_colours *of,
+                                       const double x[3][MAPS_COLUMNS]) {
+    int n = 0;
+    for (int i = 0; i < solver->n; i++) {
+        double columns[MAPS_COLUMNS], squares = 0;
+        float model[3];
+        if (solver->weights[i] <= 0)
+            continue;
+        const double known = maps_solver_colour_columns(solver, of, i, columns);
+        for (int c = 0; c < 3; c++) {
+            double value = known;
+            for (int k = 0; k < MAPS_COLUMNS; k++)
+                value += columns[k] * x[c][k];
+            model[c] = (float)MAX(value, 0);
+            const double u = pow((double)(model[c] + solver->dark), -(double)EXPONENT);
+            squares += pow(u * ((double)rgb[3 * (gsize)i + (gsize)c] - value), 2);
+        }
+        solver->sorted[n++] = sqrt(squares);
+        solver->residuals[i] = (float)sqrt(squares);
+        solver->trial[i] = powf(rgb_luminance(model) + solver->dark, -2 * EXPONENT);
+    }
+    const float near = (float)(COLOUR_HUBER * 1.4826 * robust_median(solver->sorted, n));
+    for (int i = 0; i < solver->n; i++)
+        if (solver->weights[i] > 0 && solver->residuals[i] > near && near > 0)
+            solver->trial[i] *= near / solver->residuals[i];
+}
+
+void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret) {
     const struct maps_frame frame = maps_solver_frame(solution->shape);
@@ -447,56 +545,26 @@ void maps_solver_colours(const struct maps_solver *solver, const float *rgb,
                             ? CLAMP((s - m * base) / ((double)MAPS_DIELECTRIC * w * (1 - m)), 0,
                                     (double)MAPS_MOST_SPECULAR)
                             : 1;
-    const double f0 = (double)MAPS_DIELECTRIC * grey;
-    const float *const *p = (const float *const *)solver->pairs->planes;
-    const float e = solution->factors[2];
-    /* The core model's reflectance of a dielectric is given. */
-    const double least[] = {0, core ? 1 : 0, 0},
-                 most[] = {1, core ? 1 : (double)MAPS_MOST_SPECULAR, 1};
-    const gboolean sheen = layers->sheen_roughness > 0, coat = layers->coat_roughness > 0;
-    double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
+    const struct maps_colours of = {m, w, (double)MAPS_DIELECTRIC * grey, solution->factors[2],
+                                    layers};
+    const double start[MAPS_COLUMNS] = {base, grey, of.layer};
+    double x[3][MAPS_COLUMNS];
     memset(ret, 0, sizeof *ret);
-    for (int i = 0; i < solver->n; i++) {
-        const double f5 = (double)p[MAPS_F5][i], lobe = (double)solver->lobe[i];
-        const double weight = (double)solver->weights[i] * (double)solver->weights[i];
-        const double nl = (double)solver->diffuse[i], extra = (double)p[MAPS_EXTRA][i];
-        double left = 1, top = 0;
-        if (weight <= 0)
-            continue;
-        if (coat) {
-            left = 1 - (double)e * (0.04 + 0.96 * pow(1 - (double)p[MAPS_VZ][i], 5));
-            top = (double)e * extra;
-        }
-        if (sheen)
-            left = 1 - (double)e * MAX(maps_sheen_albedo(layers, (double)p[MAPS_VZ][i]),
-                                       maps_sheen_albedo(layers, (double)p[MAPS_LZ][i]));
-        const double below = (1 - m) * (1 - w * (f0 + (1 - f0) * f5));
-        const double columns[3] = {left * (nl * below + m * lobe * (1 - f5)),
-                                   left * (1 - m) * w * (double)MAPS_DIELECTRIC * lobe * (1 - f5),
-                                   sheen ? extra : 0};
-        const double known = left * ((1 - m) * w + m) * lobe * f5 + top;
-        for (int c = 0; c < 3; c++)
-            for (int j = 0; j < 3; j++) {
-                b[c][j] += weight * columns[j] * ((double)rgb[3 * (gsize)i + (gsize)c] - known);
-                for (int k = 0; k < 3; k++)
-                    a[c][j][k] += weight * columns[j] * columns[k];
-            }
+    for (int i = 0; i < solver->n; i++)
+        solver->trial[i] = solver->weights[i] * solver->weights[i];
+    for (int round = 0; round <= COLOUR_ROUNDS; round++) {
+        if (round > 0)
+            maps_solver_colours_robust(solver, rgb, &of, x);
+        maps_solver_colours_fit(solver, rgb, &of, start, x);
     }
     for (int c = 0; c < 3; c++) {
-        const double prior = SHRINK * a[c][1][1] + 1e-9 * solver->n_valid;
-        double x[MAPS_COLUMNS] = {base, grey, (double)e};
-        a[c][1][1] += prior;
-        b[c][1] += prior * grey;
-        a[c][0][0] += 1e-9;
-        a[c][2][2] += 1e-9;
-        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c], sheen ? 3 : 2, least, most, x);
-        ret->base[c] = (float)x[0];
-        ret->specular_colour[c] = (float)x[1];
-        ret->sheen[c] = sheen ? (float)x[2] : 0;
+        ret->base[c] = (float)x[c][0];
+        ret->specular_colour[c] = (float)x[c][1];
+        ret->sheen[c] = layers->sheen_roughness > 0 ? (float)x[c][2] : 0;
     }
     ret->metallic = (float)m;
     ret->specular = (float)w;
-    ret->coat = coat ? e : 0;
+    ret->coat = layers->coat_roughness > 0 ? solution->factors[2] : 0;
     ret->roughness = sqrtf(frame.ab);
     ret->anisotropy = frame.ab < 0.999F ? sqrtf((frame.at - frame.ab) / (1 - frame.ab)) : 0;
     memcpy(ret->direction, frame.direction, sizeof ret->direction);
