@@ -47,6 +47,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
         check->exposures = exposure_advice(
             session, (double)(check->btf->shorter + check->btf->bounds) / (double)all);
     }
+    prediction_product_read(session, &check->predicted);
     if (!check->has_mdf)
         return TRUE;
     struct session_grid grid;
@@ -162,6 +163,15 @@ static void cli_check_tell(Record *to, const struct check *check) {
             "of other lights\n",
             percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
             percent(btf->predicted, all));
+        if (check->predicted.left_out > 0) {
+            record_int(to, "left_out_pictures", check->predicted.left_out);
+            record_double(to, "prediction_error", check->predicted.error);
+            record_say(to,
+                       "predicted    %d of %d pictures, left out by the capture; expected error "
+                       "%.2f %% of the BTF\n",
+                       check->predicted.left_out, check->predicted.pictures,
+                       100 * check->predicted.error);
+        }
         record_string(to, "exposures", check->exposures);
         if (check->exposures)
             record_say(to, "exposures    %s\n", check->exposures);

@@ -3,6 +3,7 @@
 
 #include "btf/energy.h"
 #include "mdf/mdf_views.h"
+#include "pipeline/prediction_product.h"
 #include "plot.h"
 
 struct check {
@@ -13,6 +14,7 @@ struct check {
     struct energy *energy;
     gboolean has_mdf;
     struct mdf_views_sums mdf;
+    struct prediction_known predicted;
     char *exposures;       /* what to change about them; NULL: nothing */
     GPtrArray *suspicions; /* char * */
 };

@@ -11,6 +11,7 @@
 #include "exr/exr.h"
 #include "history.h"
 #include "mdf_codecs/mdf_codec.h"
+#include "pipeline/prediction_product.h"
 #include "plan/report.h"
 
 #include <glib/gstdio.h>
@@ -88,6 +89,25 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
         exr_file_free(file);
     }
     return marks;
+}
+
+/* Pictures that the capture left out, and how well the others predict them. */
+static void tell_prediction(Record *to, Session *session) {
+    struct prediction_known known;
+    prediction_product_read(session, &known);
+    if (known.left_out == 0)
+        return;
+    record_int(to, "left_out_pictures", known.left_out);
+    record_double(to, "prediction_error", known.error);
+    record_double(to, "prediction_left_out_error", known.left_out_error);
+    record_double(to, "prediction_left_out_share", known.left_out_share);
+    record_say(
+        to,
+        "predicted  %d of %d pictures, left out by the capture; expected error %.2f %% of the "
+        "BTF. Pictures that were taken are predicted from the others to %.2f %%, %.1f %% of "
+        "their values within 2 σ\n",
+        known.left_out, known.pictures, 100 * known.error, 100 * known.left_out_error,
+        100 * known.left_out_share);
 }
 
 static void tell_products(Record *to, const char *directory) {
@@ -279,6 +299,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
     if (!imported && !tell_calibration(to, session, error))
         return FALSE;
     tell_products(to, directory);
+    tell_prediction(to, session);
     tell_sigma(to, directory);
     tell_events(to, events);
     return TRUE;

@@ -39,6 +39,9 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     record_int(to, "views", result->n_views);
     record_int(to, "lights", result->n_lights);
     record_int(to, "predicted_pictures", result->n_predicted);
+    record_int(to, "left_out_pictures", result->n_left_out);
+    if (result->n_left_out > 0)
+        record_double(to, "prediction_error", result->prediction_error);
     record_int(to, "mdf_views", result->n_mdf_views);
     record_int(to, "damaged_products", result->n_damaged);
     record_double(to, "eigenmaps_error", result->eigenmaps_error);
@@ -68,12 +71,18 @@ static void tell_result(Record *to, const struct pipeline_result *result,
         record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
                    result->n_damaged == 1 ? "product was" : "products were",
                    result->n_damaged == 1 ? "has" : "have");
-    if (result->n_predicted > 0)
+    const int n_pictures = result->n_views * result->n_lights;
+    if (result->n_left_out > 0)
+        record_say(to,
+                   "%d of the BTF's %d pictures were left out by the capture: predicted from all "
+                   "others and marked, with an expected error of %.2f %% of the BTF\n",
+                   result->n_left_out, n_pictures, 100 * result->prediction_error);
+    if (result->n_predicted > result->n_left_out)
         record_say(
             to,
             "%d of the BTF's %d pictures were left out by the plan: predicted from those of the "
             "lights around them, and marked\n",
-            result->n_predicted, result->n_views * result->n_lights);
+            result->n_predicted - result->n_left_out, n_pictures);
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 

@@ -285,6 +285,8 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
         btf_missing_flags(weights, taken, view->lights->len, n, flags);
         parts[i] = btf_light_part(view, light, flags, FALSE);
         btf_missing_fill(weights, taken, view->lights->len, flags, parts[i]);
+        if (light->left_out)
+            exr_set_int(parts[i], "mesorig.left_out", 1);
     }
 }
 

@@ -22,7 +22,8 @@ enum btf_flag {
     BTF_FLAG_PREDICTED = 8, /* not captured: predicted from the lights around it */
 };
 
-/* A view is not made if more than this share of its lights is missing. */
+/* A view is not made if more than this share of its lights is missing, not counting those that were
+ * left out since they can be predicted (pipeline/prediction_product.h). */
 #define BTF_MOST_MISSING 0.1
 
 struct btf_light {
@@ -34,6 +35,8 @@ struct btf_light {
     double arc_rad;
     double output;    /* of the lamp in this shot, relative to its calibration */
     gboolean missing; /* the plan left it out; input is empty */
+    gboolean
+        left_out; /* missing since it can be predicted: it does not count in BTF_MOST_MISSING */
     struct input input;
 };
 
@@ -47,7 +50,8 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
-    int n_missing;  /* number of missing lights, at most BTF_MOST_MISSING of all */
+    int n_missing;  /* number of missing lights, those left out included; without them at most
+                       BTF_MOST_MISSING of all */
     char *inputs;   /* hash of all of the above */
 };
 

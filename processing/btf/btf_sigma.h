@@ -22,8 +22,10 @@
  * Errors of flat field and of the lamp's fall-off and aim are left out: the calibration file does
  * not say how they are correlated
  *
- * Parts without the channel, such as those of predicted lights, of cameras whose noise is not
- * calibrated, and of older files, have errors that are not known. Any thread.
+ * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
+ * error bars of their prediction alone. Parts without the channel, such as those of other predicted
+ * lights, of cameras whose noise is not calibrated, and of older files, have errors that are not
+ * known. Any thread.
  */
 #pragma once
 

@@ -247,7 +247,9 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                    light.phi_deg, shot->device, shot->arc_deg, light.output, input->sha256);
     } else {
         btf->n_missing++;
-        input_hash(sum, "%d missing %.17g %.17g", light.index, light.theta_deg, light.phi_deg);
+        light.left_out = shot->note && g_str_has_prefix(shot->note, CATALOGUE_LEFT_OUT);
+        input_hash(sum, "%d %s %.17g %.17g", light.index, light.left_out ? "left out" : "missing",
+                   light.theta_deg, light.phi_deg);
     }
     g_array_append_val(btf->lights, light);
 }
@@ -284,7 +286,11 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
         if (one == CATALOGUE_WAITING || !shot)
             state = MAX(state, one);
     }
-    if (btf->n_missing > BTF_MOST_MISSING * catalogue->lights->len)
+    int left_out = 0;
+    for (guint i = 0; i < btf->lights->len; i++)
+        left_out += g_array_index(btf->lights, struct btf_light, i).left_out;
+    if (btf->n_missing - left_out > BTF_MOST_MISSING * catalogue->lights->len ||
+        btf->n_missing == (int)btf->lights->len)
         state = CATALOGUE_IMPOSSIBLE;
     btf->inputs = g_strdup(g_checksum_get_string(sum));
     if (state == CATALOGUE_READY && ret)

@@ -17,6 +17,7 @@
 #include "course.h"
 #include "eigenmaps_product.h"
 #include "mdf_product.h"
+#include "prediction_product.h"
 #include "session/made_with.h"
 
 #define POLL_US (G_USEC_PER_SEC / 2)
@@ -437,6 +438,37 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     return ok;
 }
 
+/* Pictures left out on purpose, from those of all views. */
+static gboolean pipeline_predict(struct run *run, struct pipeline_result *ret, GError **error) {
+    struct work work = run->options->work;
+    struct prediction_product product;
+    g_autofree int *views = g_new(int, run->n_views);
+    int n = 0;
+    work.cancellable = run->cancellable;
+    ret->prediction_error = NAN;
+    for (int view = 0; view < run->n_views; view++)
+        if (run->made[STAGE_BTF][view])
+            views[n++] = view;
+    if (!prediction_product_make(run->session, run->catalogue, views, n, &work, &product, error)) {
+        prediction_product_clear(&product);
+        return FALSE;
+    }
+    ret->n_left_out = product.n_left_out;
+    if (product.inputs) {
+        struct prediction_known known;
+        prediction_product_read(run->session, &known);
+        ret->prediction_error = known.error;
+    }
+    for (int k = 0; product.inputs && k < n; k++) {
+        char **inputs = &run->btf_inputs[views[k]];
+        char *both = g_strconcat(*inputs, " ", product.inputs, NULL);
+        g_free(*inputs);
+        *inputs = both;
+    }
+    prediction_product_clear(&product);
+    return TRUE;
+}
+
 static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GError **error) {
     int n_lights = (int)run->catalogue->lights->len;
     ret->n_views = count_made(run, STAGE_BTF);
@@ -451,6 +483,8 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
                     session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
         return FALSE;
     }
+    if (!pipeline_predict(run, ret, error))
+        return FALSE;
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
     malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */

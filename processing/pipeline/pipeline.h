@@ -53,6 +53,8 @@ struct pipeline_options {
 struct pipeline_result {
     int n_views, n_lights; /* in the BTF; views that are not complete are left out */
     int n_predicted;       /* its pictures that the plan left out: predicted from others (btf.h) */
+    int n_left_out;        /* those of them that the capture left out since they can be predicted */
+    double prediction_error; /* their expected error, relative to the whole BTF; NAN: none */
     int n_mdf_views;
     int n_damaged;          /* products that were damaged or gone, and are made again */
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
@@ -73,6 +75,7 @@ struct pipeline_result {
  * Progress: stage "btf" until its views are made, then "mdf", "eigenmaps"; views of both are made
  * by turns, and the time left is that of all stages. With follow it ends when the session's value
  * "state" is "done" or "aborted" or everything is there. Sets the session's values
- * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
+ * of prediction_product.h, "eigenmaps_error", "mdf_coverage", "processing_s" and
+ * "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

@@ -6,15 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FIT_ROWS 96 /* rows that the constants are fitted to, evenly spread over all */
-#define FIT_PAIRS                                                                                  \
-    600              /* and pairs: those of neighbouring views, so that they are as dense as all   \
-                      */
-#define FIT_SWEEPS 3 /* over all constants */
-#define FIT_STEP                                                                                   \
-    3.0               /* first factor by which a constant is changed; its root in each next sweep  \
-                       */
-#define MOST_GROUP 64 /* pairs of a group that are left out together; more: in parts */
+/* The constants are fitted to rows evenly spread over all, and to pairs of neighbouring views, so
+ * that they are as dense as all; by FIT_SWEEPS over all constants, whose first factor is FIT_STEP
+ * and then its root. */
+#define FIT_ROWS   64
+#define FIT_PAIRS  500
+#define FIT_SWEEPS 3
+#define FIT_STEP   3.0
+
+#define MOST_GROUP 64      /* pairs of a group that are left out together; more: in parts */
+#define MOST_ALONE 1000000 /* covariances that one thread computes */
 
 static double prediction_distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));
@@ -99,7 +100,11 @@ void prediction_covariance(const Prediction *prediction, const int *a, int n_a, 
         half_a[i] = prediction_half(prediction, a[i]);
     prediction_tables_make(prediction, &tables);
     struct prediction_columns job = {prediction, &tables, a, b, half_a, n_a, ret};
-    work_for_each(0, n_b, prediction_column, &job);
+    if ((gint64)n_a * n_b > MOST_ALONE)
+        work_for_each(0, n_b, prediction_column, &job);
+    else /* threads would cost more than they save */
+        for (int j = 0; j < n_b; j++)
+            prediction_column(j, &job);
     prediction_tables_clear(&tables);
 }
 
@@ -222,14 +227,15 @@ static int prediction_by_azimuth(const void *a, const void *b) {
 }
 
 /* Indices into measured, ascending, of at most FIT_PAIRS pairs whose views are nearest in azimuth
- * to +x, in which views are as dense as in all. */
+ * to +x or +y, where they are as dense as everywhere: two sides, for brushed metal. */
 static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
     const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
     g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);
     int *indices = g_new(int, n);
     for (int i = 0; i < m; i++) {
         const struct vec3 view = prediction->views[prediction->measured[i] / prediction->n_lights];
-        keys[i] = (struct prediction_azimuth){fabs(atan2(view.y, view.x)), i};
+        const double off[] = {fabs(atan2(view.y, view.x)), fabs(atan2(view.x, view.y))};
+        keys[i] = (struct prediction_azimuth){fmin(off[0], off[1]), i};
     }
     qsort(keys, (gsize)m, sizeof *keys, prediction_by_azimuth);
     for (int i = 0; i < n; i++)

@@ -1,6 +1,8 @@
 /* From a session's frames to its products: whole, again, in part, while they come, and refused. */
 #include "base/data_error.h"
+#include "btf/btf.h"
 #include "lib/pipeline_fixture.h"
+#include "pipeline/catalogue.h"
 
 #include "eigenmaps/eigenmaps.h"
 
@@ -221,6 +223,65 @@ static void test_skipped(struct fixture *fixture, gconstpointer unused) {
     fixture_check_mdf(fixture);
 }
 
+/* Of a picture left out on purpose: predicted from all views, with error bars, and the same in the
+ * next run, which makes nothing. */
+static void check_left_out(const struct fixture *fixture, const char *name, int light) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = fixture_product(fixture, name);
+    g_autofree char *part_name = g_strdup_printf("light_%04d", light);
+    g_autoptr(ExrPart) part = exr_read_part(path, part_name, &error);
+    g_assert_no_error(error);
+    const float *const rgb[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
+                                 exr_part_plane(part, "B")};
+    const float *mark = exr_part_plane(part, "mark"), *sigma = exr_part_plane(part, "sigma");
+    double theta_deg = 0;
+    g_assert_true(exr_get_double(part, "light.theta_deg", &theta_deg, NULL));
+    g_assert_nonnull(mark);
+    g_assert_nonnull(sigma);
+    for (int i = 0; i < TEXELS * TEXELS; i++) {
+        g_assert_cmpfloat(mark[i], ==, BTF_FLAG_PREDICTED);
+        g_assert_cmpfloat(sigma[i], >, 0);
+        for (int c = 0; c < 3; c++) /* the exact θ of a texel differs by 2° at most */
+            g_assert_cmpfloat_with_epsilon((double)rgb[c][i], albedo[c] * cos(theta_deg * DEGREE),
+                                           0.05 * albedo[c]);
+    }
+}
+
+static void test_left_out(struct fixture *fixture, gconstpointer unused) {
+    fixture_capture(fixture, 0, 1, NULL);
+    fixture_capture(fixture, 2, fixture->n_shots, NULL);
+    g_assert_cmpint(fixture->shots[1].kind, ==, SHOT_LAMP);
+    g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
+    g_assert_true(session_commit_shot(session, fixture->shots[1].id, SHOT_SKIPPED, NULL, 0,
+                                      CATALOGUE_LEFT_OUT " it can be predicted", NULL));
+    g_clear_pointer(&session, session_close);
+    const struct pipeline_result result = fixture_process(fixture, 2, FALSE);
+    g_assert_cmpint(result.n_views, ==, 4); /* more than a tenth is missing, on purpose */
+    g_assert_cmpint(result.n_predicted, ==, N_CAMERAS);
+    g_assert_cmpint(result.n_left_out, ==, N_CAMERAS);
+    g_assert_cmpfloat(result.prediction_error, <, 0.05);
+    g_assert_cmpfloat(result.prediction_error, >, 0);
+    for (int view = 0, n = 0; view < N_VIEWS; view++) {
+        g_autofree char *name = g_strdup_printf("btf/view_%04d.exr", view);
+        g_autofree char *path = fixture_product(fixture, name);
+        g_autoptr(ExrFile) file = exr_read_headers(path, NULL);
+        for (guint k = 0; k < file->parts->len; k++) {
+            int left_out = 0;
+            exr_get_int(g_ptr_array_index(file->parts, k), "mesorig.left_out", &left_out, NULL);
+            n += left_out;
+            if (left_out)
+                check_left_out(fixture, name, (int)k);
+        }
+        g_assert_cmpint(n, <=, N_CAMERAS);
+    }
+    g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
+    g_autofree char *before = exr_sha256(path, NULL, NULL);
+    const struct pipeline_result again = fixture_process(fixture, 1, FALSE);
+    g_autofree char *after = exr_sha256(path, NULL, NULL);
+    g_assert_cmpstr(before, ==, after);
+    g_assert_cmpfloat(again.prediction_error, ==, result.prediction_error);
+}
+
 struct follower {
     struct fixture *fixture;
     int reports;
@@ -346,12 +407,12 @@ static void test_no_session(struct fixture *fixture, gconstpointer unused) {
 
 int main(int argc, char **argv) {
     static const struct pipeline_test tests[] = {
-        {"/pipeline/whole", test_whole},           {"/pipeline/threads", test_threads},
-        {"/pipeline/again", test_again},           {"/pipeline/retaken", test_retaken},
-        {"/pipeline/missing", test_missing},       {"/pipeline/skipped", test_skipped},
-        {"/pipeline/follow", test_follow},         {"/pipeline/cancel", test_cancel},
-        {"/pipeline/damaged", test_damaged},       {"/pipeline/mixed-up", test_mixed_up},
-        {"/pipeline/no-session", test_no_session},
+        {"/pipeline/whole", test_whole},       {"/pipeline/threads", test_threads},
+        {"/pipeline/again", test_again},       {"/pipeline/retaken", test_retaken},
+        {"/pipeline/missing", test_missing},   {"/pipeline/skipped", test_skipped},
+        {"/pipeline/left-out", test_left_out}, {"/pipeline/follow", test_follow},
+        {"/pipeline/cancel", test_cancel},     {"/pipeline/damaged", test_damaged},
+        {"/pipeline/mixed-up", test_mixed_up}, {"/pipeline/no-session", test_no_session},
     };
     return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
 }
