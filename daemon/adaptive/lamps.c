@@ -10,6 +10,9 @@
 #define RAD(deg)    ((deg) * (G_PI / 180))
 #define MOST_PROBES 256
 #define GROWTH      1.0 /* shots of a further round, of those before it, at most */
+#define CHAIN       4   /* shots of a chain */
+#define MOST_SINGLE                                                                                \
+    600 /* shots that are looked at, by themselves and as the beginning of a chain */
 
 struct Lamps {
     struct lamps_setup setup;
@@ -191,48 +194,99 @@ static int lamps_within_budget(const Lamps *lamps, const struct rounds *rounds, 
     return least;
 }
 
+/* What is chosen from: shots by themselves, and chains of those that follow each other quickly,
+ * since a shot alone costs more than one of several between which the axes move little. */
 struct lamps_candidates {
-    GArray *numbers;               /* of int: of shots, from 0 */
+    GArray *numbers;               /* of int: the shots that are left, from 0 */
+    int n;                         /* candidates */
     struct prediction_shot *shots; /* as many */
-    int *pairs;                    /* that they point to */
+    int (*chains)[CHAIN];          /* as many: indices of numbers; those behind the end: −1 */
+    int *pairs;                    /* that the shots point to */
+    int n_pairs;
 };
 
-static void lamps_clear_candidates(struct lamps_candidates *candidates) {
-    g_array_unref(candidates->numbers);
-    g_free(candidates->shots);
-    g_free(candidates->pairs);
+static void lamps_clear_candidates(struct lamps_candidates *c) {
+    g_array_unref(c->numbers);
+    g_free(c->shots);
+    g_free(c->chains);
+    g_free(c->pairs);
 }
 
-/* The shots that are still to be taken, if any. */
+/* Adds a chain, and the pairs that it shows. */
+static void lamps_add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
+                                int length, double price_s) {
+    struct prediction_shot *one = &c->shots[c->n];
+    *one = (struct prediction_shot){.pairs = c->pairs + c->n_pairs, .price_s = MAX(price_s, 1e-3)};
+    for (int k = 0; k < CHAIN; k++) {
+        c->chains[c->n][k] = k < length ? chain[k] : -1;
+        const int number = k < length ? g_array_index(c->numbers, int, chain[k]) : -1;
+        for (int camera = 0; number >= 0 && camera < lamps->setup.calibration->rig.n_cameras;
+             camera++) {
+            const int pair = lamps_pair(lamps, lamps->setup.shots->pdata[number], camera);
+            if (pair >= 0)
+                c->pairs[c->n_pairs++] = pair;
+        }
+    }
+    one->n_pairs = (int)(c->pairs + c->n_pairs - one->pairs);
+    c->n += one->n_pairs > 0;
+}
+
+/* Of more shots than MOST_SINGLE, every so many-th is looked at. */
 static struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
     const struct lamps_setup *setup = &lamps->setup;
-    const int n_cameras = setup->calibration->rig.n_cameras;
     struct lamps_candidates ret = {.numbers = g_array_new(FALSE, FALSE, sizeof(int))};
-    ret.shots = g_new0(struct prediction_shot, setup->shots->len + 1);
-    ret.pairs = g_new(int, (setup->shots->len + 1) * (guint)n_cameras);
-    int n_pairs = 0;
+    g_autoptr(GPtrArray) left = g_ptr_array_new();
     for (int i = 0; i < (int)setup->shots->len; i++) {
         const struct session_shot *shot = setup->shots->pdata[i];
-        struct prediction_shot *one = &ret.shots[ret.numbers->len];
         if (shot->kind != SHOT_LAMP || shot->state == SHOT_SKIPPED || lamps->done[i])
             continue;
-        *one = (struct prediction_shot){.pairs = ret.pairs + n_pairs,
-                                        .price_s = MAX(lamps->price_s[i], 1e-3)};
-        for (int c = 0; c < n_cameras; c++)
-            if (lamps_pair(lamps, shot, c) >= 0)
-                ret.pairs[n_pairs++] = lamps_pair(lamps, shot, c);
-        one->n_pairs = (int)(ret.pairs + n_pairs - one->pairs);
-        if (one->n_pairs > 0)
-            g_array_append_val(ret.numbers, i);
+        g_array_append_val(ret.numbers, i);
+        g_ptr_array_add(left, (gpointer)shot);
+    }
+    const int n = (int)left->len, starts = MIN(n, MOST_SINGLE);
+    ret.shots = g_new0(struct prediction_shot, 2 * starts + 1);
+    ret.chains = g_malloc_n((gsize)(2 * starts + 1), sizeof *ret.chains);
+    ret.pairs = g_new(int, (2 * starts + 1) * CHAIN * setup->calibration->rig.n_cameras);
+    for (int i = 0; i < starts; i++) {
+        int chain[CHAIN] = {(int)((gint64)i * n / starts)};
+        const double price_s = lamps->price_s[g_array_index(ret.numbers, int, chain[0])];
+        double more_s;
+        lamps_add_candidate(lamps, &ret, chain, 1, price_s);
+        const int length = plan_lamp_chain(setup->conf, setup->nominal, setup->timing,
+                                           (const struct session_shot *const *)left->pdata, n,
+                                           CHAIN, chain, &more_s);
+        if (length > 1)
+            lamps_add_candidate(lamps, &ret, chain, length, price_s + more_s);
     }
     return ret;
 }
 
-/* Sets the shots of a further round, and why there is none. */
+/* The shots of the chosen candidates, each once, until they are most or the error is low enough. */
+static int lamps_list_chosen(const struct lamps_candidates *left,
+                             const struct prediction_choice *choices, int n_choices, int most,
+                             double enough, int *ret_shots, double *ret_errors) {
+    g_autofree gboolean *in = g_new0(gboolean, left->numbers->len + 1);
+    int n = 0;
+    for (int i = 0; i < n_choices; i++) {
+        for (int k = 0; k < CHAIN && n < most; k++) {
+            const int at = left->chains[choices[i].shot][k];
+            if (at < 0 || in[at])
+                continue;
+            in[at] = TRUE;
+            ret_errors[n] = choices[i].error_after;
+            ret_shots[n++] = g_array_index(left->numbers, int, at);
+        }
+        if (n == most || choices[i].error_after <= enough)
+            break;
+    }
+    return n;
+}
+
+/* Sets the shots of a further round, or why there is none. */
 static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *rounds,
                                    const Prediction *prediction, struct lamps_choice *ret,
                                    GError **error) {
-    const struct session_conf *conf = lamps->setup.conf;
+    const double enough = lamps->setup.conf->light_error_pct / 100;
     const struct work work = {.cancellable = lamps->cancellable};
     struct lamps_candidates left = lamps_list_candidates(lamps);
     int n_done = 0, n = 0;
@@ -241,29 +295,19 @@ static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *roun
     const int most = MIN((int)left.numbers->len, MAX(1, (int)(GROWTH * n_done)));
     g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, most + 1);
     g_autofree int *chosen = g_new(int, most + 1);
-    if (left.numbers->len > 0 && ret->error_pct <= conf->light_error_pct) {
-        lamps_clear_candidates(&left);
-        ret->end = LAMPS_KNOWN;
-        return TRUE;
-    }
-    if (most > 0)
-        n = prediction_choose(prediction, left.shots, (int)left.numbers->len, NULL, most, choices,
-                              &work, error);
-    for (int i = 0; i < n; i++) {
-        chosen[i] = g_array_index(left.numbers, int, choices[i].shot);
-        if (100 * choices[i].error_after <= conf->light_error_pct)
-            n = i + 1;
+    g_autofree double *errors = g_new(double, most + 1);
+    ret->end = left.n == 0 ? LAMPS_ALL : ret->error_pct <= 100 * enough ? LAMPS_KNOWN : LAMPS_GO_ON;
+    if (ret->end == LAMPS_GO_ON)
+        n = prediction_choose(prediction, left.shots, left.n, NULL, most, choices, &work, error);
+    if (n > 0) {
+        n = lamps_list_chosen(&left, choices, n, most, enough, chosen, errors);
+        n = lamps_within_budget(lamps, rounds, chosen, n);
+        ret->end = n > 0 ? LAMPS_GO_ON : LAMPS_BUDGET;
+        ret->after_pct = n > 0 ? 100 * errors[n - 1] : ret->after_pct;
+        g_array_append_vals(ret->shots, chosen, (guint)n);
     }
     lamps_clear_candidates(&left);
-    if (n < 0)
-        return FALSE;
-    ret->end = n == 0 ? LAMPS_ALL : LAMPS_GO_ON;
-    if (n > 0 && (n = lamps_within_budget(lamps, rounds, chosen, n)) == 0)
-        ret->end = LAMPS_BUDGET;
-    g_array_append_vals(ret->shots, chosen, (guint)n);
-    if (n > 0)
-        ret->after_pct = 100 * choices[n - 1].error_after;
-    return TRUE;
+    return n >= 0;
 }
 
 gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
