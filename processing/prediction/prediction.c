@@ -10,7 +10,7 @@
 #include "prediction_private.h"
 
 #define COVERED 0.95 /* of values left out lie within 2 σ */
-#define FILL    64   /* rows that are predicted at once */
+#define FILL    16   /* texels that are predicted at once */
 
 /* What no particular material has: chosen on the weave. */
 static const double prediction_prior[PREDICTION_CONSTANTS] = {1,   0.5, 1,   2,   0.3, 0.4,
@@ -21,6 +21,9 @@ void prediction_free(Prediction *prediction) {
         return;
     g_free(prediction->views);
     g_free(prediction->lights);
+    g_free(prediction->views_mm);
+    g_free(prediction->lights_mm);
+    g_free(prediction->squares);
     g_free(prediction->groups);
     g_free(prediction->measured);
     g_free(prediction->missing);
@@ -38,13 +41,19 @@ static Prediction *prediction_of(const struct prediction_pairs *pairs) {
     prediction->n_pairs = n;
     prediction->views = g_memdup2(pairs->views, sizeof(struct vec3) * (gsize)pairs->n_views);
     prediction->lights = g_memdup2(pairs->lights, sizeof(struct vec3) * (gsize)pairs->n_lights);
+    prediction->views_mm = g_memdup2(pairs->views_mm, sizeof(struct vec3) * (gsize)pairs->n_views);
+    prediction->lights_mm =
+        g_memdup2(pairs->lights_mm, sizeof(struct vec3) * (gsize)pairs->n_lights);
+    prediction->squares = g_new(double, MAX(n, 1));
     prediction->groups = g_new(int, n);
     for (int p = 0; p < n; p++)
         prediction->groups[p] = pairs->groups ? pairs->groups[p] : p;
+    for (int p = 0; p < n; p++)
+        prediction->squares[p] = 1;
     prediction->measured = g_new(int, n);
     prediction->missing = g_new(int, n);
     memcpy(prediction->constants, prediction_prior, sizeof prediction_prior);
-    prediction->scale = prediction->excess_rms = prediction->excess_95 = 1;
+    prediction->excess_rms = prediction->excess_95 = 1;
     prediction->left_out_error = prediction->left_out_share = NAN;
     return prediction;
 }
@@ -62,23 +71,59 @@ static void prediction_set_measured(Prediction *prediction, const float *probes,
             prediction->missing[prediction->n_missing++] = (int)p;
 }
 
-/* Values of measured pairs in rows that have all of them. */
-static double *prediction_rows(const Prediction *prediction, const float *probes, int n_rows,
-                               int *ret_n) {
-    const gsize m = (gsize)prediction->n_measured;
-    double *rows = g_new(double, MAX((gsize)n_rows * m, 1));
-    *ret_n = 0;
-    for (int r = 0; r < n_rows; r++) {
-        const float *from = probes + (gsize)r * (gsize)prediction->n_pairs;
-        double *to = rows + (gsize)*ret_n * m;
-        gboolean whole = TRUE;
-        for (gsize i = 0; i < m; i++) {
-            to[i] = (double)from[prediction->measured[i]];
-            whole = whole && isfinite(to[i]);
-        }
-        *ret_n += whole;
+void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
+                           struct vec3 *ret_view, struct vec3 *ret_light) {
+    const int v = pair / prediction->n_lights, l = pair % prediction->n_lights;
+    *ret_view = prediction->views_mm ? vec3_unit(vec3_sub(prediction->views_mm[v], at_mm))
+                                     : prediction->views[v];
+    *ret_light = prediction->lights_mm ? vec3_unit(vec3_sub(prediction->lights_mm[l], at_mm))
+                                       : prediction->lights[l];
+}
+
+/* g of all pairs at a place: n_pairs × 3. */
+static void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret) {
+    for (int p = 0; p < prediction->n_pairs; p++) {
+        struct vec3 v, l;
+        prediction_directions(prediction, at_mm, p, &v, &l);
+        prediction_mean(prediction->mean, v, l, ret + 3 * (gsize)p);
     }
-    return rows;
+}
+
+/* Rows of probes that have all measured pairs. */
+struct prediction_rows {
+    int n;
+    double *z, *g; /* n × n_measured: ratios ρ / g, and g */
+    int *probes;   /* n: 3 × probe + colour */
+};
+
+static void prediction_rows_clear(struct prediction_rows *rows) {
+    g_free(rows->z);
+    g_free(rows->g);
+    g_free(rows->probes);
+}
+
+static void prediction_rows_take(const Prediction *prediction, const float *probes,
+                                 const struct vec3 *at_mm, int n_probes,
+                                 struct prediction_rows *ret) {
+    const gsize m = (gsize)prediction->n_measured, most = 3 * (gsize)n_probes;
+    g_autofree double *means = g_new(double, 3 * (gsize)prediction->n_pairs);
+    *ret = (struct prediction_rows){0, g_new(double, most *m), g_new(double, most *m),
+                                    g_new(int, most)};
+    for (int row = 0; row < (int)most; row++) {
+        const float *from = probes + (gsize)row * (gsize)prediction->n_pairs;
+        double *z = ret->z + (gsize)ret->n * m, *g = ret->g + (gsize)ret->n * m;
+        gboolean whole = TRUE;
+        if (row % 3 == 0)
+            prediction_means(prediction, at_mm[row / 3], means);
+        for (gsize i = 0; i < m; i++) {
+            const int pair = prediction->measured[i];
+            g[i] = means[3 * pair + row % 3];
+            z[i] = (double)from[pair] / g[i];
+            whole = whole && isfinite(z[i]);
+        }
+        ret->probes[ret->n] = row;
+        ret->n += whole;
+    }
 }
 
 static gboolean prediction_factorise(Prediction *prediction, GError **error) {
@@ -132,31 +177,30 @@ static void prediction_scales(const Prediction *prediction, double *rows, int n,
     }
 }
 
-/* Squares of errors of cross-validation in units of their variances, and what they tell. */
-static void prediction_validate(Prediction *prediction, const double *rows, int n) {
-    const gsize m = (gsize)prediction->n_measured, all = (gsize)n * m;
+/* Squared errors of cross-validation in units of their variances, and what they tell. scales: s² of
+ * each row. */
+static void prediction_validate(Prediction *prediction, const struct prediction_rows *rows,
+                                const double *scales) {
+    const gsize m = (gsize)prediction->n_measured, n = (gsize)rows->n, all = n * m;
     g_autofree double *inverse = g_memdup2(prediction->factor, sizeof(double) * m * m);
     g_autofree double *errors = g_new(double, all), *variances = g_new(double, m);
-    g_autofree double *solved = g_memdup2(rows, sizeof(double) * all), *scales = g_new(double, n);
     LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', (int)m, inverse, (int)m);
     for (gsize i = 0; i < m; i++)
         for (gsize j = 0; j < i; j++)
             inverse[i * m + j] = inverse[j * m + i];
-    prediction_left_out(prediction, prediction->measured, (int)m, inverse, rows, n, errors,
+    prediction_left_out(prediction, prediction->measured, (int)m, inverse, rows->z, (int)n, errors,
                         variances);
-    prediction_scales(prediction, solved, n, scales);
     double squares = 0, expected = 0, energy = 0;
-    prediction->scale = 0;
-    for (gsize r = 0; r < (gsize)n; r++) {
-        prediction->scale += scales[r] / n;
+    for (gsize r = 0; r < n; r++)
         for (gsize i = 0; i < m; i++) {
-            const double e = errors[r * m + i], variance = scales[r] * variances[i];
-            squares += e * e;
-            expected += variance;
-            energy += rows[r * m + i] * rows[r * m + i];
-            errors[r * m + i] = variance > 0 ? e * e / variance : 0;
+            const gsize k = r * m + i;
+            const double g2 = rows->g[k] * rows->g[k], e2 = errors[k] * errors[k];
+            const double variance = scales[r] * variances[i];
+            squares += g2 * e2;
+            expected += g2 * variance;
+            energy += g2 * rows->z[k] * rows->z[k];
+            errors[k] = variance > 0 ? e2 / variance : 0;
         }
-    }
     prediction->excess_rms = expected > 0 ? squares / expected : 1;
     prediction->left_out_error = energy > 0 ? sqrt(squares / energy) : 0;
     qsort(errors, all, sizeof *errors, robust_by_value);
@@ -167,59 +211,90 @@ static void prediction_validate(Prediction *prediction, const double *rows, int 
     prediction->left_out_share = (double)within / (double)all;
 }
 
-/* Mean over rows of Σ ρ² of measured and of predicted pairs. */
-static double prediction_energy(const Prediction *prediction, const double *rows, int n) {
+/* Means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured and predicted. */
+static void prediction_sum_up(Prediction *prediction, const struct prediction_rows *rows,
+                              const struct vec3 *at_mm, const double *scales) {
     const int m = prediction->n_measured, u = prediction->n_missing;
-    g_autofree float *known = g_new(float, (gsize)n *(gsize)m);
-    g_autofree float *filled = g_new(float, MAX((gsize)n * (gsize)u, 1));
-    double sum = 0;
-    for (gsize i = 0; i < (gsize)n * (gsize)m; i++) {
-        known[i] = (float)rows[i];
-        sum += rows[i] * rows[i];
+    g_autofree double *means = g_new(double, 3 * (gsize)prediction->n_pairs);
+    g_autofree float *known = g_new(float, m), *filled = g_new(float, MAX(u, 1));
+    memset(prediction->squares, 0, sizeof(double) * (gsize)prediction->n_pairs);
+    prediction->energy = 0;
+    for (int r = 0; r < rows->n; r++) {
+        const double *z = rows->z + (gsize)r * (gsize)m, *g = rows->g + (gsize)r * (gsize)m;
+        const int colour = rows->probes[r] % 3;
+        double sum = 0;
+        if (r == 0 || rows->probes[r] / 3 != rows->probes[r - 1] / 3)
+            prediction_means(prediction, at_mm[rows->probes[r] / 3], means);
+        for (int i = 0; i < m; i++) {
+            known[i] = (float)z[i];
+            sum += z[i] * z[i] * g[i] * g[i];
+        }
+        if (u > 0)
+            cblas_sgemv(CblasRowMajor, CblasNoTrans, u, m, 1, prediction->weights, m, known, 1, 0,
+                        filled, 1);
+        for (int k = 0; k < u; k++) {
+            const double value =
+                (double)filled[k] * means[3 * (gsize)prediction->missing[k] + (gsize)colour];
+            sum += value * value;
+        }
+        for (gsize p = 0; p < (gsize)prediction->n_pairs; p++) {
+            const double mean = means[3 * p + (gsize)colour];
+            prediction->squares[p] += mean * mean * scales[r] / rows->n;
+        }
+        prediction->energy += sum / rows->n;
     }
-    if (u > 0)
-        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, u, m, 1, known, m,
-                    prediction->weights, m, 0, filled, u);
-    for (gsize i = 0; i < (gsize)n * (gsize)u; i++)
-        sum += (double)filled[i] * (double)filled[i];
-    return sum / n;
 }
 
-static gboolean prediction_learn(Prediction *prediction, const float *probes, int n_rows,
-                                 const struct work *work, GError **error) {
-    int n;
-    g_autofree double *rows = prediction_rows(prediction, probes, n_rows, &n);
+static gboolean prediction_learn_rows(Prediction *prediction, const struct prediction_rows *rows,
+                                      const struct vec3 *at_mm, const struct work *work,
+                                      GError **error) {
+    if (!prediction_fit(prediction, rows->z, rows->g, rows->n, work, error) ||
+        !prediction_factorise(prediction, error))
+        return FALSE;
+    prediction_weigh(prediction);
+    const gsize n = (gsize)rows->n, m = (gsize)prediction->n_measured;
+    g_autofree double *solved = g_memdup2(rows->z, sizeof(double) * n * m);
+    g_autofree double *scales = g_new(double, n);
+    prediction_scales(prediction, solved, (int)n, scales);
+    prediction_validate(prediction, rows, scales);
+    prediction_sum_up(prediction, rows, at_mm, scales);
+    return TRUE;
+}
+
+static gboolean prediction_learn(Prediction *prediction, const float *probes,
+                                 const struct vec3 *at_mm, int n_probes, const struct work *work,
+                                 GError **error) {
     if (prediction->n_measured > PREDICTION_MOST_MEASURED) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%d pairs of directions are measured; prediction works with %d at most",
                     prediction->n_measured, PREDICTION_MOST_MEASURED);
         return FALSE;
     }
-    if (n == 0) {
+    g_autofree struct vec3 *middle = at_mm ? NULL : g_new0(struct vec3, n_probes);
+    struct prediction_rows rows;
+    at_mm = at_mm ? at_mm : middle;
+    prediction_mean_fit(prediction, probes, at_mm, n_probes);
+    prediction_rows_take(prediction, probes, at_mm, n_probes, &rows);
+    const gboolean ok = rows.n > 0 && prediction_learn_rows(prediction, &rows, at_mm, work, error);
+    if (rows.n == 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "none of %d rows of probes has a value for each of %d measured pairs of "
                     "directions",
-                    n_rows, prediction->n_measured);
-        return FALSE;
-    }
-    if (!prediction_fit(prediction, rows, n, work, error) ||
-        !prediction_factorise(prediction, error))
-        return FALSE;
-    prediction_weigh(prediction);
-    prediction_validate(prediction, rows, n);
-    prediction->energy = prediction_energy(prediction, rows, n);
-    return TRUE;
+                    3 * n_probes, prediction->n_measured);
+    prediction_rows_clear(&rows);
+    return ok;
 }
 
-Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes, int n_probes,
-                           const struct work *work, GError **error) {
+Prediction *prediction_new(const struct prediction_pairs *pairs, const float *probes,
+                           const struct vec3 *at_mm, int n_probes, const struct work *work,
+                           GError **error) {
     g_autoptr(Prediction) prediction = prediction_of(pairs);
     prediction_set_measured(prediction, probes, 3 * (gsize)n_probes);
     /* Sums of several threads of OpenBLAS depend on their number. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     const gboolean ok = prediction->n_measured == 0 ||
-                        prediction_learn(prediction, probes, 3 * n_probes, work, error);
+                        prediction_learn(prediction, probes, at_mm, n_probes, work, error);
     openblas_set_num_threads(threads);
     if (prediction->n_measured == 0)
         prediction->energy = prediction->n_pairs * (prediction_prior_variance(prediction, 0) -
@@ -247,41 +322,52 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     return low < prediction->n_measured && prediction->measured[low] == pair;
 }
 
-/* At most FILL rows. */
-static void prediction_fill_rows(const Prediction *prediction, float *values, int n,
-                                 float *ret_sigma) {
+/* At most FILL rows: 3 a texel. */
+static void prediction_fill_rows(const Prediction *prediction, float *values, const double *means,
+                                 int n, float *ret_sigma) {
     const int m = prediction->n_measured, u = prediction->n_missing;
     const gsize all = (gsize)prediction->n_pairs;
     g_autofree float *known = g_new(float, (gsize)n *(gsize)m);
     g_autofree float *filled = g_new(float, MAX((gsize)n * (gsize)u, 1));
-    g_autofree double *rows = g_new(double, (gsize)n *(gsize)m), *scales = g_new(double, n);
+    g_autofree double *z = g_new(double, (gsize)n *(gsize)m), *scales = g_new(double, n);
     for (gsize r = 0; r < (gsize)n; r++)
-        for (gsize i = 0; i < (gsize)m; i++)
-            rows[r * (gsize)m + i] = (double)(known[r * (gsize)m + i] =
-                                                  values[r * all + (gsize)prediction->measured[i]]);
+        for (gsize i = 0; i < (gsize)m; i++) {
+            const gsize pair = (gsize)prediction->measured[i];
+            z[r * (gsize)m + i] =
+                (double)values[r * all + pair] / means[(r / 3 * all + pair) * 3 + r % 3];
+            known[r * (gsize)m + i] = (float)z[r * (gsize)m + i];
+        }
     if (u > 0)
         cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, u, m, 1, known, m,
                     prediction->weights, m, 0, filled, u);
+    if (ret_sigma)
+        prediction_scales(prediction, z, n, scales);
     for (gsize r = 0; r < (gsize)n; r++)
         for (gsize k = 0; k < (gsize)u; k++) {
-            const float value = filled[r * (gsize)u + k];
-            values[r * all + (gsize)prediction->missing[k]] = value < 0 ? 0 : value;
+            const gsize pair = (gsize)prediction->missing[k];
+            const double g = means[(r / 3 * all + pair) * 3 + r % 3];
+            const double value = g * (double)filled[r * (gsize)u + k];
+            values[r * all + pair] = (float)(value < 0 ? 0 : value);
+            if (ret_sigma)
+                ret_sigma[r * all + pair] =
+                    (float)(g * sqrt(prediction->excess_95 * scales[r] * prediction->variance[k]));
         }
-    if (!ret_sigma)
-        return;
-    memset(ret_sigma, 0, sizeof(float) * (gsize)n * all);
-    prediction_scales(prediction, rows, n, scales);
-    for (gsize r = 0; r < (gsize)n; r++)
-        for (gsize k = 0; k < (gsize)u; k++)
-            ret_sigma[r * all + (gsize)prediction->missing[k]] =
-                (float)sqrt(prediction->excess_95 * scales[r] * prediction->variance[k]);
 }
 
-void prediction_fill(const Prediction *prediction, float *values, int n, float *ret_sigma) {
+void prediction_fill(const Prediction *prediction, float *values, const struct vec3 *at_mm, int n,
+                     float *ret_sigma) {
     const gsize all = (gsize)prediction->n_pairs;
-    for (int r = 0; prediction->n_measured > 0 && r < n; r += FILL)
-        prediction_fill_rows(prediction, values + (gsize)r * all, MIN(FILL, n - r),
-                             ret_sigma ? ret_sigma + (gsize)r * all : NULL);
+    g_autofree double *means = g_new(double, 3 * (gsize)FILL * all);
+    if (ret_sigma)
+        memset(ret_sigma, 0, sizeof(float) * 3 * (gsize)n * all);
+    for (int t = 0; prediction->n_measured > 0 && t < n; t += FILL) {
+        const int texels = MIN(FILL, n - t);
+        for (int i = 0; i < texels; i++)
+            prediction_means(prediction, at_mm ? at_mm[t + i] : vec3(0, 0, 0),
+                             means + 3 * (gsize)i * all);
+        prediction_fill_rows(prediction, values + 3 * (gsize)t * all, means, 3 * texels,
+                             ret_sigma ? ret_sigma + 3 * (gsize)t * all : NULL);
+    }
 }
 
 double prediction_error(const Prediction *prediction) {
@@ -289,8 +375,8 @@ double prediction_error(const Prediction *prediction) {
     if (prediction->n_measured == 0)
         return 1;
     for (int u = 0; u < prediction->n_missing; u++)
-        sum += prediction->variance[u];
-    return sqrt(prediction->excess_rms * prediction->scale * sum / prediction->energy);
+        sum += prediction->squares[prediction->missing[u]] * prediction->variance[u];
+    return sqrt(prediction->excess_rms * sum / prediction->energy);
 }
 
 double prediction_left_out_error(const Prediction *prediction) {

@@ -23,8 +23,8 @@ struct choice {
     int *place;             /* of each pair of the material in pairs, or −1 */
     int n_factors, room;
     double *factors; /* F: n_pairs × room, rows one after another */
-    double *c;       /* n_pairs × n_targets, rows one after another */
-    double *left;    /* n_targets: conditional variances */
+    double *c;       /* n_pairs × n_targets, rows one after another; times g s of the target */
+    double *left;    /* n_targets: conditional variances of ρ */
     double to_all;   /* of the sum over targets to that over all missing pairs */
 };
 
@@ -91,12 +91,17 @@ static void choice_condition(struct choice *choice) {
     }
     choice->n_factors = m;
     for (gsize i = 0; i < (gsize)t; i++)
-        choice->left[i] = choice->c[i * (gsize)t + i];
+        choice->left[i] = choice->c[i * (gsize)t + i] * prediction->squares[choice->pairs[i]];
+    for (gsize i = 0; i < (gsize)n; i++)
+        for (gsize j = 0; j < (gsize)t; j++)
+            choice->c[i * (gsize)t + j] *= sqrt(prediction->squares[choice->pairs[j]]);
     const double sum = cblas_dasum(t, choice->left, 1);
     double all = 0;
     for (int u = 0; u < prediction->n_missing; u++)
-        all += prediction->variance ? prediction->variance[u]
-                                    : prediction_prior_variance(prediction, prediction->missing[u]);
+        all +=
+            prediction->squares[prediction->missing[u]] *
+            (prediction->variance ? prediction->variance[u]
+                                  : prediction_prior_variance(prediction, prediction->missing[u]));
     choice->to_all = sum > 0 ? all / sum : 1;
 }
 
@@ -201,8 +206,7 @@ static double choice_error(const struct choice *choice) {
     double sum = 0;
     for (int k = 0; k < choice->n_targets; k++)
         sum += fmax(choice->left[k], 0);
-    return sqrt(prediction->excess_rms * prediction->scale * choice->to_all * sum /
-                prediction->energy);
+    return sqrt(prediction->excess_rms * choice->to_all * sum / prediction->energy);
 }
 
 struct choice_gains {
@@ -286,7 +290,7 @@ int prediction_choose(const Prediction *prediction, const struct prediction_shot
 
 int prediction_start(const struct prediction_pairs *pairs, const struct prediction_shot *shots,
                      int n_shots, int n, int *ret, const struct work *work, GError **error) {
-    g_autoptr(Prediction) prediction = prediction_new(pairs, NULL, 0, work, error);
+    g_autoptr(Prediction) prediction = prediction_new(pairs, NULL, NULL, 0, work, error);
     g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, MAX(n, 1));
     const int chosen =
         prediction ? prediction_choose(prediction, shots, n_shots, NULL, n, choices, work, error)

@@ -191,7 +191,7 @@ void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
 
 /* Sum of squared errors of cross-validation; INFINITY for constants that do not work. */
 static double prediction_fit_error(const Prediction *prediction, const int *pairs, int m,
-                                   const double *rows, int n_rows) {
+                                   const double *rows, const double *g, int n_rows) {
     g_autofree double *k = g_new(double, (gsize)m *(gsize)m);
     g_autofree double *errors = g_new(double, (gsize)n_rows *(gsize)m), *v = g_new(double, m);
     prediction_covariance(prediction, pairs, m, pairs, m, k);
@@ -206,7 +206,7 @@ static double prediction_fit_error(const Prediction *prediction, const int *pair
     prediction_left_out(prediction, pairs, m, k, rows, n_rows, errors, v);
     double sum = 0;
     for (gsize i = 0; i < (gsize)n_rows * (gsize)m; i++)
-        sum += errors[i] * errors[i];
+        sum += errors[i] * errors[i] * g[i] * g[i];
     return sum;
 }
 
@@ -238,7 +238,7 @@ static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
     return indices;
 }
 
-gboolean prediction_fit(Prediction *prediction, const double *rows, int n_rows,
+gboolean prediction_fit(Prediction *prediction, const double *rows, const double *g, int n_rows,
                         const struct work *work, GError **error) {
     static const double least[] = {1e-3, 1e-4, 0.1, 0.1, 1e-4, 0.05, 0.05, 1e-4, 0.02, 0.1, 1e-5};
     static const double most[] = {100, 100, 10, 20, 100, 3, 5, 100, 3, 20, 0.3};
@@ -247,15 +247,18 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, int n_rows,
     const int n = MIN(n_rows, FIT_ROWS);
     g_autofree int *indices = prediction_fit_pairs(prediction, &m), *pairs = g_new(int, m);
     g_autofree double *values = g_new(double, (gsize)n *(gsize)m);
+    g_autofree double *means = g_new(double, (gsize)n *(gsize)m);
     for (int i = 0; i < m; i++)
         pairs[i] = prediction->measured[indices[i]];
     for (int r = 0; r < n; r++)
-        for (int i = 0; i < m; i++)
-            values[(gsize)r * (gsize)m + (gsize)i] =
-                rows[(gsize)(r * (gint64)n_rows / n) * (gsize)prediction->n_measured +
-                     (gsize)indices[i]];
+        for (int i = 0; i < m; i++) {
+            const gsize from =
+                (gsize)(r * (gint64)n_rows / n) * (gsize)prediction->n_measured + (gsize)indices[i];
+            values[(gsize)r * (gsize)m + (gsize)i] = rows[from];
+            means[(gsize)r * (gsize)m + (gsize)i] = g[from];
+        }
     double *c = prediction->constants, step = FIT_STEP;
-    double best = prediction_fit_error(prediction, pairs, m, values, n);
+    double best = prediction_fit_error(prediction, pairs, m, values, means, n);
     const gint64 begun_us = g_get_monotonic_time();
     for (int sweep = 0; sweep < FIT_SWEEPS; sweep++, step = sqrt(step))
         for (int i = 0; i < PREDICTION_CONSTANTS; i++) {
@@ -266,7 +269,7 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, int n_rows,
             double at = before;
             for (int side = 0; side < 2 && at == before; side++) {
                 c[i] = CLAMP(side ? before / step : before * step, least[i], most[i]);
-                const double now = prediction_fit_error(prediction, pairs, m, values, n);
+                const double now = prediction_fit_error(prediction, pairs, m, values, means, n);
                 if (now < best) {
                     best = now;
                     at = c[i];

@@ -14,7 +14,7 @@
 
 static struct vec3 views[VIEWS], lights[LIGHTS];
 static int groups[PAIRS];
-static struct prediction_pairs pairs = {VIEWS, LIGHTS, views, lights, groups};
+static struct prediction_pairs pairs = {VIEWS, LIGHTS, views, lights, .groups = groups};
 
 static struct vec3 towards(double theta_deg, double phi_deg) {
     const double t = theta_deg * G_PI / 180, p = phi_deg * G_PI / 180;
@@ -57,7 +57,7 @@ static float *make_rows(int n, double share) {
 static Prediction *predict(double share) {
     g_autoptr(GError) error = NULL;
     g_autofree float *probes = make_rows(3 * PROBES, share);
-    Prediction *prediction = prediction_new(&pairs, probes, PROBES, NULL, &error);
+    Prediction *prediction = prediction_new(&pairs, probes, NULL, PROBES, NULL, &error);
     g_assert_no_error(error);
     return prediction;
 }
@@ -70,7 +70,7 @@ static void test_missing_pairs(void) {
     g_autofree float *rows = make_rows(3 * PROBES + n, 0.5);
     g_autofree float *sigma = g_new(float, n *PAIRS);
     float *filled = rows + 3 * PROBES * PAIRS;
-    prediction_fill(prediction, filled, n, sigma);
+    prediction_fill(prediction, filled, NULL, n / 3, sigma);
     double squares = 0, energy = 0;
     int within = 0, missing = 0;
     for (int r = 0; r < n; r++)
@@ -101,13 +101,13 @@ static void test_missing_pairs(void) {
 /* Scaling all values scales predictions and error bars. */
 static void test_scale(void) {
     g_autoptr(Prediction) prediction = predict(0.25);
-    g_autofree float *one = make_rows(1, 0.25), *two = make_rows(1, 0.25);
-    float sigma_one[PAIRS], sigma_two[PAIRS];
-    for (int p = 0; p < PAIRS; p++)
+    g_autofree float *one = make_rows(3, 0.25), *two = make_rows(3, 0.25);
+    float sigma_one[3 * PAIRS], sigma_two[3 * PAIRS];
+    for (int p = 0; p < 3 * PAIRS; p++)
         two[p] *= 4;
-    prediction_fill(prediction, one, 1, sigma_one);
-    prediction_fill(prediction, two, 1, sigma_two);
-    for (int p = 0; p < PAIRS; p++) {
+    prediction_fill(prediction, one, NULL, 1, sigma_one);
+    prediction_fill(prediction, two, NULL, 1, sigma_two);
+    for (int p = 0; p < 3 * PAIRS; p++) {
         g_assert_cmpfloat_with_epsilon(two[p], 4 * one[p], 1e-5);
         g_assert_cmpfloat_with_epsilon(sigma_two[p], 4 * sigma_one[p], 1e-5);
     }
@@ -210,12 +210,12 @@ static void test_refused(void) {
             p++;
         probes[r * PAIRS + p] = NAN;
     }
-    g_assert_null(prediction_new(&pairs, probes, 1, NULL, &error));
+    g_assert_null(prediction_new(&pairs, probes, NULL, 1, NULL, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_clear_error(&error);
     for (int p = 0; p < 3 * PAIRS; p++)
         probes[p] = NAN;
-    g_autoptr(Prediction) none = prediction_new(&pairs, probes, 1, NULL, &error);
+    g_autoptr(Prediction) none = prediction_new(&pairs, probes, NULL, 1, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpint(prediction_n_measured(none), ==, 0);
     g_assert_cmpfloat(prediction_error(none), ==, 1);

@@ -1,0 +1,174 @@
+/* The mean material g of prediction.h, fitted to the probes. */
+#include <cminpack.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "prediction_private.h"
+
+#define LOBES     PREDICTION_LOBES
+#define CELLS     3   /* probes are gathered into CELLS² parts of the sample */
+#define FIT_PAIRS 400 /* measured pairs that are used */
+#define STARTS    3   /* widths of lobes to begin with */
+#define LEAST_COS 0.05
+#define LEAST_RMS 1e-4 /* of ρ: what is darker counts as this */
+#define TOLERANCE 1e-6
+
+/* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
+ * 1), p, q, m_x, m_y. */
+enum { DIFFUSE = 5, LOBE = 9 };
+
+static double prediction_mean_lobe(const double *x, double hx, double hy, double cos_v,
+                                   double cos_l) {
+    const double gamma = 1 + exp(fmin(x[4], 20));
+    const double dx = hx - x[7], dy = hy - x[8];
+    const double a = exp(fmin(x[1], 10)) * dx + x[2] * dy, b = exp(fmin(x[3], 10)) * dy;
+    return exp(x[0] - gamma * log1p((a * a + b * b) / gamma)) * pow(cos_v, -x[5]) *
+           pow(cos_l, -x[6]);
+}
+
+void prediction_mean(const double *x, struct vec3 v, struct vec3 l, double ret[3]) {
+    const double cos_v = fmax(v.z, LEAST_COS), cos_l = fmax(l.z, LEAST_COS);
+    const struct vec3 h = vec3_add(v, l);
+    const double hz = fmax(h.z, 2 * LEAST_COS);
+    const double shade = cos_l * exp(x[3] * (1 - cos_v) + x[4] * (1 - cos_l));
+    double gloss = 0;
+    for (int k = 0; k < LOBES; k++)
+        gloss += prediction_mean_lobe(x + DIFFUSE + LOBE * k, h.x / hz, h.y / hz, cos_v, cos_l);
+    for (int c = 0; c < 3; c++)
+        ret[c] = fmax(exp(x[c]) * shade + gloss, LEAST_RMS);
+}
+
+struct prediction_mean_fit {
+    int n;              /* pairs and parts of the sample */
+    struct vec3 *v, *l; /* n */
+    double *logarithms; /* n × 3, of the root mean squares */
+};
+
+static int prediction_mean_residuals(void *data, int n, int n_parameters, const double *x,
+                                     double *ret, int flag) {
+    const struct prediction_mean_fit *fit = data;
+    (void)n_parameters;
+    for (int i = 0; 3 * i < n; i++) {
+        double g[3];
+        prediction_mean(x, fit->v[i], fit->l[i], g);
+        for (int c = 0; c < 3; c++) {
+            const double off = log(g[c]) - fit->logarithms[3 * i + c];
+            ret[3 * i + c] = isfinite(off) ? CLAMP(off, -50, 50) : 50;
+        }
+    }
+    return flag < 0 ? flag : 0;
+}
+
+/* The cell of each probe: the ranks of its x and y among all, in CELLS parts each, would need a
+ * sort; the box of all probes is divided instead. */
+static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int i = 0; i < n; i++) {
+        const double at[2] = {at_mm[i].x, at_mm[i].y};
+        for (int k = 0; k < 2; k++) {
+            low[k] = fmin(low[k], at[k]);
+            high[k] = fmax(high[k], at[k]);
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        const double at[2] = {at_mm[i].x, at_mm[i].y};
+        int cell[2];
+        for (int k = 0; k < 2; k++)
+            cell[k] =
+                CLAMP((int)(CELLS * (at[k] - low[k]) / fmax(high[k] - low[k], 1e-9)), 0, CELLS - 1);
+        ret[i] = cell[1] * CELLS + cell[0];
+    }
+}
+
+/* Root mean squares of each cell, measured pair and colour, at the mean place of the cell. */
+static void prediction_mean_gather(const Prediction *prediction, const float *probes,
+                                   const struct vec3 *at_mm, int n_probes,
+                                   struct prediction_mean_fit *ret) {
+    const int n_pairs = MIN(prediction->n_measured, FIT_PAIRS);
+    const gsize all = (gsize)prediction->n_pairs;
+    g_autofree int *cells = g_new(int, n_probes);
+    ret->v = g_new(struct vec3, CELLS * CELLS * n_pairs);
+    ret->l = g_new(struct vec3, CELLS * CELLS * n_pairs);
+    ret->logarithms = g_new(double, 3 * CELLS * CELLS * n_pairs);
+    prediction_mean_cells(at_mm, n_probes, cells);
+    for (int cell = 0; cell < CELLS * CELLS; cell++) {
+        struct vec3 centre = {0};
+        int members = 0;
+        for (int i = 0; i < n_probes; i++)
+            if (cells[i] == cell) {
+                centre = vec3_add(centre, at_mm[i]);
+                members++;
+            }
+        centre = vec3_scale(centre, 1.0 / MAX(members, 1));
+        for (int k = 0; k < n_pairs && members > 0; k++) {
+            const int pair = prediction->measured[(gint64)k * prediction->n_measured / n_pairs];
+            double squares[3] = {0};
+            int known[3] = {0};
+            for (int i = 0; i < n_probes; i++)
+                for (int c = 0; cells[i] == cell && c < 3; c++) {
+                    const double value =
+                        (double)probes[(3 * (gsize)i + (gsize)c) * all + (gsize)pair];
+                    known[c] += isfinite(value) != 0;
+                    squares[c] += isfinite(value) ? value * value : 0;
+                }
+            if (known[0] < 1 || known[1] < 1 || known[2] < 1)
+                continue;
+            prediction_directions(prediction, centre, pair, &ret->v[ret->n], &ret->l[ret->n]);
+            for (int c = 0; c < 3; c++)
+                ret->logarithms[3 * ret->n + c] = log(fmax(sqrt(squares[c] / known[c]), LEAST_RMS));
+            ret->n++;
+        }
+    }
+}
+
+/* Diffuse as the median is, one lobe along and one across, of slopes about 1 / width. */
+static void prediction_mean_begin(const struct prediction_mean_fit *fit, double width, double *x) {
+    g_autofree double *values = g_new(double, fit->n);
+    memset(x, 0, sizeof(double) * PREDICTION_MEAN);
+    double top = -INFINITY;
+    for (int c = 0; c < 3; c++) {
+        for (int i = 0; i < fit->n; i++) {
+            values[i] = fit->logarithms[3 * i + c] - log(fmax(fit->l[i].z, LEAST_COS));
+            top = fmax(top, fit->logarithms[3 * i + c]);
+        }
+        x[c] = robust_median(values, fit->n);
+    }
+    for (int k = 0; k < LOBES; k++) {
+        double *lobe = x + DIFFUSE + LOBE * k;
+        lobe[0] = top + log(0.5);
+        lobe[1] = log(width * (k == 0 ? 1.3 : 0.6));
+        lobe[3] = log(width * (k == 0 ? 0.7 : 1.3));
+        lobe[4] = 2;
+        lobe[5] = 0.5;
+    }
+}
+
+/* A diffuser where there are too few values to tell lobes. */
+void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
+                         int n_probes) {
+    static const double widths[STARTS] = {2, 6, 15};
+    struct prediction_mean_fit fit = {0};
+    double x[PREDICTION_MEAN], least = INFINITY;
+    for (int k = 0; k < LOBES; k++)
+        prediction->mean[DIFFUSE + LOBE * k] = -INFINITY;
+    prediction_mean_gather(prediction, probes, at_mm, n_probes, &fit);
+    const int n = 3 * fit.n, work = n * PREDICTION_MEAN + 5 * PREDICTION_MEAN + n;
+    g_autofree double *residuals = g_new(double, MAX(n, 1)), *room = g_new(double, work);
+    g_autofree int *indices = g_new(int, PREDICTION_MEAN);
+    for (int start = 0; start < STARTS && n > 2 * PREDICTION_MEAN; start++) {
+        prediction_mean_begin(&fit, widths[start], x);
+        lmdif1(prediction_mean_residuals, &fit, n, PREDICTION_MEAN, x, residuals, TOLERANCE,
+               indices, room, work);
+        prediction_mean_residuals(&fit, n, PREDICTION_MEAN, x, residuals, 0);
+        double sum = 0;
+        for (int i = 0; i < n; i++)
+            sum += residuals[i] * residuals[i];
+        if (sum < least) {
+            least = sum;
+            memcpy(prediction->mean, x, sizeof x);
+        }
+    }
+    g_free(fit.v);
+    g_free(fit.l);
+    g_free(fit.logarithms);
+}
