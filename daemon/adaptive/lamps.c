@@ -17,8 +17,10 @@
 struct Lamps {
     struct lamps_setup setup;
     int n_views, n_lights, n_probes;
-    int *texels; /* n_probes, of the grid */
-    struct vec3 *views, *lights;
+    int *texels;                       /* n_probes, of the grid */
+    struct vec3 *views, *lights;       /* directions in the sample's frame */
+    struct vec3 *views_mm, *lights_mm; /* where the camera and the lamp stand there */
+    struct vec3 *at_mm;                /* of each probe */
     int *groups;  /* of each pair of a view and a light: the shot that shows it; or none's number */
     int *pair_of; /* of each shot and camera; −1: it shows none */
     float *
@@ -317,10 +319,13 @@ gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct la
                                            .n_lights = lamps->n_lights,
                                            .views = lamps->views,
                                            .lights = lamps->lights,
+                                           .views_mm = lamps->views_mm,
+                                           .lights_mm = lamps->lights_mm,
                                            .groups = lamps->groups};
     *ret = (struct lamps_choice){.n_pictures = lamps->n_views * lamps->n_lights};
     g_autofree float *table = lamps_table(lamps, &ret->n_taken);
-    g_autoptr(Prediction) prediction = prediction_new(&pairs, table, lamps->n_probes, &work, error);
+    g_autoptr(Prediction) prediction =
+        prediction_new(&pairs, table, lamps->at_mm, lamps->n_probes, &work, error);
     if (!prediction)
         return FALSE;
     ret->shots = g_array_new(FALSE, FALSE, sizeof(int));
@@ -338,11 +343,15 @@ static void lamps_spread_probes(Lamps *lamps) {
     const int n = grid->width * grid->height;
     lamps->n_probes = MIN(n, MOST_PROBES);
     lamps->texels = g_new(int, lamps->n_probes);
+    lamps->at_mm = g_new(struct vec3, lamps->n_probes);
     for (int i = 0; i < lamps->n_probes; i++) {
         const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
         const int column = (int)((x - floor(x)) * grid->width);
         const int row = (int)((y - floor(y)) * grid->height);
-        lamps->texels[i] = n <= MOST_PROBES ? i : row * grid->width + column;
+        const int texel = n <= MOST_PROBES ? i : row * grid->width + column;
+        lamps->texels[i] = texel;
+        lamps->at_mm[i] =
+            rectify_point_mm(grid, texel % grid->width + 0.5, texel / grid->width + 0.5);
     }
 }
 
@@ -353,6 +362,28 @@ static struct vec3 *lamps_directions(const GPtrArray *directions) {
         ret[i] = rig_direction(RAD(direction->theta_deg), RAD(direction->phi_deg));
     }
     return ret;
+}
+
+/* Places of cameras and lamps in the sample's frame, as the session's calibration has them. A lamp
+ * has that of the first shot of its light, whose arc may have been shifted. */
+static void lamps_find_places(Lamps *lamps, const GPtrArray *views) {
+    const struct rig *rig = &lamps->setup.calibration->rig;
+    lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
+    lamps->lights_mm = g_new(struct vec3, lamps->n_lights + 1);
+    for (int v = 0; v < lamps->n_views; v++) {
+        const struct session_direction *view = views->pdata[v];
+        lamps->views_mm[v] =
+            rig_turn(rig_camera_centre_mm(&rig->cameras[view->device]), -RAD(view->turntable_deg));
+    }
+    for (int l = 0; l < lamps->n_lights; l++) /* none of its shots was planned: far away */
+        lamps->lights_mm[l] = vec3_scale(lamps->lights[l], 1e6);
+    for (int i = (int)lamps->setup.shots->len - 1; i >= 0; i--) {
+        const struct session_shot *shot = lamps->setup.shots->pdata[i];
+        if (shot->kind == SHOT_LAMP)
+            lamps->lights_mm[shot->source] = rig_turn(
+                rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->device], RAD(shot->arc_deg)),
+                -RAD(shot->turntable_deg));
+    }
 }
 
 /* Which pair each camera shows in each shot. */
@@ -402,6 +433,7 @@ Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
     lamps->cancellable = g_cancellable_new();
     lamps_spread_probes(lamps);
     lamps_find_pairs(lamps, views);
+    lamps_find_places(lamps, views);
     plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing, shots, (int)n, lamps->price_s);
     return lamps;
 }
@@ -419,6 +451,9 @@ void lamps_free(Lamps *lamps) {
     g_free(lamps->texels);
     g_free(lamps->views);
     g_free(lamps->lights);
+    g_free(lamps->views_mm);
+    g_free(lamps->lights_mm);
+    g_free(lamps->at_mm);
     g_free(lamps->groups);
     g_free(lamps->pair_of);
     g_free(lamps->output);

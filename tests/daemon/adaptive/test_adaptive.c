@@ -161,15 +161,16 @@ static void test_lamps(void) {
     outcome_clear(&outcome);
 }
 
-/* Lamps and sweeps in rounds together: each choose what they choose alone. */
+/* Lamps and sweeps in rounds together. Numbers of shots differ from those of a session in which the
+ * sweeps do not come in rounds, and with them noise and what is chosen. */
 static void test_both(void) {
     static const int every[] = {50, 121};
-    struct outcome alone = undisturbed_of(lamps, "error_pct = 4 asks for no more");
     struct outcome outcome = undisturbed_of(both, "error_pct = 4 asks for no more");
-    g_assert_cmpint(outcome.lamps_done, ==, alone.lamps_done);
+    g_assert_cmpint(outcome.lamps_done, >, 8);
+    g_assert_cmpint(outcome.lamps_left_out, >, 0);
+    g_assert_cmpint(outcome.lamp_rounds, >=, 3);
     g_assert_cmpint(outcome.rounds, >=, 2);
     check_resume(both, "no further sweep is expected to add to that", every, G_N_ELEMENTS(every));
-    outcome_clear(&alone);
     outcome_clear(&outcome);
 }
 
