@@ -1,36 +1,16 @@
-#include "lamps.h"
+#include "lamps_private.h"
 
 #include <math.h>
 
 #include "frames/rectify.h"
-#include "prediction/prediction.h"
 #include "session/inputs.h"
 #include "session/outputs.h"
 
 #define RAD(deg)    ((deg) * (G_PI / 180))
 #define MOST_PROBES 256
 #define GROWTH      1.0 /* shots of a further round, of those before it, at most */
-#define CHAIN       4   /* shots of a chain */
 #define MOST_SINGLE                                                                                \
     600 /* shots that are looked at, by themselves and as the beginning of a chain */
-
-struct Lamps {
-    struct lamps_setup setup;
-    int n_views, n_lights, n_probes;
-    int *texels;                       /* n_probes, of the grid */
-    struct vec3 *views, *lights;       /* directions in the sample's frame */
-    struct vec3 *views_mm, *lights_mm; /* where the camera and the lamp stand there */
-    struct vec3 *at_mm;                /* of each probe */
-    int *groups;  /* of each pair of a view and a light: the shot that shows it; or none's number */
-    int *pair_of; /* of each shot and camera; −1: it shows none */
-    float *
-        *values; /* of each pair, n_probes × 3: R, G, B, where the lamp gives what the calibration
-                    says; NAN: a hole. NULL: not taken. Readers set them, each another one */
-    double *output; /* of each shot: what the lamp gave in it, relative to the calibration */
-    gboolean *done; /* of each shot */
-    double *price_s;
-    GCancellable *cancellable;
-};
 
 struct lamps_job { /* a frame to be read */
     const Lamps *lamps;
@@ -143,9 +123,7 @@ static gboolean lamps_is_taken(const Lamps *lamps, int pair) {
     return lamps->values[pair] && shot > 0 && lamps->done[shot - 1];
 }
 
-/* n_probes × 3 × pairs, NAN: not taken. Of more pictures than the predictor can work with as many
- * as it can are given, evenly spread; the others count as predicted in the expected error. */
-static float *lamps_table(const Lamps *lamps, int *ret_taken) {
+float *lamps_table(const Lamps *lamps, int *ret_taken) {
     const int n_pairs = lamps->n_views * lamps->n_lights, rows = 3 * lamps->n_probes;
     float *table = g_new(float, (gsize)n_pairs *(gsize)rows);
     int n = 0, k = 0;
@@ -196,18 +174,7 @@ static int lamps_within_budget(const Lamps *lamps, const struct rounds *rounds, 
     return least;
 }
 
-/* What is chosen from: shots by themselves, and chains of those that follow each other quickly,
- * since a shot alone costs more than one of several between which the axes move little. */
-struct lamps_candidates {
-    GArray *numbers;               /* of int: the shots that are left, from 0 */
-    int n;                         /* candidates */
-    struct prediction_shot *shots; /* as many */
-    int (*chains)[CHAIN];          /* as many: indices of numbers; those behind the end: −1 */
-    int *pairs;                    /* that the shots point to */
-    int n_pairs;
-};
-
-static void lamps_clear_candidates(struct lamps_candidates *c) {
+void lamps_clear_candidates(struct lamps_candidates *c) {
     g_array_unref(c->numbers);
     g_free(c->shots);
     g_free(c->chains);
@@ -233,8 +200,7 @@ static void lamps_add_candidate(const Lamps *lamps, struct lamps_candidates *c, 
     c->n += one->n_pairs > 0;
 }
 
-/* Of more shots than MOST_SINGLE, every so many-th is looked at. */
-static struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
+struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
     const struct lamps_setup *setup = &lamps->setup;
     struct lamps_candidates ret = {.numbers = g_array_new(FALSE, FALSE, sizeof(int))};
     g_autoptr(GPtrArray) left = g_ptr_array_new();
@@ -263,10 +229,8 @@ static struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
     return ret;
 }
 
-/* The shots of the chosen candidates, each once, until they are most or the error is low enough. */
-static int lamps_list_chosen(const struct lamps_candidates *left,
-                             const struct prediction_choice *choices, int n_choices, int most,
-                             double enough, int *ret_shots, double *ret_errors) {
+int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
+                      int n_choices, int most, double enough, int *ret_shots, double *ret_errors) {
     g_autofree gboolean *in = g_new0(gboolean, left->numbers->len + 1);
     int n = 0;
     for (int i = 0; i < n_choices; i++) {
@@ -412,14 +376,11 @@ static void lamps_find_pairs(Lamps *lamps, const GPtrArray *views) {
     }
 }
 
-Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
-    g_autoptr(GPtrArray) views = session_views(setup->session, error);
-    g_autoptr(GPtrArray) lights = views ? session_lights(setup->session, error) : NULL;
+Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
+                  const GPtrArray *lights) {
     const struct session_shot *const *shots =
         (const struct session_shot *const *)setup->shots->pdata;
     const guint n = setup->shots->len;
-    if (!lights)
-        return NULL;
     Lamps *lamps = g_new0(Lamps, 1);
     lamps->setup = *setup;
     lamps->n_views = (int)views->len;
@@ -431,11 +392,19 @@ Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
     lamps->done = g_new0(gboolean, n + 1);
     lamps->price_s = g_new0(double, n + 1);
     lamps->cancellable = g_cancellable_new();
+    for (guint i = 0; i < n; i++)
+        lamps->output[i] = 1;
     lamps_spread_probes(lamps);
     lamps_find_pairs(lamps, views);
     lamps_find_places(lamps, views);
     plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing, shots, (int)n, lamps->price_s);
     return lamps;
+}
+
+Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
+    g_autoptr(GPtrArray) views = session_views(setup->session, error);
+    g_autoptr(GPtrArray) lights = views ? session_lights(setup->session, error) : NULL;
+    return lights ? lamps_make(setup, views, lights) : NULL;
 }
 
 void lamps_stop(Lamps *lamps) {
