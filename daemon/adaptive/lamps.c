@@ -1,31 +1,16 @@
-#include "lamps.h"
+#include "lamps_private.h"
 
 #include <math.h>
 
 #include "frames/rectify.h"
-#include "prediction/prediction.h"
 #include "session/inputs.h"
 #include "session/outputs.h"
 
 #define RAD(deg)    ((deg) * (G_PI / 180))
 #define MOST_PROBES 256
 #define GROWTH      1.0 /* shots of a further round, of those before it, at most */
-
-struct Lamps {
-    struct lamps_setup setup;
-    int n_views, n_lights, n_probes;
-    int *texels; /* n_probes, of the grid */
-    struct vec3 *views, *lights;
-    int *groups;  /* of each pair of a view and a light: the shot that shows it; or none's number */
-    int *pair_of; /* of each shot and camera; −1: it shows none */
-    float *
-        *values; /* of each pair, n_probes × 3: R, G, B, where the lamp gives what the calibration
-                    says; NAN: a hole. NULL: not taken. Readers set them, each another one */
-    double *output; /* of each shot: what the lamp gave in it, relative to the calibration */
-    gboolean *done; /* of each shot */
-    double *price_s;
-    GCancellable *cancellable;
-};
+#define MOST_SINGLE                                                                                \
+    600 /* shots that are looked at, by themselves and as the beginning of a chain */
 
 struct lamps_job { /* a frame to be read */
     const Lamps *lamps;
@@ -138,9 +123,7 @@ static gboolean lamps_is_taken(const Lamps *lamps, int pair) {
     return lamps->values[pair] && shot > 0 && lamps->done[shot - 1];
 }
 
-/* n_probes × 3 × pairs, NAN: not taken. Of more pictures than the predictor can work with as many
- * as it can are given, evenly spread; the others count as predicted in the expected error. */
-static float *lamps_table(const Lamps *lamps, int *ret_taken) {
+float *lamps_table(const Lamps *lamps, int *ret_taken) {
     const int n_pairs = lamps->n_views * lamps->n_lights, rows = 3 * lamps->n_probes;
     float *table = g_new(float, (gsize)n_pairs *(gsize)rows);
     int n = 0, k = 0;
@@ -191,48 +174,85 @@ static int lamps_within_budget(const Lamps *lamps, const struct rounds *rounds, 
     return least;
 }
 
-struct lamps_candidates {
-    GArray *numbers;               /* of int: of shots, from 0 */
-    struct prediction_shot *shots; /* as many */
-    int *pairs;                    /* that they point to */
-};
-
-static void lamps_clear_candidates(struct lamps_candidates *candidates) {
-    g_array_unref(candidates->numbers);
-    g_free(candidates->shots);
-    g_free(candidates->pairs);
+void lamps_clear_candidates(struct lamps_candidates *c) {
+    g_array_unref(c->numbers);
+    g_free(c->shots);
+    g_free(c->chains);
+    g_free(c->pairs);
 }
 
-/* The shots that are still to be taken, if any. */
-static struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
+/* Adds a chain, and the pairs that it shows. */
+static void lamps_add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
+                                int length, double price_s) {
+    struct prediction_shot *one = &c->shots[c->n];
+    *one = (struct prediction_shot){.pairs = c->pairs + c->n_pairs, .price_s = MAX(price_s, 1e-3)};
+    for (int k = 0; k < CHAIN; k++) {
+        c->chains[c->n][k] = k < length ? chain[k] : -1;
+        const int number = k < length ? g_array_index(c->numbers, int, chain[k]) : -1;
+        for (int camera = 0; number >= 0 && camera < lamps->setup.calibration->rig.n_cameras;
+             camera++) {
+            const int pair = lamps_pair(lamps, lamps->setup.shots->pdata[number], camera);
+            if (pair >= 0)
+                c->pairs[c->n_pairs++] = pair;
+        }
+    }
+    one->n_pairs = (int)(c->pairs + c->n_pairs - one->pairs);
+    c->n += one->n_pairs > 0;
+}
+
+struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
     const struct lamps_setup *setup = &lamps->setup;
-    const int n_cameras = setup->calibration->rig.n_cameras;
     struct lamps_candidates ret = {.numbers = g_array_new(FALSE, FALSE, sizeof(int))};
-    ret.shots = g_new0(struct prediction_shot, setup->shots->len + 1);
-    ret.pairs = g_new(int, (setup->shots->len + 1) * (guint)n_cameras);
-    int n_pairs = 0;
+    g_autoptr(GPtrArray) left = g_ptr_array_new();
     for (int i = 0; i < (int)setup->shots->len; i++) {
         const struct session_shot *shot = setup->shots->pdata[i];
-        struct prediction_shot *one = &ret.shots[ret.numbers->len];
         if (shot->kind != SHOT_LAMP || shot->state == SHOT_SKIPPED || lamps->done[i])
             continue;
-        *one = (struct prediction_shot){.pairs = ret.pairs + n_pairs,
-                                        .price_s = MAX(lamps->price_s[i], 1e-3)};
-        for (int c = 0; c < n_cameras; c++)
-            if (lamps_pair(lamps, shot, c) >= 0)
-                ret.pairs[n_pairs++] = lamps_pair(lamps, shot, c);
-        one->n_pairs = (int)(ret.pairs + n_pairs - one->pairs);
-        if (one->n_pairs > 0)
-            g_array_append_val(ret.numbers, i);
+        g_array_append_val(ret.numbers, i);
+        g_ptr_array_add(left, (gpointer)shot);
+    }
+    const int n = (int)left->len, starts = MIN(n, MOST_SINGLE);
+    ret.shots = g_new0(struct prediction_shot, 2 * starts + 1);
+    ret.chains = g_malloc_n((gsize)(2 * starts + 1), sizeof *ret.chains);
+    ret.pairs = g_new(int, (2 * starts + 1) * CHAIN * setup->calibration->rig.n_cameras);
+    for (int i = 0; i < starts; i++) {
+        int chain[CHAIN] = {(int)((gint64)i * n / starts)};
+        const double price_s = lamps->price_s[g_array_index(ret.numbers, int, chain[0])];
+        double more_s;
+        lamps_add_candidate(lamps, &ret, chain, 1, price_s);
+        const int length = plan_lamp_chain(setup->conf, setup->nominal, setup->timing,
+                                           (const struct session_shot *const *)left->pdata, n,
+                                           CHAIN, chain, &more_s);
+        if (length > 1)
+            lamps_add_candidate(lamps, &ret, chain, length, price_s + more_s);
     }
     return ret;
 }
 
-/* Sets the shots of a further round, and why there is none. */
+int lamps_list_chosen(const struct lamps_candidates *left, const struct prediction_choice *choices,
+                      int n_choices, int most, double enough, int *ret_shots, double *ret_errors) {
+    g_autofree gboolean *in = g_new0(gboolean, left->numbers->len + 1);
+    int n = 0;
+    for (int i = 0; i < n_choices; i++) {
+        for (int k = 0; k < CHAIN && n < most; k++) {
+            const int at = left->chains[choices[i].shot][k];
+            if (at < 0 || in[at])
+                continue;
+            in[at] = TRUE;
+            ret_errors[n] = choices[i].error_after;
+            ret_shots[n++] = g_array_index(left->numbers, int, at);
+        }
+        if (n == most || choices[i].error_after <= enough)
+            break;
+    }
+    return n;
+}
+
+/* Sets the shots of a further round, or why there is none. */
 static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *rounds,
                                    const Prediction *prediction, struct lamps_choice *ret,
                                    GError **error) {
-    const struct session_conf *conf = lamps->setup.conf;
+    const double enough = lamps->setup.conf->light_error_pct / 100;
     const struct work work = {.cancellable = lamps->cancellable};
     struct lamps_candidates left = lamps_list_candidates(lamps);
     int n_done = 0, n = 0;
@@ -241,29 +261,19 @@ static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *roun
     const int most = MIN((int)left.numbers->len, MAX(1, (int)(GROWTH * n_done)));
     g_autofree struct prediction_choice *choices = g_new(struct prediction_choice, most + 1);
     g_autofree int *chosen = g_new(int, most + 1);
-    if (left.numbers->len > 0 && ret->error_pct <= conf->light_error_pct) {
-        lamps_clear_candidates(&left);
-        ret->end = LAMPS_KNOWN;
-        return TRUE;
-    }
-    if (most > 0)
-        n = prediction_choose(prediction, left.shots, (int)left.numbers->len, NULL, most, choices,
-                              &work, error);
-    for (int i = 0; i < n; i++) {
-        chosen[i] = g_array_index(left.numbers, int, choices[i].shot);
-        if (100 * choices[i].error_after <= conf->light_error_pct)
-            n = i + 1;
+    g_autofree double *errors = g_new(double, most + 1);
+    ret->end = left.n == 0 ? LAMPS_ALL : ret->error_pct <= 100 * enough ? LAMPS_KNOWN : LAMPS_GO_ON;
+    if (ret->end == LAMPS_GO_ON)
+        n = prediction_choose(prediction, left.shots, left.n, NULL, most, choices, &work, error);
+    if (n > 0) {
+        n = lamps_list_chosen(&left, choices, n, most, enough, chosen, errors);
+        n = lamps_within_budget(lamps, rounds, chosen, n);
+        ret->end = n > 0 ? LAMPS_GO_ON : LAMPS_BUDGET;
+        ret->after_pct = n > 0 ? 100 * errors[n - 1] : ret->after_pct;
+        g_array_append_vals(ret->shots, chosen, (guint)n);
     }
     lamps_clear_candidates(&left);
-    if (n < 0)
-        return FALSE;
-    ret->end = n == 0 ? LAMPS_ALL : LAMPS_GO_ON;
-    if (n > 0 && (n = lamps_within_budget(lamps, rounds, chosen, n)) == 0)
-        ret->end = LAMPS_BUDGET;
-    g_array_append_vals(ret->shots, chosen, (guint)n);
-    if (n > 0)
-        ret->after_pct = 100 * choices[n - 1].error_after;
-    return TRUE;
+    return n >= 0;
 }
 
 gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
@@ -273,10 +283,13 @@ gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct la
                                            .n_lights = lamps->n_lights,
                                            .views = lamps->views,
                                            .lights = lamps->lights,
+                                           .views_mm = lamps->views_mm,
+                                           .lights_mm = lamps->lights_mm,
                                            .groups = lamps->groups};
     *ret = (struct lamps_choice){.n_pictures = lamps->n_views * lamps->n_lights};
     g_autofree float *table = lamps_table(lamps, &ret->n_taken);
-    g_autoptr(Prediction) prediction = prediction_new(&pairs, table, lamps->n_probes, &work, error);
+    g_autoptr(Prediction) prediction =
+        prediction_new(&pairs, table, lamps->at_mm, lamps->n_probes, &work, error);
     if (!prediction)
         return FALSE;
     ret->shots = g_array_new(FALSE, FALSE, sizeof(int));
@@ -294,11 +307,15 @@ static void lamps_spread_probes(Lamps *lamps) {
     const int n = grid->width * grid->height;
     lamps->n_probes = MIN(n, MOST_PROBES);
     lamps->texels = g_new(int, lamps->n_probes);
+    lamps->at_mm = g_new(struct vec3, lamps->n_probes);
     for (int i = 0; i < lamps->n_probes; i++) {
         const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
         const int column = (int)((x - floor(x)) * grid->width);
         const int row = (int)((y - floor(y)) * grid->height);
-        lamps->texels[i] = n <= MOST_PROBES ? i : row * grid->width + column;
+        const int texel = n <= MOST_PROBES ? i : row * grid->width + column;
+        lamps->texels[i] = texel;
+        lamps->at_mm[i] =
+            rectify_point_mm(grid, texel % grid->width + 0.5, texel / grid->width + 0.5);
     }
 }
 
@@ -309,6 +326,28 @@ static struct vec3 *lamps_directions(const GPtrArray *directions) {
         ret[i] = rig_direction(RAD(direction->theta_deg), RAD(direction->phi_deg));
     }
     return ret;
+}
+
+/* Places of cameras and lamps in the sample's frame, as the session's calibration has them. A lamp
+ * has that of the first shot of its light, whose arc may have been shifted. */
+static void lamps_find_places(Lamps *lamps, const GPtrArray *views) {
+    const struct rig *rig = &lamps->setup.calibration->rig;
+    lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
+    lamps->lights_mm = g_new(struct vec3, lamps->n_lights + 1);
+    for (int v = 0; v < lamps->n_views; v++) {
+        const struct session_direction *view = views->pdata[v];
+        lamps->views_mm[v] =
+            rig_turn(rig_camera_centre_mm(&rig->cameras[view->device]), -RAD(view->turntable_deg));
+    }
+    for (int l = 0; l < lamps->n_lights; l++) /* none of its shots was planned: far away */
+        lamps->lights_mm[l] = vec3_scale(lamps->lights[l], 1e6);
+    for (int i = (int)lamps->setup.shots->len - 1; i >= 0; i--) {
+        const struct session_shot *shot = lamps->setup.shots->pdata[i];
+        if (shot->kind == SHOT_LAMP)
+            lamps->lights_mm[shot->source] = rig_turn(
+                rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->device], RAD(shot->arc_deg)),
+                -RAD(shot->turntable_deg));
+    }
 }
 
 /* Which pair each camera shows in each shot. */
@@ -337,14 +376,11 @@ static void lamps_find_pairs(Lamps *lamps, const GPtrArray *views) {
     }
 }
 
-Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
-    g_autoptr(GPtrArray) views = session_views(setup->session, error);
-    g_autoptr(GPtrArray) lights = views ? session_lights(setup->session, error) : NULL;
+Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
+                  const GPtrArray *lights) {
     const struct session_shot *const *shots =
         (const struct session_shot *const *)setup->shots->pdata;
     const guint n = setup->shots->len;
-    if (!lights)
-        return NULL;
     Lamps *lamps = g_new0(Lamps, 1);
     lamps->setup = *setup;
     lamps->n_views = (int)views->len;
@@ -356,10 +392,19 @@ Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
     lamps->done = g_new0(gboolean, n + 1);
     lamps->price_s = g_new0(double, n + 1);
     lamps->cancellable = g_cancellable_new();
+    for (guint i = 0; i < n; i++)
+        lamps->output[i] = 1;
     lamps_spread_probes(lamps);
     lamps_find_pairs(lamps, views);
+    lamps_find_places(lamps, views);
     plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing, shots, (int)n, lamps->price_s);
     return lamps;
+}
+
+Lamps *lamps_new(const struct lamps_setup *setup, GError **error) {
+    g_autoptr(GPtrArray) views = session_views(setup->session, error);
+    g_autoptr(GPtrArray) lights = views ? session_lights(setup->session, error) : NULL;
+    return lights ? lamps_make(setup, views, lights) : NULL;
 }
 
 void lamps_stop(Lamps *lamps) {
@@ -375,6 +420,9 @@ void lamps_free(Lamps *lamps) {
     g_free(lamps->texels);
     g_free(lamps->views);
     g_free(lamps->lights);
+    g_free(lamps->views_mm);
+    g_free(lamps->lights_mm);
+    g_free(lamps->at_mm);
     g_free(lamps->groups);
     g_free(lamps->pair_of);
     g_free(lamps->output);

@@ -1,19 +1,29 @@
 /* plan and drivers: what would be done, and with what. */
+#include "adaptive/expected.h"
 #include "base/nearest.h"
 #include "capture/capture.h"
 #include "capture/capture_calibration.h"
 #include "command/cli.h"
 #include "command/link.h"
 #include "plan/report.h"
+#include "plot.h"
 #include "rig/devices.h"
 
-static char *output, *calibration;
+static char *output, *calibration, *curve, *like;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
      "Use the options in the rig file only: no device need be connected", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
      "Show this calibration in place of the one that the rig file names", "FILE"},
+    {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve,
+     "Draw the expected error of the BTF against the time of the lamps' shots, as [lights] "
+     "sampling "
+     "= adaptive would take them (.svg or .png); speeds are those in the rig file",
+     "FILE"},
+    {"like", 0, 0, G_OPTION_ARG_FILENAME, &like,
+     "With --curve: an earlier session of such a material; without it, of no particular material",
+     "DIR"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
      "Session directory that it would be captured into; checks that, too", "DIR"},
     {NULL},
@@ -86,6 +96,58 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
     return report;
 }
 
+/* Draws --curve. */
+static gboolean plan_draw_curve(Record *to, const char *rig_path, const char *session,
+                                GError **error) {
+    g_auto(SessionConf) conf = {0};
+    struct rig rig;
+    struct rig_timing timing;
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+    if (!session_conf_load(&conf, session, error) ||
+        !devices_read_timing(rig_path, &rig, &timing, assumed, error))
+        return FALSE;
+    g_autoptr(Plan) plan = plan_build(&conf, &rig, &timing, error);
+    g_autoptr(GArray) points =
+        plan ? expected_curve(&conf, &rig, &timing, plan, like, NULL, error) : NULL;
+    if (!points)
+        return FALSE;
+    g_autofree const struct session_shot **lamps =
+        g_new(const struct session_shot *, plan->session.n_shots + 1);
+    int n = 0;
+    for (int i = 0; i < plan->session.n_shots; i++)
+        if (plan->session.shots[i].kind == SHOT_LAMP &&
+            plan->session.shots[i].state == SHOT_PLANNED)
+            lamps[n++] = &plan->session.shots[i];
+    const double all_s = plan_lamps_s(lamps, n, &conf, &rig, &timing);
+    g_autofree struct plot_time *drawn = g_new(struct plot_time, points->len + 1);
+    record_begin_list(to, "curve");
+    for (guint i = 0; i < points->len; i++) {
+        const struct expected_point *point = &g_array_index(points, struct expected_point, i);
+        drawn[i] = (struct plot_time){point->shots, point->time_s / 60, point->error_pct};
+        record_begin(to, NULL);
+        record_int(to, "shots", point->shots);
+        record_double(to, "time_s", point->time_s);
+        record_double(to, "expected_error_pct", point->error_pct);
+        record_end(to);
+    }
+    record_end(to);
+    g_autofree char *title = g_strdup_printf("%s: expected error against time", conf.name);
+    g_autofree char *base = like ? g_path_get_basename(like) : NULL;
+    g_autofree char *text =
+        base ? g_strdup_printf("relative RMS error of all pictures, %d shots of lamps; a material "
+                               "like that of %s",
+                               n, base)
+             : g_strdup_printf("relative RMS error of all pictures, %d shots of lamps; no "
+                               "particular material",
+                               n);
+    if (!plot_times(curve, title, text, all_s / 60, drawn, (int)points->len, error))
+        return FALSE;
+    record_string(to, "curve_file", curve);
+    record_double(to, "all_lamps_s", all_s);
+    record_say(to, "curve           %s\n", curve);
+    return TRUE;
+}
+
 static int run_plan(const struct call *call, GError **error) {
     GError *failed = NULL;
     g_autofree char *rig = g_canonicalize_filename(call->arguments[0], NULL);
@@ -94,6 +156,11 @@ static int run_plan(const struct call *call, GError **error) {
     if (offline && output) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                     "--offline looks at the rig file alone: leave out --output %s", output);
+        return CLI_FAILED;
+    }
+    if (like && !curve) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "--like %s says what --curve FILE is drawn for: give that, too", like);
         return CLI_FAILED;
     }
     if (!plan_check_order(rig, session, error))
@@ -115,7 +182,7 @@ static int run_plan(const struct call *call, GError **error) {
     record_variants(call->record, report);
     record_string(call->record, "calibration", line);
     record_say(call->record, "%scalibration     %s\n", text, line);
-    return CLI_DONE;
+    return !curve || plan_draw_curve(call->record, rig, session, error) ? CLI_DONE : CLI_FAILED;
 }
 
 static int run_drivers(const struct call *call, GError **error) {
@@ -139,7 +206,9 @@ const struct command cli_plan = {.name = "plan",
                                  .arguments = "RIG SESSION",
                                  .examples =
                                      "  mesorig plan rig.conf session.conf\n"
-                                     "  mesorig plan rig.conf session.conf --json | jq .bytes\n",
+                                     "  mesorig plan rig.conf session.conf --json | jq .bytes\n"
+                                     "  mesorig plan rig.conf session.conf --curve curve.svg "
+                                     "--like weave.session\n",
                                  .help = "Check a session, and predict its order and time.",
                                  .options = entries,
                                  .daemon = TRUE,

@@ -37,3 +37,13 @@ struct plot_point {
  * order of size; raw_bytes is what sizes are compared with. */
 gboolean plot_curve(const char *path, const char *name, double raw_bytes,
                     const struct plot_point *points, int n, GError **error);
+
+struct plot_time {
+    int shots;
+    double minutes, error_pct;
+};
+
+/* Expected error against time, with the number of shots at each point, and a line where all shots
+ * are taken (all_min). The error is logarithmic. points: in order of time. */
+gboolean plot_times(const char *path, const char *title, const char *text, double all_min,
+                    const struct plot_time *points, int n, GError **error);

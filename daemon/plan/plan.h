@@ -220,6 +220,13 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, const struct session_shot *const *shots,
                         int n, double *ret_s);
 
+/* Shots that follow each other quickly, all of lamps: from chain[0] on, always the one of the n
+ * that takes least time after the last, until the chain has most of them or no other is left.
+ * Returns its length; ret_s: the time of all but the first. */
+int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, const struct session_shot *const *shots, int n,
+                    int most, int *chain, double *ret_s);
+
 /* Puts shots, some of a session's, into a quick order of their own ([capture] order is kept to);
  * dark ones come first. The pointers are moved, the shots stay as they are. */
 void plan_order_left(struct session_shot **shots, int n, const struct session_conf *conf,

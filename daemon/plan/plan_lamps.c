@@ -196,7 +196,43 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                              MAX(plan_lead_s(NULL, shots[i], rig, timing), move_s[pose_of[i]]);
 }
 
-/* The time of a shot beside one that is taken in its pose is less by the move. */
+/* Time of a shot after another one of a lamp: the lamp may be on already, the move be short. */
+static double plan_lamps_after_s(const struct session_conf *conf, const struct rig *rig,
+                                 const struct rig_timing *timing, const struct session_shot *before,
+                                 const struct session_shot *shot) {
+    return plan_shot_s(shot, conf, timing) + MAX(plan_lead_s(before, shot, rig, timing),
+                                                 plan_shots_move_s(before, shot, rig, timing));
+}
+
+int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, const struct session_shot *const *shots, int n,
+                    int most, int *chain, double *ret_s) {
+    int length = 1;
+    *ret_s = 0;
+    while (length < most) {
+        double least_s = G_MAXDOUBLE;
+        int best = -1;
+        for (int i = 0; i < n; i++) {
+            gboolean in = FALSE;
+            for (int k = 0; k < length; k++)
+                in |= chain[k] == i;
+            const double s =
+                in ? least_s
+                   : plan_lamps_after_s(conf, rig, timing, shots[chain[length - 1]], shots[i]);
+            if (s < least_s) {
+                least_s = s;
+                best = i;
+            }
+        }
+        if (best < 0)
+            break;
+        chain[length++] = best;
+        *ret_s += least_s;
+    }
+    return length;
+}
+
+/* A shot that follows one that is taken already costs no more than that. */
 static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
                               const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);
@@ -218,9 +254,9 @@ static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
         ret_first[best] = TRUE;
         plan_lamps_take(s, best);
         for (int i = 0; i < s->n_shots; i++)
-            if (plan_lamps_wanted(s->shots[i]) && plan_lamps_same_pose(s->shots[i], s->shots[best]))
-                price_s[i] = plan_shot_s(s->shots[i], conf, timing) +
-                             plan_lead_s(NULL, s->shots[i], s->rig, timing);
+            if (plan_lamps_wanted(s->shots[i]))
+                price_s[i] = MIN(price_s[i], plan_lamps_after_s(conf, s->rig, timing,
+                                                                s->shots[best], s->shots[i]));
     }
 }
 

@@ -2,6 +2,7 @@
  * rig: what is left out is said, and a session that is aborted, damaged or killed anywhere goes on
  * to the same one. */
 #include "adaptive/adaptive.h"
+#include "adaptive/expected.h"
 
 #include <string.h>
 
@@ -161,15 +162,16 @@ static void test_lamps(void) {
     outcome_clear(&outcome);
 }
 
-/* Lamps and sweeps in rounds together: each choose what they choose alone. */
+/* Lamps and sweeps in rounds together. Numbers of shots differ from those of a session in which the
+ * sweeps do not come in rounds, and with them noise and what is chosen. */
 static void test_both(void) {
     static const int every[] = {50, 121};
-    struct outcome alone = undisturbed_of(lamps, "error_pct = 4 asks for no more");
     struct outcome outcome = undisturbed_of(both, "error_pct = 4 asks for no more");
-    g_assert_cmpint(outcome.lamps_done, ==, alone.lamps_done);
+    g_assert_cmpint(outcome.lamps_done, >, 8);
+    g_assert_cmpint(outcome.lamps_left_out, >, 0);
+    g_assert_cmpint(outcome.lamp_rounds, >=, 3);
     g_assert_cmpint(outcome.rounds, >=, 2);
     check_resume(both, "no further sweep is expected to add to that", every, G_N_ELEMENTS(every));
-    outcome_clear(&alone);
     outcome_clear(&outcome);
 }
 
@@ -229,6 +231,45 @@ static void test_values(void) {
     run_free(run);
 }
 
+/* What is expected of a session, before it begins, of a material like that of an earlier one: more
+ * shots take longer, and leave a smaller error. */
+static void test_expected(void) {
+    g_autoptr(GError) error = NULL;
+    struct run *run = run_begin(lamps);
+    run_to_end(run);
+    g_autoptr(Plan) plan =
+        plan_build(&run->conf, &run->devices->geometry, &run->devices->timing, &error);
+    g_assert_no_error(error);
+    const char *const likes[] = {run->session, NULL};
+    for (gsize k = 0; k < G_N_ELEMENTS(likes); k++) {
+        g_autoptr(GArray) points =
+            expected_curve(&run->conf, &run->devices->geometry, &run->devices->timing, plan,
+                           likes[k], NULL, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(points->len, >=, 2);
+        const struct expected_point *p = (const struct expected_point *)(gpointer)points->data;
+        for (guint i = 0; i < points->len; i++) {
+            g_test_message("%d shots, %.1f s, %.2f %%", p[i].shots, p[i].time_s, p[i].error_pct);
+            g_assert_cmpint(p[i].shots, <=, 16);
+            g_assert_true(i == 0 || (p[i].shots > p[i - 1].shots && p[i].time_s > p[i - 1].time_s));
+        }
+        g_assert_cmpint(p[0].shots, ==, 8);
+        g_assert_cmpfloat(p[points->len - 1].error_pct, <, p[0].error_pct);
+        g_assert_cmpfloat(p[points->len - 1].error_pct, >, 0);
+    }
+    run_free(run);
+
+    run = run_begin(lamps); /* nothing is taken yet */
+    run_until(run, 1);
+    capture_abort(run->capture);
+    g_clear_pointer(&run->capture, capture_free);
+    g_assert_null(expected_curve(&run->conf, &run->devices->geometry, &run->devices->timing, plan,
+                                 run->session, NULL, &error));
+    g_assert_nonnull(error);
+    g_assert_nonnull(strstr(error->message, "it has no picture under a lamp"));
+    run_free(run);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/adaptive/rounds", test_rounds);
@@ -238,5 +279,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/adaptive/lamps", test_lamps);
     g_test_add_func("/adaptive/both", test_both);
     g_test_add_func("/adaptive/lamp-bounds", test_lamp_bounds);
+    g_test_add_func("/adaptive/expected", test_expected);
     return run_tests();
 }

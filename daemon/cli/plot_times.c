@@ -1,0 +1,95 @@
+#include "plot.h"
+
+#include <math.h>
+
+#define LEFT   110.0
+#define RIGHT  (PLOT_WIDTH - 60.0)
+#define TOP    120.0
+#define BOTTOM (PLOT_HEIGHT - 90.0)
+
+/* Minutes from 0 on; errors in %, logarithmic. */
+struct plot_times_axes {
+    double most_min, error_pct[2];
+};
+
+static double plot_times_x(const struct plot_times_axes *axes, double minutes) {
+    return LEFT + (RIGHT - LEFT) * minutes / axes->most_min;
+}
+
+static double plot_times_y(const struct plot_times_axes *axes, double error_pct) {
+    return BOTTOM - (BOTTOM - TOP) * log(MAX(error_pct, axes->error_pct[0]) / axes->error_pct[0]) /
+                        log(axes->error_pct[1] / axes->error_pct[0]);
+}
+
+static void plot_times_rule(cairo_t *cr, double x0, double y0, double x1, double y1) {
+    cairo_set_source_rgb(cr, 0.88, 0.89, 0.90);
+    cairo_set_line_width(cr, 1);
+    cairo_move_to(cr, x0, y0);
+    cairo_line_to(cr, x1, y1);
+    cairo_stroke(cr);
+    plot_ink(cr);
+}
+
+static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
+    static const double steps[] = {1, 2, 5};
+    double step = 1;
+    for (int i = 0; axes->most_min / step > 8 && i < 18; i++)
+        step = steps[(i + 1) % 3] * pow(10, (i + 1) / 3);
+    for (double at = 0; at <= axes->most_min; at += step) {
+        g_autofree char *text = g_strdup_printf("%g", at);
+        const double x = plot_times_x(axes, at);
+        plot_times_rule(cr, x, TOP, x, BOTTOM);
+        plot_text(cr, x, BOTTOM + 26, 0.5, text);
+    }
+    for (int i = -6; i < 12; i++) {
+        const double at = steps[(i + 6) % 3] * pow(10, floor(i / 3.0));
+        g_autofree char *text = g_strdup_printf("%g %%", at);
+        const double y = plot_times_y(axes, at);
+        if (at < axes->error_pct[0] * (1 - 1e-9) || at > axes->error_pct[1] * (1 + 1e-9))
+            continue;
+        plot_times_rule(cr, LEFT, y, RIGHT, y);
+        plot_text(cr, LEFT - 10, y + 6, 1, text);
+    }
+}
+
+gboolean plot_times(const char *path, const char *title, const char *text, double all_min,
+                    const struct plot_time *points, int n, GError **error) {
+    cairo_t *cr = plot_new(path, error);
+    if (!cr)
+        return FALSE;
+    struct plot_times_axes axes = {1.05 * all_min, {G_MAXDOUBLE, 0}};
+    for (int i = 0; i < n; i++) {
+        axes.most_min = MAX(axes.most_min, 1.05 * points[i].minutes);
+        axes.error_pct[0] = MIN(axes.error_pct[0], MAX(points[i].error_pct, 0.01));
+        axes.error_pct[1] = MAX(axes.error_pct[1], points[i].error_pct);
+    }
+    axes.error_pct[0] /= 1.5;
+    axes.error_pct[1] = MAX(axes.error_pct[1], axes.error_pct[0]) * 1.5;
+    plot_title(cr, 40, 50, title, text);
+    plot_times_ticks(cr, &axes);
+    plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5, "minutes that the lamps' shots take");
+    g_autofree char *all = g_strdup_printf("all shots: %.1f min", all_min);
+    const double end = plot_times_x(&axes, all_min);
+    plot_text(cr, end - 8, TOP + 18, 1, all);
+    cairo_set_line_width(cr, 1.4);
+    cairo_move_to(cr, end, TOP);
+    cairo_line_to(cr, end, BOTTOM);
+    cairo_stroke(cr);
+    plot_colour(cr, 0);
+    cairo_set_line_width(cr, 2.2);
+    for (int i = 0; i < n; i++)
+        cairo_line_to(cr, plot_times_x(&axes, points[i].minutes),
+                      plot_times_y(&axes, points[i].error_pct));
+    cairo_stroke(cr);
+    for (int i = 0; i < n; i++) {
+        const double x = plot_times_x(&axes, points[i].minutes);
+        const double y = plot_times_y(&axes, points[i].error_pct);
+        g_autofree char *shots = g_strdup_printf("%d", points[i].shots);
+        plot_colour(cr, 0);
+        cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
+        cairo_fill(cr);
+        plot_ink(cr);
+        plot_text(cr, x + 8, y - 10, 0, shots);
+    }
+    return plot_finish(cr, path, error);
+}
