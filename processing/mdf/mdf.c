@@ -29,11 +29,13 @@
 #define CONFIRM        2     /* neighbouring texels that must have the same distance */
 #define CLOSE          0.2f  /* factor of the agreement tolerance for smooth continuation */
 #define LEAST_TEXEL_PX 0.1   /* for errors' sake */
+#define HIDDEN_REACH   2     /* of mdf_shown(); chosen: docs/accuracy.md */
 #define MANY_SWEEPS    4     /* from this number of sweeps on, one is not believed against others */
 
 /* What a sweep saw of a texel. */
 struct seen {
     float mm, dn; /* mm < 0: nothing */
+    float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
 };
 
@@ -326,6 +328,23 @@ static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int
     }
 }
 
+/* Share of the live pixels around (x, y) that saw a line. Their weight is that of a tent which
+ * reaches HIDDEN_REACH times as far as that of the interpolation. */
+static float mdf_shown(const MdfView *view, const struct phases *phases, float x, float y) {
+    const int r = HIDDEN_REACH * phases->radius, i = (int)floorf(x), j = (int)floorf(y);
+    const int width = view->camera.width, height = view->camera.height;
+    float all = 0, seen = 0;
+    for (int v = MAX(j - r + 1, 0); v <= MIN(j + r, height - 1); v++)
+        for (int u = MAX(i - r + 1, 0); u <= MIN(i + r, width - 1); u++) {
+            const float share = MAX(1 - fabsf(x - u) / r, 0) * MAX(1 - fabsf(y - v) / r, 0);
+            if (!phases->live[phase_of(u, v)])
+                continue;
+            all += share;
+            seen += view->pixel_mm[0][v * width + u] >= 0 ? share : 0;
+        }
+    return all > 0 ? seen / all : 0;
+}
+
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
     double along_mm;
@@ -350,8 +369,10 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
                 side[k] = take_side(view, &near);
         if (!(side[1].share >= SEEN_SHARE * near.all))
             side[1] = (struct side){.mm = -1};
+        const float shown =
+            side[0].mm >= 0 ? mdf_shown(view, &phases, view->x_px[i], view->y_px[i]) : 0;
         for (int k = 0; k < 2; k++) {
-            texels[2 * i + k] = (struct seen){.mm = side[k].mm, .dn = side[k].dn};
+            texels[2 * i + k] = (struct seen){.mm = side[k].mm, .dn = side[k].dn, .shown = shown};
             if (side[k].mm >= 0)
                 find_bends(view, sweep, phases.radius, &near, side[k].mm,
                            texels[2 * i + k].bend_mm);
@@ -381,6 +402,7 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
             most = MAX(most, seen->dn);
             ret[n] = (struct mdf_candidate){.mm = seen->mm,
                                             .dn = seen->dn,
+                                            .shown = seen->shown,
                                             .tolerance_mm = (float)view->tolerance_mm[s],
                                             .frame_mm = (float)view->frame_mm[s],
                                             .sweep = s};
@@ -394,15 +416,16 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Mean square deviation of a texel's distance m from the middle of two opposite neighbours a and b,
- * Σ ((a + b) / 2 − m)² / pairs over the (up to four) pairs. On a plane it is 1.5 σ² of the noise of
- * single texels; at a step, about the square of half of it. −1: no pair has both. */
-static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
+/* Sum of squared deviations of a texel's distance m from the middle of two opposite neighbours a
+ * and b, Σ ((a + b) / 2 − m)² over the (up to four) pairs that have both. ret_pairs: how many have
+ * both, and how many do not, as a neighbour within the grid is not known. */
+static double mdf_bends_mm2(const MdfView *view, const float *distance, int texel,
+                            int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const int width = view->grid.width, height = view->grid.height;
     const int column = texel % width, row = texel / width;
     double squares = 0;
-    int n = 0;
+    ret_pairs[0] = ret_pairs[1] = 0;
     for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
         const int right = pairs[k].right, down = pairs[k].down;
         if (column < right || column + right >= width || row < abs(down) ||
@@ -410,12 +433,19 @@ static double mdf_roughness_mm2(const MdfView *view, const float *distance, int 
             continue;
         const double a = distance[texel - down * width - right];
         const double b = distance[texel + down * width + right];
-        if (a < 0 || b < 0)
-            continue;
-        squares += pow(0.5 * (a + b) - distance[texel], 2);
-        n++;
+        const gboolean known = a >= 0 && b >= 0;
+        ret_pairs[!known]++;
+        squares += known ? pow(0.5 * (a + b) - distance[texel], 2) : 0;
     }
-    return n > 0 ? squares / n : -1;
+    return squares;
+}
+
+/* Their mean. On a plane it is 1.5 σ² of the noise of single texels; at a step, about the square of
+ * half of it. −1: no pair has both. */
+static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
+    int pairs[2];
+    const double squares = mdf_bends_mm2(view, distance, texel, pairs);
+    return pairs[0] > 0 ? squares / pairs[0] : -1;
 }
 
 /* Standard errors of what one sweep alone saw: nothing repeats it, but the surface around shows how
@@ -437,6 +467,26 @@ static void mdf_find_lone_errors(const MdfView *view, const float *distance, con
         if (sweeps[i] == 1)
             error_mm[i] =
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
+}
+
+/* What no sweep shows: with the probability that the pixels around leave open, the texel lies on
+ * another side of an edge (mdf_errors.h, 3). A step beside a texel bends the line through opposite
+ * neighbours by half of its height. A neighbour that is not known may lie as deep as the deepest
+ * texel, or anywhere between. */
+static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
+                                  const struct mdf_spread *spreads, float *error_mm) {
+    float deepest = 0;
+    for (int i = 0; i < view->n_texels; i++)
+        deepest = MAX(deepest, distance[i]);
+    for (int i = 0; i < view->n_texels; i++) {
+        int pairs[2];
+        if (spreads[i].n < 2 || !(spreads[i].hidden > 0))
+            continue;
+        const double steps = 4 * mdf_bends_mm2(view, distance, i, pairs) +
+                             pairs[1] * pow((double)(deepest - distance[i]), 2) / 3;
+        const double step_mm2 = steps / MAX(pairs[0] + pairs[1], 1);
+        error_mm[i] = (float)sqrt(pow((double)error_mm[i], 2) + spreads[i].hidden * step_mm2);
+    }
 }
 
 /* Keeps the candidates that continue the surface of at least CONFIRM neighbouring texels. Returns
@@ -495,6 +545,7 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         view->grid.height,
         {view->spacing_px / view->texel_px[0], view->spacing_px / view->texel_px[1]}};
     mdf_errors_find(&grid, spreads, ret_error);
+    mdf_add_hidden_errors(view, ret_distance, spreads, ret_error);
     mdf_find_lone_errors(view, ret_distance, ret_n, ret_error);
 }
 

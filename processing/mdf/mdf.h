@@ -16,7 +16,7 @@
 
 /* Version of the method: it increases whenever the same sweeps give other values. Products of an
  * older version are made again. */
-#define MDF_METHOD 12
+#define MDF_METHOD 13
 
 typedef struct MdfView MdfView;
 
@@ -31,9 +31,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 /* Merges all sweeps. Results of n_texels each: the distance in mm (−1: unknown: no sweep saw the
  * texel; or, with four sweeps or more, those that did contradict each other, and none continues the
  * surface around), the number of laser positions averaged, and the standard error in mm (−1:
- * unknown texels): from the scatter of the positions here and around, and from how the surface
- * bends between pixels (mdf_errors.h); of what one position alone saw, from the roughness of the
- * surface around. */
+ * unknown texels): from the scatter of the positions here and around, from how the surface bends
+ * between pixels, and from pixels around that show no line, beside steps (mdf_errors.h); of what
+ * one position alone saw, from the roughness of the surface around. */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* The second most likely distance of each texel: one that a single position saw and that was not

@@ -34,6 +34,8 @@ void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean,
         weights += samples[i].weight;
     for (int i = 0; i < n; i++)
         ret->unit_mm2 += pow(samples[i].weight / weights * samples[i].frame_mm, 2);
+    for (int i = 0; i < n; i++)
+        ret->hidden += samples[i].weight / weights * MAX(1 - (double)samples[i].shown, 0);
     for (int i = 0; i < n && n > 1; i++) {
         const double share = samples[i].weight / weights;
         const double factor = share * share / MAX(1 - share, 1e-6);

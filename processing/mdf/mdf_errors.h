@@ -2,7 +2,7 @@
  * Standard errors of merged distances: private to mdf.h. Any thread.
  *
  * A distance m = Σ w x is the mean of n sweeps' distances x with shares w of their weight. Its
- * variance has two parts.
+ * variance has three parts.
  *
  * 1. Times of pulses. They are off by alike numbers of frames in all sweeps, and a frame of a sweep
  * is g deep along the ray. So m has the variance u V with V = Σ w² g², and u, in frames², follows
@@ -21,6 +21,12 @@
  * whose squared differences grow with the p-th power of distance (Mandelbrot & Van Ness 1968; p = 4
  * is smooth, 3 has creases, 1 steps, 0 is rough in every pixel). b is the mean over sweeps; what it
  * has by the times' noise is subtracted.
+ *
+ * 3. What no sweep shows. Pixels around a texel that see no line in sweeps that light the others
+ * may see another side of an edge, in shadow or too dark. That the texel lies there, too, has the
+ * probability h, the mean over sweeps of such pixels' share (a weight that falls linearly to 0 two
+ * spacings of pixels away). Its distance would
+ * differ by the step s between the sides. That adds h s², with s² from the texels around (mdf.c).
  */
 #pragma once
 

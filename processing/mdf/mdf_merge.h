@@ -8,6 +8,7 @@
 
 struct mdf_candidate {
     float mm, dn;             /* distance; height of the pulse in DN */
+    float shown;              /* share of the pixels around that saw a line */
     float bend_mm[MDF_BENDS]; /* of the surface at the pixel next to the texel (mdf_errors.h): over
                                  one pixel along x and y, and over two; NAN: unknown */
     float tolerance_mm;       /* > 0: others this close always agree with it */
@@ -21,6 +22,7 @@ struct mdf_spread {
     int n;                     /* sweeps */
     double frames2, freedom;   /* u, and its degrees of freedom; 0: fewer than two sweeps */
     double unit_mm2;           /* V */
+    double hidden;             /* h */
     double bend_mm[MDF_BENDS]; /* their mean bends; NAN: unknown */
     double noise_mm2[MDF_BENDS];
 };
