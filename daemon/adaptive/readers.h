@@ -1,7 +1,7 @@
 /*
- * Threads that read frames beside the capture. In lockstep (drivers/clock.h) the main loop waits for
- * each of them, so that nothing overlaps, neither readers with each other nor with what the main
- * loop writes: their calls to the disk come in the same order in each run.
+ * Threads that read frames beside the capture. In lockstep (drivers/clock.h) the main loop waits
+ * for each of them, so that nothing overlaps, neither readers with each other nor with what the
+ * main loop writes: their calls to the disk come in the same order in each run.
  */
 #pragma once
 
