@@ -60,7 +60,7 @@ static gboolean tell_again(const struct work *work, gpointer data, GError **erro
 
 /* Work whose end is told again and again, as what follows it goes on: a line when it ends, and one
  * that stays, without time left. */
-static void test_again(void) {
+static void test_told_again(void) {
     double seconds;
     g_string_truncate(told, 0);
     g_assert_true(cli_work_run(tell_again, NULL, &seconds, NULL));
@@ -78,7 +78,7 @@ int main(int argc, char **argv) {
     g_set_printerr_handler(keep);
     g_test_add_func("/progress/short", test_short);
     g_test_add_func("/progress/long", test_long);
-    g_test_add_func("/progress/again", test_again);
+    g_test_add_func("/progress/again", test_told_again);
     const int result = g_test_run();
     g_string_free(told, TRUE);
     return result;

@@ -240,7 +240,7 @@ static void calibrated(struct operation *run, const char *info, const char *verd
     g_assert_cmpstr(captured, ==, "nominal");
 }
 
-static int count_of(const char *text, const char *what) {
+static int report_count_of(const char *text, const char *what) {
     int n = 0;
     for (const char *at = text; (at = strstr(at, what)); at++)
         n++;
@@ -251,7 +251,7 @@ static int count_of(const char *text, const char *what) {
 static void told_once(void) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 0, "capture", run->rig, run->conf, "-o", run->session, "--process", NULL);
-    g_assert_cmpint(count_of(run->out, "calibration: none"), ==, 1);
+    g_assert_cmpint(report_count_of(run->out, "calibration: none"), ==, 1);
     assert_has(run->out, "MDF of");
     operator_free(run);
 }

@@ -212,7 +212,7 @@ static void test_learned(void) {
     g_assert_cmpfloat_with_epsilon(rates.unit_s[TIME_LEFT_MDF_FILE], 0.6, 1e-9);
 }
 
-static double cpu_s(void) {
+static double time_left_spent_s(void) {
     struct timespec now;
     g_assert_cmpint(clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now), ==, 0);
     return (double)now.tv_sec + (double)now.tv_nsec / 1e9;
@@ -233,7 +233,7 @@ static void test_pace(void) {
     course_expect(course, TIME_LEFT_FACTORS, 1);
     g_assert_cmpfloat_with_epsilon(course_left_s(course), 15, 1e-9);
     course_begin(course, TIME_LEFT_COLUMNS);
-    for (const double begun_s = cpu_s(); cpu_s() < begun_s + 0.1;)
+    for (const double begun_s = time_left_spent_s(); time_left_spent_s() < begun_s + 0.1;)
         ;
     g_assert_cmpfloat(course_left_s(course), <, 14.95);
     g_assert_cmpfloat(course_left_s(course), >, 14);
