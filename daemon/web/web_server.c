@@ -290,6 +290,11 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
             respond(message, SOUP_STATUS_OK, "application/json", text);
             return;
         }
+    if (strcmp(what, "access") == 0) {
+        respond(message, SOUP_STATUS_OK, "application/json",
+                server->token ? "{\"acts\": true}" : "{\"acts\": false}");
+        return;
+    }
     if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
     else if (!answer_picture(server, message, what))

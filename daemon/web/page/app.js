@@ -6,6 +6,7 @@ const api = "/api/v1/";
 const pictureInterval = 2000; // ms between two pictures of a camera
 const clockTime = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
 let state = {};
+let acts = true; // whether the server has a token
 
 function text(id, value) {
   if ($(id).textContent !== String(value)) $(id).textContent = value;
@@ -59,6 +60,7 @@ function showState() {
   $("abort").disabled = !token || !busy;
   $("safe").disabled = !token || away;
   $("unlock").hidden = !!token;
+  $("actions").hidden = !acts;
   const rows = (state.devices || []).map(device => {
     const row = element("tr");
     for (const key of ["class", "name", "driver", "health"]) row.append(element("td", "", device[key]));
@@ -84,12 +86,13 @@ function showNotice(paused) {
   text("prompt", prompt);
   const resume = state.session ? `mesorig resume ${state.session}` : "mesorig resume DIR";
   const steps = [];
-  if (prompt) steps.push("Do this.", "Press Continue.");
+  const goOn = acts ? "Press Continue" : "Run: mesorig continue", makeSafe = acts ? "press Safe state" : "run mesorig safe";
+  if (prompt) steps.push("Do this.", `${goOn}.`);
   else if (paused) {
-    if (fault) steps.push("Lamps and lasers were told to go off and the axes to stop: before you reach into the rig, press Safe state, which says whether each has confirmed it.",
+    if (fault) steps.push(`Lamps and lasers were told to go off and the axes to stop: before you reach into the rig, ${makeSafe}, which says whether each has confirmed it.`,
                           `Mend ${faulty.map(device => device.name).join(", ")} as the message says.`);
-    steps.push(fault ? "Press Continue. The shot that was under way is taken again; nothing that was taken is lost."
-                     : "Press Continue to go on.");
+    steps.push(fault ? `${goOn}. The shot that was under way is taken again; nothing that was taken is lost.`
+                     : `${goOn} to go on.`);
   } else if (aborted) steps.push(`What was taken stays. To go on: ${resume}`);
   const wanted = reason || prompt ? steps : [];
   if ($("steps").dataset.shown !== wanted.join("\n")) {
@@ -289,6 +292,8 @@ async function getJson(name) {
 }
 
 async function reload() {
+  ({ acts } = await getJson("access"));
+  showState();
   $("events").replaceChildren();
   for (const event of await getJson("log")) addEvent(event);
   drawCourse(await getJson("progress"));

@@ -406,6 +406,21 @@ static void faults(void) {
     site_free(site);
 }
 
+/* A server without a token offers no buttons, and names commands instead. */
+static void shows_only(void) {
+    struct site *site = site_new(FALSE);
+    Browser *browser = browser_new(390, 844);
+    browser_open(browser, site->uri);
+    browser_wait(browser, "document.getElementById('state').textContent == 'closed'");
+    browser_wait(browser, "document.getElementById('actions').hidden");
+    g_free(browser_value(browser,
+                         "(state = {...state, state: 'paused', reason: 'why'}, showState())"));
+    browser_wait(browser, "document.getElementById('steps').textContent == "
+                          "'Run: mesorig continue to go on.'");
+    browser_free(browser);
+    site_free(site);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     /* So that tests/lsan.supp knows libsoup's functions, which keep no frame pointers. */
@@ -417,5 +432,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/web/survives", survives);
     g_test_add_func("/web/faults", faults);
     g_test_add_func("/web/in-browser", in_browser);
+    g_test_add_func("/web/shows-only", shows_only);
     return operator_tests();
 }
