@@ -31,7 +31,7 @@ constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practicall
 constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
 
 /* A corner's residual, whitened and divided by its noise. */
-struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1> {
+struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1, 3> {
     const bundle *b;
     const bundle_observation *o;
 
@@ -40,10 +40,10 @@ struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6,
 
     bool Evaluate(double const *const *parameters, double *residuals,
                   double **jacobians) const override {
-        static constexpr int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1};
+        static constexpr int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1, 3};
         const bundle_camera &camera = b->cameras[o->camera];
-        const bundle_parameters at = {parameters[0], parameters[1], parameters[2],
-                                      parameters[3][0]};
+        const bundle_parameters at = {parameters[0], parameters[1], parameters[2], parameters[3][0],
+                                      parameters[4]};
         double px[2];
         bundle_slopes slopes;
         if (!bundle_image(&camera, &b->lays[b->stops[o->stop].lay], &at, o->board_mm, px,
@@ -51,11 +51,12 @@ struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6,
             return false;
         const double noise = camera.noise * o->noise;
         const double d[2] = {px[0] - o->seen_px[0], px[1] - o->seen_px[1]};
-        const double *const from[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0], slopes.angle};
+        const double *const from[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0], slopes.angle,
+                                      slopes.bend[0]};
         for (int i = 0; i < 2; i++) {
             const double *w = o->whiten[i];
             residuals[i] = (w[0] * d[0] + w[1] * d[1]) / noise;
-            for (int k = 0; jacobians && k < 4; k++)
+            for (int k = 0; jacobians && k < 5; k++)
                 for (int l = 0; jacobians[k] && l < sizes[k]; l++)
                     jacobians[k][i * sizes[k] + l] =
                         (w[0] * from[k][l] + w[1] * from[k][sizes[k] + l]) / noise;
@@ -87,6 +88,23 @@ struct LensPrior final : ceres::SizedCostFunction<BUNDLE_INTRINSICS + 1, BUNDLE_
         if (j) {
             j[n * n] = 1 / lens[1] / ASPECT_SIGMA;
             j[n * n + 1] = -lens[0] / (lens[1] * lens[1]) / ASPECT_SIGMA;
+        }
+        return true;
+    }
+};
+
+struct BendPrior final : ceres::SizedCostFunction<3, 3> {
+    double sigma;
+
+    explicit BendPrior(double standard_deviation) : sigma(standard_deviation) {
+    }
+
+    bool Evaluate(double const *const *parameters, double *residuals,
+                  double **jacobians) const override {
+        for (int i = 0; i < 3; i++) {
+            residuals[i] = parameters[0][i] / sigma;
+            for (int k = 0; jacobians && jacobians[0] && k < 3; k++)
+                jacobians[0][3 * i + k] = i == k ? 1 / sigma : 0;
         }
         return true;
     }
@@ -163,6 +181,7 @@ struct Work {
     std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses; /* stops use their first one's */
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
+    std::array<double, 3> bend;
     std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each */
     ceres::Problem problem;
 
@@ -179,7 +198,12 @@ struct Work {
             lays[i] = {0, 0, 0, b->lays[i].place[0], b->lays[i].place[1], b->lays[i].place[2]};
         for (gsize i = 0; i < angles.size(); i++)
             angles[i] = b->stops[i].angle_rad;
+        std::memcpy(bend.data(), b->bend, sizeof b->bend);
         add_observations();
+        if (problem.HasParameterBlock(bend.data()) && b->bend_sigma > 0)
+            problem.AddResidualBlock(new BendPrior(b->bend_sigma), nullptr, bend.data());
+        else if (problem.HasParameterBlock(bend.data()))
+            problem.SetParameterBlockConstant(bend.data());
         add_cameras();
         add_turntable();
     }
@@ -202,7 +226,7 @@ struct Work {
             problem.AddResidualBlock(new Reprojection(b, &o),
                                      b->robust > 0 ? new ceres::HuberLoss(b->robust) : nullptr,
                                      lenses[lens_of(camera)].data(), poses[camera].data(),
-                                     lays[lay].data(), &angles[stop]);
+                                     lays[lay].data(), &angles[stop], bend.data());
         }
     }
 
@@ -285,6 +309,7 @@ struct Work {
         }
         for (gsize i = 0; i < angles.size(); i++)
             b->stops[i].angle_rad = angles[i];
+        std::memcpy(b->bend, bend.data(), sizeof b->bend);
     }
 
     /* All free parameter blocks in order; of each camera's lens and pose the first column in the
@@ -309,6 +334,7 @@ struct Work {
             add(lays[i].data(), of_lay[i] > 0);
         for (gsize i = 0; i < angles.size(); i++)
             add(&angles[i], of_stop[i] > 0);
+        add(bend.data(), problem.HasParameterBlock(bend.data()));
         return blocks;
     }
 };
@@ -373,6 +399,6 @@ gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gbool
         c.lens = RIG_LENS_POLYNOMIAL;
         std::fill(c.intrinsics + 4, c.intrinsics + BUNDLE_INTRINSICS, 0.0);
     }
-    const bundle_parameters at = {c.intrinsics, pose, lay, s.angle_rad};
+    const bundle_parameters at = {c.intrinsics, pose, lay, s.angle_rad, bundle->bend};
     return bundle_image(&c, &l, &at, board_mm, ret_px, nullptr);
 }

@@ -2,8 +2,9 @@
  * Bundle adjustment of cameras, turntable angles and boards: minimises the reprojection errors of
  * all corners (with Ceres, behind a C interface).
  *
- * A board point X (mm, z = 0) of a board in the position `lay`, with the turntable at angle τ of
- * `stop`, is at p = Rz(τ) (R_l X + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h
+ * A board point X (mm, z = b₀ x² + b₁ x y + b₂ y², b being the bend that all boards have in common)
+ * of a board in the position `lay`, with the turntable at angle τ of `stop`, is at p = Rz(τ) (R_l X
+ * + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h
  * being the height at which the print's plane meets the turntable's axis. A camera sees p at
  * project(R_c p + t_c), rig.h's model. The axis is the rig's z axis and has no parameters.
  *
@@ -63,6 +64,8 @@ struct bundle {
     struct bundle_stop *stops;
     struct bundle_observation *observations;
     int n_cameras, n_lays, n_stops, n_observations;
+    double bend[3];    /* b₀, b₁, b₂, in 1 / mm */
+    double bend_sigma; /* standard deviation of each about 0, a prior; 0: they stay as they are */
     gboolean fix_azimuth; /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
     double robust;        /* Huber's threshold in standard deviations; 0: plain least squares */
     gboolean coarse;      /* stops when the cost falls by less than 1e-5 of it a step */

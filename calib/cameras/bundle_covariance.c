@@ -13,9 +13,9 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_LEFT  1e-6                    /* share of a residual that the fit must have left */
-#define LEAST_RCOND 1e-15                   /* of JᵀJ, scaled to a unit diagonal */
-#define MOST_OWN    (BUNDLE_CAMERA + 6 + 1) /* columns of a picture: camera, lay and angle */
+#define LEAST_LEFT  1e-6  /* share of a residual that the fit must have left */
+#define LEAST_RCOND 1e-15 /* of JᵀJ, scaled to a unit diagonal */
+#define MOST_OWN    (BUNDLE_CAMERA + 6 + 1 + 3) /* columns of a picture: camera, lay, angle, bend */
 
 struct factor {
     int n;

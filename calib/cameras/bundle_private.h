@@ -6,9 +6,9 @@
 G_BEGIN_DECLS
 
 /* Derivatives of the picture's x, y (rows) by the parameters of a lens, of a camera's pose (ω,
- * shift), of a lay (ω, t_x, t_y, h), and by the turntable's angle. */
+ * shift), of a lay (ω, t_x, t_y, h), by the turntable's angle, and by the board's bend. */
 struct bundle_slopes {
-    double lens[2][BUNDLE_INTRINSICS], pose[2][6], lay[2][6], angle[2];
+    double lens[2][BUNDLE_INTRINSICS], pose[2][6], lay[2][6], angle[2], bend[2][3];
 };
 
 /* bundle_project.c: a board point in the picture, from parameters and the rotations R₀ (row by row)
@@ -16,6 +16,7 @@ struct bundle_slopes {
 struct bundle_parameters {
     const double *lens, *pose, *lay;
     double angle;
+    const double *bend; /* NULL: the board is flat */
 };
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],

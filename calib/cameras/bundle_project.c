@@ -118,7 +118,11 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
                       double ret_px[2], struct bundle_slopes *ret) {
     static const struct vec3 up = {0, 0, 1};
     const double *c = at->lens, *t = at->lay + 3;
-    const struct vec3 x = vec3(board_mm[0], board_mm[1], 0);
+    const double squares[3] = {board_mm[0] * board_mm[0], board_mm[0] * board_mm[1],
+                               board_mm[1] * board_mm[1]};
+    const double *b = at->bend;
+    const struct vec3 x = vec3(board_mm[0], board_mm[1],
+                               b ? b[0] * squares[0] + b[1] * squares[1] + b[2] * squares[2] : 0);
     struct mat3 turn, m_lay, m_camera;
     struct vec3 j_lay[3], j_camera[3];
     double uv[2], j[2][3], k[2][8];
@@ -162,6 +166,9 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
         ret->lay[i][3] = by_from[i][0] - by_from[i][2] * n.x / n.z;
         ret->lay[i][4] = by_from[i][1] - by_from[i][2] * n.y / n.z;
         ret->lay[i][5] = by_from[i][2];
+        const double along_n = by_from[i][0] * n.x + by_from[i][1] * n.y + by_from[i][2] * n.z;
+        for (int l = 0; l < 3; l++)
+            ret->bend[i][l] = along_n * squares[l];
         ret->angle[i] = -by_p[i][0] * p.y + by_p[i][1] * p.x;
     }
     for (int l = 0; l < 3; l++) {

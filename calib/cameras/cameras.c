@@ -266,6 +266,14 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
     to->rms_px = n ? sqrt(sum / n) : 0;
     memcpy(to->held_out_px, work->held_out_px, sizeof to->held_out_px);
     memcpy(to->inflation, work->inflation, sizeof to->inflation);
+    for (int id = 0; id < board_n_corners(&work->task->board); id++) {
+        double mm[2];
+        board_corner_mm(&work->task->board, id, mm);
+        const double z =
+            b->bend[0] * mm[0] * mm[0] + b->bend[1] * mm[0] * mm[1] + b->bend[2] * mm[1] * mm[1];
+        to->bend_mm[0] = MIN(to->bend_mm[0], z);
+        to->bend_mm[1] = MAX(to->bend_mm[1], z);
+    }
     for (int i = 0; i < work->bundle.n_stops; i++) {
         const struct bundle_stop *stop = &work->bundle.stops[i];
         const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,

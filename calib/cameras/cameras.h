@@ -26,6 +26,10 @@
  * lens theirs, if the loss over the pictures falls by more than twice the standard error of its
  * differences.
  *
+ * For photographs the board may be bent, in the same way in all of them: z = b₀ x² + b₁ x y + b₂
+ * y², if that predicts left-out corners better by more than one standard error. A bend that is not
+ * there costs no more than its variance. Prior: 0 ± 2 % of half the longer side, there.
+ *
  * A camera on the camera arm has a pose for each of its stops and one lens for all of them. The
  * arm's axis is fitted to the poses (swing.h). A stop at which no picture was taken, of a camera
  * that was calibrated at two others, gets its pose from the axis; its errors are those of the
@@ -97,6 +101,7 @@ struct cameras_result {
     /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
+    double bend_mm[2];                 /* lowest and highest corner of the bent board; 0, 0: flat */
     gboolean arm_known;                /* what follows: the arm's axis was fitted; */
     struct rig_swing_fit arm;          /* and */
     guint32 predicted;                 /* the cameras (bits) whose poses it gave */

@@ -8,7 +8,8 @@
 #define WIDE_SIGMA  1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
 #define ROBUST      3   /* times the noise: threshold of Huber's loss */
 #define MOST_LOSS   4.5 /* times the noise: a corner farther off counts as one that is so far off */
-#define SIGNIFICANT 2   /* standard errors of the summed differences of losses */
+#define SIGNIFICANT 2   /* standard errors of the summed differences of losses; of a bend 1 */
+#define BENT        0.02 /* of half the board's longer side, there: prior standard deviation */
 
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
     static const int distortion[] = {4, 5, 6, 9, 10, 11}; /* k1 … k6 */
@@ -44,9 +45,7 @@ static void free_bundle(struct bundle *bundle) {
     g_free(bundle->observations);
 }
 
-static gboolean fit_all(const struct cameras_work *work, enum rig_lens lens, struct trial *ret) {
-    copy_bundle(&ret->bundle, &work->bundle);
-    cameras_set_lens(&ret->bundle.cameras[0], lens);
+static gboolean fit_all(struct trial *ret) {
     ret->bundle.robust = ROBUST;
     ret->bundle.coarse = TRUE;
     for (int round = 0; round < 2; round++) { /* Huber's threshold depends on the noise */
@@ -70,6 +69,7 @@ static gboolean predict(const struct trial *trial, int fold, double noise, doubl
     for (int i = 0; i < b.n_observations; i++)
         b.observations[i].rejected = !b.observations[i].rejected;
     b.cameras[0].fixed_lens = TRUE;
+    b.bend_sigma = 0;
     ok = ok && bundle_solve(&b, NULL);
     for (int i = 0; ok && i < b.n_observations; i++) {
         const double r = cameras_residual(&b, &b.observations[i], d) / noise;
@@ -80,15 +80,38 @@ static gboolean predict(const struct trial *trial, int fold, double noise, doubl
     return ok;
 }
 
-/* Whether b predicts better than a: Σ d > SIGNIFICANT √(Σ d²), d being the picture's loss by a
+/* Whether b predicts better than a: Σ d > errors · √(Σ d²), d being the picture's loss by a
  * minus that by b. */
-static gboolean is_better(const double *a, const double *b, int n) {
+static gboolean is_better(const double *a, const double *b, int n, double errors) {
     double sum = 0, squares = 0;
     for (int i = 0; i < n; i++) {
         sum += a[i] - b[i];
         squares += (a[i] - b[i]) * (a[i] - b[i]);
     }
-    return sum > SIGNIFICANT * sqrt(squares);
+    return sum > errors * sqrt(squares);
+}
+
+/* Gives a trial the bend that all pictures have in common, if corners are predicted better so. */
+static void try_bend(const struct cameras_work *work, struct trial *flat) {
+    const int n = work->task->n_pictures;
+    struct trial trials[2] = {*flat};
+    double size_mm[2];
+    board_size_mm(&work->task->board, size_mm);
+    copy_bundle(&trials[1].bundle, &flat->bundle);
+    trials[1].bundle.bend_sigma = BENT * 2 / MAX(size_mm[0], size_mm[1]);
+    gboolean ok = fit_all(&trials[1]);
+    const double noise = MIN(flat->bundle.cameras[0].noise, trials[1].bundle.cameras[0].noise);
+    for (int i = 0; i < 2; i++) {
+        trials[i].loss = g_new0(double, n + 1);
+        for (int fold = 0; ok && fold < FOLDS; fold++)
+            ok = predict(&trials[i], fold, noise, trials[i].loss);
+    }
+    const gboolean bent = ok && is_better(trials[0].loss, trials[1].loss, n, 1);
+    if (bent)
+        flat->bundle = trials[1].bundle;
+    free_bundle(&trials[bent ? 0 : 1].bundle);
+    g_free(trials[0].loss);
+    g_free(trials[1].loss);
 }
 
 /* The polynomial is the default, then comes the model with fewer parameters. A lens that is given
@@ -104,7 +127,9 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
         trials[i].loss = g_new0(double, n + 1);
         if (work->task->lens_given && work->task->lens != (enum rig_lens)i)
             continue;
-        trials[i].ok = fit_all(work, (enum rig_lens)i, &trials[i]);
+        copy_bundle(&trials[i].bundle, &work->bundle);
+        cameras_set_lens(&trials[i].bundle.cameras[0], (enum rig_lens)i);
+        trials[i].ok = fit_all(&trials[i]);
         if (trials[i].ok)
             noise = MIN(noise, trials[i].bundle.cameras[0].noise);
     }
@@ -112,7 +137,7 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
         struct trial *trial = &trials[order[k]];
         for (int fold = 0; trial->ok && !work->task->lens_given && fold < FOLDS; fold++)
             trial->ok = predict(trial, fold, noise, trial->loss);
-        if (trial->ok && (!best || is_better(best->loss, trial->loss, n)))
+        if (trial->ok && (!best || is_better(best->loss, trial->loss, n, SIGNIFICANT)))
             best = trial;
     }
     if (!best) /* the refinement reports why */
@@ -135,6 +160,9 @@ gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     }
     if (best->ok) {
         struct bundle *to = &work->bundle;
+        try_bend(work, best);
+        memcpy(to->bend, best->bundle.bend, sizeof to->bend);
+        to->bend_sigma = best->bundle.bend_sigma;
         *to->cameras = *best->bundle.cameras;
         to->cameras->noise = 1;
         memcpy(to->lays, best->bundle.lays, sizeof *to->lays * (gsize)to->n_lays);

@@ -32,7 +32,7 @@ int cameras_n_parameters(const struct cameras_work *work) {
     for (int c = 0; c < work->bundle.n_cameras; c++)
         lenses += work->bundle.cameras[c].stop == 0;
     return 9 * lenses + 6 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
-           (work->free_boards ? 0 : work->bundle.n_stops);
+           (work->free_boards ? 0 : work->bundle.n_stops) + (work->bundle.bend_sigma > 0 ? 3 : 0);
 }
 
 /* Median |residual| / √(2 ln 2). The corners' covariances contain the pixel noise only;
@@ -155,6 +155,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     one.observations = (struct bundle_observation *)(gpointer)own->data;
     one.n_observations = (int)own->len;
     one.fix_azimuth = FALSE;
+    one.bend_sigma = 0;
     one.robust = ROBUST;
     const gboolean was_fixed = one.lays[seen->lay].fixed;
     one.lays[seen->lay].fixed |= !work->free_boards && !work->task->no_turntable;

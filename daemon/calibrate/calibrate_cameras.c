@@ -314,6 +314,11 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
                    video->video->n_frames, video->video->frames->len, video->n_seen,
                    video->chosen->len);
     tell_lenses(to, base->calibration, result);
+    if (images_option)
+        record_doubles(to, "bend_mm", result->bend_mm, 2);
+    if (result->bend_mm[1] > result->bend_mm[0])
+        record_say(to, "\n  the board is bent: its corners are from %+.2f to %+.2f mm off a plane",
+                   result->bend_mm[0], result->bend_mm[1]);
     tell_arm(to, base->calibration, result);
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);

@@ -1,8 +1,9 @@
 /*
  * Fits one lens model to random halves of a set of photographs of a board:
- * lens_divisions FOLDER BOARD polynomial|rational|fisheye N SEED > FILE. docs/lens_peers divisions
- * FILE says whether covariances cover the differences between the halves. Boards are searched once,
- * so that a division takes a second.
+ * lens_divisions FOLDER BOARD polynomial|rational|fisheye N SEED > FILE. Instead of N: second,
+ * every second photograph in one half, or middle, the first half of the files and the last.
+ * docs/lens_peers divisions FILE says whether covariances cover the differences between the halves.
+ * Boards are searched once, so that a division takes a second.
  *
  * Four lines a half: division, whether it was fitted, photographs used, number of the lens, width,
  * height; fx … k6; inflation; the covariance.
@@ -106,10 +107,14 @@ int main(int argc, char **argv) {
     const int n = (int)found->len;
     g_autofree const struct photograph **order = g_new(const struct photograph *, n + 1);
     GRand *rand = g_rand_new_with_seed((guint32)atoi(argv[5]));
-    for (int division = 0; division < atoi(argv[4]); division++) {
-        for (int i = 0; i < n; i++)
-            order[i] = &g_array_index(found, struct photograph, i);
-        for (int i = n - 1; i > 0; i--) {
+    const gboolean second = strcmp(argv[4], "second") == 0;
+    const gboolean once = second || strcmp(argv[4], "middle") == 0;
+    for (int division = 0; division < (once ? 1 : atoi(argv[4])); division++) {
+        for (int i = 0; i < n; i++) {
+            const int from = !second ? i : 2 * i < n - n % 2 ? 2 * i + 1 : 2 * (i - n / 2);
+            order[i] = &g_array_index(found, struct photograph, from);
+        }
+        for (int i = n - 1; i > 0 && !once; i--) {
             const int other = g_rand_int_range(rand, 0, i + 1);
             const struct photograph *swapped = order[i];
             order[i] = order[other];

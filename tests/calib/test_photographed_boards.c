@@ -83,7 +83,9 @@ static void test_set(gconstpointer data) {
     g_assert_cmpfloat(rms_px, <, set->opencv_rms_px);
     g_assert_cmpfloat(fabs(fx - set->opencv_focal_px), <, 2 * hypot(sigma, 0.6));
     g_assert_cmpint(calibration->rig.cameras[0].lens, ==, RIG_LENS_POLYNOMIAL);
-    g_assert_cmpfloat(sigma, <, 0.8); /* with the scatter between photographs; 0.4 without */
+    /* With the scatter between photographs (0.4 without), and the bend of the board, from which the
+     * focal length is hardly told apart in the right ones. */
+    g_assert_cmpfloat(sigma, <, 1.3);
 }
 
 /* As with another zoom; around a smaller picture, its outermost pixels. */
