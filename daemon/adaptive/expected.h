@@ -17,9 +17,9 @@ struct expected_point {
 /* like: directory of an earlier session of the same or such a material. What it measured, and what
  * is predicted of it where the directions are others, stands for what the session will measure: the
  * choice is made as it would be (lamps.h), in rounds half as large. NULL: of no particular
- * material. At most half of the shots are looked at. An array of struct expected_point, in order of
- * time; g_array_unref(). DATA_ERROR_INCOMPLETE: the earlier session has no pictures, or the plan no
- * lamps. */
+ * material. At most half of the shots are looked at; without like an eighth if there are many. An
+ * array of struct expected_point, in order of time; g_array_unref(). DATA_ERROR_INCOMPLETE: the
+ * earlier session has no pictures, or the plan no lamps. */
 GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                        const struct rig_timing *timing, const struct plan *plan, const char *like,
                        const struct work *work, GError **error);
