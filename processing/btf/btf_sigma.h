@@ -34,7 +34,7 @@
 #include "radiometry/radiometry.h"
 
 /* Version of the method, as BTF_METHOD is that of the values. */
-#define BTF_SIGMA_METHOD 2
+#define BTF_SIGMA_METHOD 3
 
 #define BTF_SIGMA_DARK 0.02 /* of ρ: what relative errors of dark values relate to */
 

@@ -311,6 +311,7 @@ void rectify_free(Rectify *rectify) {
         return;
     g_free(rectify->colour);
     g_free(rectify->ratio);
+    g_free(rectify->vary);
     g_free(rectify->balance);
     rectify_clear_rows(&rectify->area);
     rectify_clear_rows(&rectify->around);
@@ -342,7 +343,9 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     if (rectify->planes == 3)
         return;
     g_free(rectify->ratio);
+    g_free(rectify->vary);
     rectify->ratio = rectify_find_ratios(rectify, mosaic);
+    rectify->vary = rectify_find_vary(rectify, rectify->ratio);
 }
 
 /* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others of the

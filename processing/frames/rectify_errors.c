@@ -1,8 +1,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "demosaic.h"
 #include "rectify_private.h"
 
+#define MOST_RATIO  100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/accuracy.md */
 
 /* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
@@ -90,10 +92,51 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
     }
 }
 
+/* How much a pixel's colour differs from those of the four next pixels that see the same: with l
+ * the logarithm of green over it, (l − mean of theirs)² / 1.25. That is the variance of l where it
+ * differs from pixel to pixel at random. */
+static float rectify_vary_of(const Rectify *rectify, const float *green, int x, int y) {
+    static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
+    const gsize at = (gsize)y * rectify->stride + (gsize)x;
+    float off = logf(CLAMP(green[at], 1 / MOST_RATIO, MOST_RATIO));
+    for (gsize k = 0; k < G_N_ELEMENTS(next); k++) {
+        const int u = demosaic_mirror(x + next[k].x, rectify->width);
+        const int v = demosaic_mirror(y + next[k].y, rectify->height);
+        const float ratio = green[(gsize)v * rectify->stride + (gsize)u];
+        off -= 0.25f * logf(CLAMP(ratio, 1 / MOST_RATIO, MOST_RATIO));
+    }
+    return off * off / 1.25f;
+}
+
+/* Red and blue are seen by one pixel in four. Where they change relative to green from one of those
+ * to the next, no picture shows what the pixels between them have: their ratios are off by as much.
+ * For red and blue this is the mean over the pixels of a texel that see them; for green 0. */
+float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
+    const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
+    float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
+    for (int texel = 0; texel < rectify->n_texels && !rectify->mono; texel++) {
+        const struct window *window = &rectify->area.window[texel];
+        const float *weight = rectify_weights_of(&rectify->area, texel);
+        const int columns = window->n_wide * LANES;
+        float sum[3] = {0}, weights[3] = {0};
+        for (int i = 0; i < window->n_rows * columns; i++) {
+            const int x = window->x + i % columns, y = window->y + i / columns;
+            const int c = rectify->phase[2 * (y & 1) + (x & 1)];
+            if (weight[i] == 0 || c == DEMOSAIC_GREEN)
+                continue;
+            sum[c] += weight[i] * rectify_vary_of(rectify, green, x, y);
+            weights[c] += weight[i];
+        }
+        for (int c = 0; c < 3; c++)
+            ret[3 * texel + c] = weights[c] > 0 ? MAX(sum[c] / weights[c], 0) : 0;
+    }
+    return ret;
+}
+
 /* A frame in the form needed for errors: padded planes of values, of their variances, and of the
  * picture in red, green and blue, as the guide predicts it from the pixels of other colours. */
 struct rectify_frame {
-    const float *values, *variances, *colours, *ratio;
+    const float *values, *variances, *colours, *ratio, *vary;
     const struct rectify_slopes *slopes;
 };
 
@@ -179,7 +222,8 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
  * how far its colours deviate from the texel's, which no picture shows. In a texel CHROMA_PX across
  * they deviate as much as those of adjacent texels, and the more the fewer pixels it has:
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
- *   detail_c = max(0, κ² (gain_c² most_c − 1.25 noise_c)) + gain_c² coherence_c off_c,
+ *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
+ *   detail_c = max(0, κ² (gain_c² most_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),
  *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²).
  * down: room for 3 × columns of the window. */
 static inline __attribute__((always_inline)) void
@@ -234,7 +278,8 @@ rectify_structure(const Rectify *rectify, int texel, const struct rectify_frame 
         const float coherence = squares > 0 ? most / squares : 1;
         const float edges = EDGE_DETAIL * (gain * most - 1.25f * noise[c]);
         const float off = slopes->chroma[c] * rectify->chroma * others;
-        ret_detail[c] = MAX(edges, 0) + gain * coherence * off;
+        const float fine = frame->vary[3 * (gsize)texel + (gsize)c] * others;
+        ret_detail[c] = MAX(edges, 0) + gain * (coherence * off + fine);
         ret_shift[c] = gain * (dx * dx + dy * dy);
     }
 }
@@ -248,7 +293,9 @@ rectify_do_errors(const Rectify *rectify, const float *mosaic, const float *pixe
     g_autofree float *values = g_new0(float, plane), *variances = g_new(float, plane);
     g_autofree float *colours = g_new(float, 3 * plane);
     g_autofree struct rectify_slopes *slopes = g_new(struct rectify_slopes, rectify->n_texels);
-    const struct rectify_frame frame = {values, variances, colours, ratio, slopes};
+    g_autofree float *found_vary = rectify->ratio ? NULL : rectify_find_vary(rectify, ratio);
+    const float *vary = rectify->ratio ? rectify->vary : found_vary;
+    const struct rectify_frame frame = {values, variances, colours, ratio, vary, slopes};
     rectify_pad(rectify, mosaic, values);
     rectify_pad(rectify, pixels, variances);
     for (gsize c = 0; c < 3; c++)

@@ -41,12 +41,17 @@ struct Rectify {
     float colour_gain[3];
     float chroma; /* CHROMA_PX / pixels across a texel, in the direction in which it is shortest */
     float
-        *ratio; /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
+        *ratio;  /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
+    float *vary; /* n_texels × 3, of ratio: rectify_find_vary(); NULL: no guide */
 };
 
 /* Demosaicing factors of a mosaic as three padded planes (height × stride each), 0 for a pixel's
  * own colour, so that own and estimated values are summed separately. g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
+
+/* How much colours change from pixel to pixel in each texel: variances of the logarithms of the
+ * ratios, n_texels × 3 (rectify_errors.c). g_free() */
+float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
 /* Copies the mosaic to padded rows (height × stride) with 0 for values that are not finite. FALSE
  * if there were any. */
