@@ -30,7 +30,8 @@
 #define CLOSE          0.2f  /* factor of the agreement tolerance for smooth continuation */
 #define LEAST_TEXEL_PX 0.1   /* for errors' sake */
 #define HIDDEN_REACH   2     /* of mdf_shown(); chosen: docs/accuracy.md */
-#define MANY_SWEEPS    4     /* from this number of sweeps on, one is not believed against others */
+#define HIDDEN_SWEEPS  8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
+#define MANY_SWEEPS    4 /* from this number of sweeps on, one is not believed against others */
 
 /* What a sweep saw of a texel. */
 struct seen {
@@ -476,6 +477,8 @@ static void mdf_find_lone_errors(const MdfView *view, const float *distance, con
 static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
                                   const struct mdf_spread *spreads, float *error_mm) {
     float deepest = 0;
+    if (view->n_sweeps < HIDDEN_SWEEPS)
+        return;
     for (int i = 0; i < view->n_texels; i++)
         deepest = MAX(deepest, distance[i]);
     for (int i = 0; i < view->n_texels; i++) {

@@ -27,6 +27,7 @@
  * probability h, the mean over sweeps of such pixels' share (a weight that falls linearly to 0 two
  * spacings of pixels away). Its distance would
  * differ by the step s between the sides. That adds h s², with s² from the texels around (mdf.c).
+ * With few sweeps the shadow of one is a large part of h, and nothing is added.
  */
 #pragma once
 

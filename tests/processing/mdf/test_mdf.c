@@ -326,7 +326,7 @@ static void test_beside_step(void) {
 /* Along the foot of a step with teeth as wide as a texel, no laser reaches the ground. Texels
  * there whose pixels see the step's top are off by its height, and their error bars hold it. */
 static void test_hidden_foot(void) {
-    enum { EDGES = 8, LASERS = 6, FOOT_MM = 1 };
+    enum { EDGES = 8, LASERS = 8, FOOT_MM = 1 };
     static struct merged m;
     double squares = 0;
     int wrong = 0, n = 0;
@@ -339,7 +339,7 @@ static void test_hidden_foot(void) {
         pinhole_eye(&world->pinhole, eye);
         for (int i = 0; i < LASERS; i++) {
             struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
-            sweep(world, &laser, (20 + 60 * i) * DEGREE, 0.1, random);
+            sweep(world, &laser, (20 + 45 * i) * DEGREE, 0.1, random);
             for (int k = 0; k < SIDE * SIDE; k++) {
                 pinhole_ray(&world->pinhole, k % SIDE, (double)(k / SIDE), ray);
                 const double t = meet_turned(world, ray);
@@ -347,7 +347,7 @@ static void test_hidden_foot(void) {
                     eye[0] + t * ray[0] > world->surface.edge_mm - FOOT_MM)
                     world->peak[k] = -1;
             }
-            add(view, world, &laser, (20 + 60 * i) * DEGREE);
+            add(view, world, &laser, (20 + 45 * i) * DEGREE);
         }
         mdf_view_merge(view, m.mm, m.n, m.s);
         for (int i = 0; i < N_TEXELS; i++) {
