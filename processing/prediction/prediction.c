@@ -85,7 +85,7 @@ static void prediction_means(const Prediction *prediction, struct vec3 at_mm, do
     for (int p = 0; p < prediction->n_pairs; p++) {
         struct vec3 v, l;
         prediction_directions(prediction, at_mm, p, &v, &l);
-        prediction_mean(prediction->mean, v, l, ret + 3 * (gsize)p);
+        prediction_mean(prediction->mean, prediction->most_gloss, v, l, ret + 3 * (gsize)p);
     }
 }
 

@@ -11,6 +11,9 @@
  * Ward 1992). It takes the exact directions of each texel, which differ by some degrees over a
  * sample beside a camera or a lamp; a highlight changes a lot by that.
  *
+ * The lobes count at most as much as at any measured pair, so that none stands where nothing was
+ * measured.
+ *
  * The ratio z = ρ / g of a texel and colour over pairs p = (v, l) is taken as a Gaussian process of
  * mean 0, whose covariance k(p, p') is the same for all texels of a material up to a factor s² of
  * each (Rasmussen and Williams 2006, §2.2; kriging: Cressie 1993, §3.2). With v, l nominal unit

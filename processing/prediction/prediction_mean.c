@@ -26,7 +26,8 @@ static double prediction_mean_lobe(const double *x, double hx, double hy, double
            pow(cos_l, -x[6]);
 }
 
-void prediction_mean(const double *x, struct vec3 v, struct vec3 l, double ret[3]) {
+void prediction_mean(const double *x, double most_gloss, struct vec3 v, struct vec3 l,
+                     double ret[3]) {
     const double cos_v = fmax(v.z, LEAST_COS), cos_l = fmax(l.z, LEAST_COS);
     const struct vec3 h = vec3_add(v, l);
     const double hz = fmax(h.z, 2 * LEAST_COS);
@@ -35,7 +36,7 @@ void prediction_mean(const double *x, struct vec3 v, struct vec3 l, double ret[3
     for (int k = 0; k < LOBES; k++)
         gloss += prediction_mean_lobe(x + DIFFUSE + LOBE * k, h.x / hz, h.y / hz, cos_v, cos_l);
     for (int c = 0; c < 3; c++)
-        ret[c] = fmax(exp(x[c]) * shade + gloss, LEAST_RMS);
+        ret[c] = fmax(exp(x[c]) * shade + fmin(gloss, most_gloss), LEAST_RMS);
 }
 
 struct prediction_mean_fit {
@@ -50,7 +51,7 @@ static int prediction_mean_residuals(void *data, int n, int n_parameters, const 
     (void)n_parameters;
     for (int i = 0; 3 * i < n; i++) {
         double g[3];
-        prediction_mean(x, fit->v[i], fit->l[i], g);
+        prediction_mean(x, INFINITY, fit->v[i], fit->l[i], g);
         for (int c = 0; c < 3; c++) {
             const double off = log(g[c]) - fit->logarithms[3 * i + c];
             ret[3 * i + c] = isfinite(off) ? CLAMP(off, -50, 50) : 50;
@@ -59,8 +60,7 @@ static int prediction_mean_residuals(void *data, int n, int n_parameters, const 
     return flag < 0 ? flag : 0;
 }
 
-/* The cell of each probe: the ranks of its x and y among all, in CELLS parts each, would need a
- * sort; the box of all probes is divided instead. */
+/* The cell of each probe: the box of all probes is divided into CELLS² equal parts. */
 static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     for (int i = 0; i < n; i++) {
@@ -167,6 +167,13 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
             least = sum;
             memcpy(prediction->mean, x, sizeof x);
         }
+    }
+    prediction->most_gloss = 0;
+    for (int i = 0; i < fit.n; i++) {
+        double with[3], without[3];
+        prediction_mean(prediction->mean, INFINITY, fit.v[i], fit.l[i], with);
+        prediction_mean(prediction->mean, 0, fit.v[i], fit.l[i], without);
+        prediction->most_gloss = fmax(prediction->most_gloss, with[0] - without[0]);
     }
     g_free(fit.v);
     g_free(fit.l);

@@ -26,9 +26,10 @@ enum {
 struct prediction {
     int n_views, n_lights, n_pairs;
     struct vec3 *views, *lights;
-    struct vec3 *views_mm, *lights_mm;      /* NULL: far away */
-    int *groups;                            /* n_pairs */
-    double mean[PREDICTION_MEAN];           /* parameters of g (prediction_mean.c) */
+    struct vec3 *views_mm, *lights_mm; /* NULL: far away */
+    int *groups;                       /* n_pairs */
+    double mean[PREDICTION_MEAN];      /* parameters of g (prediction_mean.c) */
+    double most_gloss; /* of g, at pairs that were measured: a lobe between them cannot be more */
     double constants[PREDICTION_CONSTANTS]; /* of the covariance */
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
@@ -46,8 +47,10 @@ struct prediction {
 void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
                            struct vec3 *ret_view, struct vec3 *ret_light);
 
-/* g of R, G, B, and its parameters fitted to probes as in prediction_new(). */
-void prediction_mean(const double *parameters, struct vec3 v, struct vec3 l, double ret[3]);
+/* g of R, G, B, its lobes together at most most_gloss; and its parameters and most_gloss, fitted to
+ * probes as in prediction_new(). */
+void prediction_mean(const double *parameters, double most_gloss, struct vec3 v, struct vec3 l,
+                     double ret[3]);
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes);
 
