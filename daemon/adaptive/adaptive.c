@@ -55,7 +55,7 @@ void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
     if (shot->kind == SHOT_SWEEP && !adaptive_sweeps_are_over(adaptive))
         sweeps_take(adaptive->sweeps, shot, frames, n);
     if (shot->kind == SHOT_LAMP && !adaptive_lamps_are_over(adaptive))
-        lamps_take(adaptive->lamps, shot, frames, n);
+        lamps_take_shot(adaptive->lamps, shot, frames, n);
 }
 
 static void adaptive_free_choice(struct choice *choice) {
@@ -289,7 +289,7 @@ void adaptive_free(Adaptive *adaptive) {
     g_source_destroy(adaptive->wake);
     g_source_unref(adaptive->wake);
     sweeps_free(adaptive->sweeps);
-    lamps_free(adaptive->lamps);
+    lamps_dispose(adaptive->lamps);
     rounds_clear(&adaptive->of_sweeps);
     rounds_clear(&adaptive->of_lamps);
     g_free(adaptive);

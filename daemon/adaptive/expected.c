@@ -24,7 +24,7 @@ struct earlier {
 
 static void expected_clear_earlier(struct earlier *earlier) {
     readers_free(earlier->readers);
-    lamps_free(earlier->lamps);
+    lamps_dispose(earlier->lamps);
     g_clear_pointer(&earlier->clock, clock_unref);
     calibration_free(earlier->calibration);
     g_clear_pointer(&earlier->shots, g_ptr_array_unref);
@@ -62,7 +62,7 @@ static gboolean expected_read(struct earlier *earlier, GError **error) {
         const struct session_frame *frame = frames->pdata[i];
         const struct session_shot *shot = earlier->shots->pdata[frame->shot - 1];
         if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE)
-            lamps_take(earlier->lamps, shot, frame, 1);
+            lamps_take_shot(earlier->lamps, shot, frame, 1);
     }
     return readers_wait(earlier->readers, error) && lamps_note_done(earlier->lamps, error);
 }
@@ -280,6 +280,6 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
                              : expected_of_none(lamps, most_of_none, ret, error);
     if (!ok)
         g_clear_pointer(&ret, g_array_unref);
-    lamps_free(lamps);
+    lamps_dispose(lamps);
     return ret;
 }

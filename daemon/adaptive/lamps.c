@@ -77,8 +77,8 @@ static int lamps_pair(const Lamps *lamps, const struct session_shot *shot, int c
                : -1;
 }
 
-void lamps_take(Lamps *lamps, const struct session_shot *shot, const struct session_frame *frames,
-                int n) {
+void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
+                     const struct session_frame *frames, int n) {
     for (int i = 0; i < n; i++) {
         const int pair = lamps_pair(lamps, shot, frames[i].camera);
         if (pair < 0)
@@ -411,7 +411,7 @@ void lamps_stop(Lamps *lamps) {
     g_cancellable_cancel(lamps->cancellable);
 }
 
-void lamps_free(Lamps *lamps) {
+void lamps_dispose(Lamps *lamps) {
     if (!lamps)
         return;
     for (int i = 0; i < lamps->n_views * lamps->n_lights; i++)

@@ -30,12 +30,12 @@ struct lamps_setup { /* all is borrowed, and stays as it is while it lives, but 
 
 /* NULL: the session cannot be read. */
 Lamps *lamps_new(const struct lamps_setup *setup, GError **error);
-void lamps_free(Lamps *lamps); /* after the readers; NULL is ignored */
-void lamps_stop(Lamps *lamps); /* a choice under way ends soon, with G_IO_ERROR_CANCELLED */
+void lamps_dispose(Lamps *lamps); /* after the readers; NULL is ignored */
+void lamps_stop(Lamps *lamps);    /* a choice under way ends soon, with G_IO_ERROR_CANCELLED */
 
 /* A shot was committed: its frames are read in a reader's thread. */
-void lamps_take(Lamps *lamps, const struct session_shot *shot, const struct session_frame *frames,
-                int n);
+void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
+                     const struct session_frame *frames, int n);
 
 /* Before lamps_choose(): which shots are done, and what the lamps gave in them. */
 gboolean lamps_note_done(Lamps *lamps, GError **error);
