@@ -104,7 +104,7 @@ struct prediction_choice {
  * chosen before, lower the summed variance of all pairs most for its price (the criterion A of
  * optimal design; Krause et al. 2008). taken: n_shots, those that cannot be chosen; may be NULL.
  * ret: room for most. Returns how many are chosen: fewer if no others are left. Sums run over at
- * most PREDICTION_TARGETS pairs, evenly spread, and if more than PREDICTION_CANDIDATES shots are
+ * most PREDICTION_TARGETS pairs, spread over all, and if more than PREDICTION_CANDIDATES shots are
  * left, some of them, evenly spread, are looked at. −1 with error when cancelled. */
 #define PREDICTION_TARGETS    900
 #define PREDICTION_CANDIDATES 1200

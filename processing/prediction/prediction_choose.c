@@ -49,7 +49,13 @@ static void choice_add_pair(struct choice *choice, int pair) {
     choice->pairs[choice->n_pairs++] = pair;
 }
 
-/* Targets are missing pairs, evenly spread in their order; then come all pairs of candidates. */
+/* A number below n that follows no order of i (Knuth 1998, §6.4, multiplicative hashing). */
+static int choice_scatter(int i, int n) {
+    return (int)(((guint32)i * 2654435769u >> 8) % (guint32)n);
+}
+
+/* Targets are missing pairs, one of each of as many sections of their order, at an irregular place:
+ * at even steps they could be of a few lights alone. Then come all pairs of candidates. */
 static void choice_set_pairs(struct choice *choice, const struct prediction_shot *shots,
                              const int *candidates, int n_candidates) {
     const Prediction *prediction = choice->prediction;
@@ -59,8 +65,10 @@ static void choice_set_pairs(struct choice *choice, const struct prediction_shot
     for (int p = 0; p < prediction->n_pairs; p++)
         choice->place[p] = -1;
     const int wanted = MIN(n, PREDICTION_TARGETS);
-    for (int i = 0; i < wanted; i++)
-        choice_add_pair(choice, prediction->missing[(gint64)i * n / wanted]);
+    for (int i = 0; i < wanted; i++) {
+        const int first = (int)((gint64)i * n / wanted), end = (int)((gint64)(i + 1) * n / wanted);
+        choice_add_pair(choice, prediction->missing[first + choice_scatter(i, end - first)]);
+    }
     choice->n_targets = choice->n_pairs;
     for (int k = 0; k < n_candidates; k++)
         for (int i = 0; i < shots[candidates[k]].n_pairs; i++)

@@ -34,7 +34,7 @@ static const struct {
     {"lamps and sweeps in rounds, until pictures and surface are known",
      {{"[lights]", "sampling = adaptive"},
       {"[lights]", "first = 1"},
-      {"[lights]", "error_pct = 0"},
+      {"[lights]", "error_pct = 8"},
       {"[lasers]", "rings = 30:2; 60:2"},
       {"[lasers]", "stop = covered"},
       {"[lasers]", "first = 1"},
