@@ -90,7 +90,7 @@ static gboolean adaptive_say(Adaptive *adaptive, const char *key, double pct, GE
 
 static gboolean adaptive_leave_sweeps_out(Adaptive *adaptive, GError **error) {
     g_autofree char *note =
-        g_strdup_printf(ADAPTIVE_LEFT_OUT " expected to add less than %g %% to what its views know",
+        g_strdup_printf(SESSION_LEFT_OUT " expected to add less than %g %% to what its views know",
                         adaptive->setup.conf->laser_gain_pct);
     return rounds_leave_out(&adaptive->of_sweeps, note, error);
 }
@@ -101,8 +101,8 @@ static gboolean adaptive_leave_lamps_out(Adaptive *adaptive, GError **error) {
     if (!session_read_value(adaptive->setup.session, ADAPTIVE_ERROR_PCT, &pct, error))
         return FALSE;
     g_autofree char *note =
-        g_strdup_printf(ADAPTIVE_LEFT_OUT " its pictures are predicted from others, with an "
-                                          "expected error of %s %% in all",
+        g_strdup_printf(SESSION_LEFT_OUT " its pictures are predicted from others, with an "
+                                         "expected error of %s %% in all",
                         pct ? pct : "?");
     return rounds_leave_out(&adaptive->of_lamps, note, error);
 }

@@ -31,7 +31,6 @@
 
 typedef struct Adaptive Adaptive;
 
-#define ADAPTIVE_LEFT_OUT "left out:" /* how the note of such a shot begins */
 /* Values of the session: parts, in %, of the texels that the sweeps made known by the last round,
  * of all views and of that with the least. */
 #define ADAPTIVE_KNOWN_PCT "lasers.known_pct"

@@ -1,7 +1,6 @@
 /* Gathers the data of a session. */
 #include "archive.h"
 
-#include "adaptive/adaptive.h"
 #include "base/config.h"
 #include "base/robust.h"
 #include "btf/btf.h"
@@ -228,7 +227,7 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
         const struct session_shot *shot = shots->pdata[i];
         archive->planned += shot->state == SHOT_PLANNED;
         archive->done += shot->state == SHOT_DONE;
-        const gboolean unneeded = shot->note && g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+        const gboolean unneeded = shot->note && g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
         archive->unneeded += shot->state == SHOT_SKIPPED && unneeded;
         archive->skipped += shot->state == SHOT_SKIPPED && !unneeded;
     }

@@ -46,7 +46,7 @@ static gboolean cli_info_count(Session *session, struct counts *ret, GError **er
         ret->sweeps += shot->kind == SHOT_SWEEP && shot->state == SHOT_DONE;
         ret->lamps += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
         const gboolean left_out = shot->state == SHOT_SKIPPED && shot->note &&
-                                  g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+                                  g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
         ret->sweeps_left_out += left_out && shot->kind == SHOT_SWEEP;
         ret->lamps_left_out += left_out && shot->kind == SHOT_LAMP;
     }

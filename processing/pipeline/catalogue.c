@@ -247,7 +247,7 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                    light.phi_deg, shot->device, shot->arc_deg, light.output, input->sha256);
     } else {
         btf->n_missing++;
-        light.left_out = shot->note && g_str_has_prefix(shot->note, CATALOGUE_LEFT_OUT);
+        light.left_out = shot->note && g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
         input_hash(sum, "%d %s %.17g %.17g", light.index, light.left_out ? "left out" : "missing",
                    light.theta_deg, light.phi_deg);
     }

@@ -32,9 +32,6 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
 
 int catalogue_planned(const struct catalogue *catalogue); /* shots that are still to be taken */
 
-/* How the note of a skipped shot begins whose pictures can be predicted from others. */
-#define CATALOGUE_LEFT_OUT "left out:"
-
 enum catalogue_state {
     CATALOGUE_READY,
     CATALOGUE_WAITING,    /* planned frames are missing */

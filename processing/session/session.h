@@ -77,6 +77,10 @@ struct session_shot {
     char *note; /* why it was skipped or changed, or NULL */
 };
 
+/* How the note of a shot begins that was skipped because others suffice: of a sweep that is
+ * expected to add nothing, or of a lamp whose pictures can be predicted. */
+#define SESSION_LEFT_OUT "left out:"
+
 struct session_frame {
     gint64 shot;
     int camera;

@@ -56,10 +56,10 @@ static struct outcome outcome_of(const char *path) {
         outcome.done += sweep && shot->state == SHOT_DONE;
         outcome.planned += shot->state == SHOT_PLANNED;
         outcome.left_out += sweep && shot->state == SHOT_SKIPPED && shot->note &&
-                            g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+                            g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
         outcome.lamps_done += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
         outcome.lamps_left_out += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
-                                  shot->note && g_str_has_prefix(shot->note, ADAPTIVE_LEFT_OUT);
+                                  shot->note && g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
         g_string_append_printf(outcome.text, "%d %d %s\n", (int)shot->id, shot->state,
                                shot->state == SHOT_SKIPPED ? shot->note : "");
     }

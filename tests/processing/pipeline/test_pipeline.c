@@ -253,7 +253,7 @@ static void test_left_out(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpint(fixture->shots[1].kind, ==, SHOT_LAMP);
     g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
     g_assert_true(session_commit_shot(session, fixture->shots[1].id, SHOT_SKIPPED, NULL, 0,
-                                      CATALOGUE_LEFT_OUT " it can be predicted", NULL));
+                                      SESSION_LEFT_OUT " it can be predicted", NULL));
     g_clear_pointer(&session, session_close);
     const struct pipeline_result result = fixture_process(fixture, 2, FALSE);
     g_assert_cmpint(result.n_views, ==, 4); /* more than a tenth is missing, on purpose */
