@@ -267,6 +267,11 @@ static gboolean parse_materials(struct viewer_options *o, GError **error) {
            refuse_options(error, "--material needs --shape FILE.gltf or FILE.glb");
 }
 
+static gboolean viewer_options_has_views(const char *session) {
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    return g_file_test(btf, G_FILE_TEST_IS_DIR);
+}
+
 /* The first one that the session has a product for; without any, the default. */
 static const struct method *method_of_session(const char *session) {
     for (gsize k = 0; methods[k] != NULL; k++) {
@@ -299,7 +304,10 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            if (!o->live && !o->settings.plain) /* which are of the default alone */
+            /* --live and --plain are of the default alone, and so is a window on a session that is
+             * being captured, which makes eigen-maps of the views that are there. */
+            if (!o->live && !o->settings.plain &&
+                (o->render != NULL || !viewer_options_has_views(o->argument)))
                 o->method = method_of_session(o->argument);
         } else if (file_kind_find(o->argument, &file, NULL)) {
             o->method = file.kind == FILE_KIND_MATERIAL ? file.method : o->method;
