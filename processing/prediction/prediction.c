@@ -370,13 +370,18 @@ void prediction_fill(const Prediction *prediction, float *values, const struct v
     }
 }
 
+double prediction_relative_error(const Prediction *prediction, double variances) {
+    return PREDICTION_CHOSEN *
+           sqrt(prediction->excess_rms * fmax(variances, 0) / prediction->energy);
+}
+
 double prediction_error(const Prediction *prediction) {
     double sum = 0;
     if (prediction->n_measured == 0)
         return 1;
     for (int u = 0; u < prediction->n_missing; u++)
         sum += prediction->squares[prediction->missing[u]] * prediction->variance[u];
-    return sqrt(prediction->excess_rms * sum / prediction->energy);
+    return prediction_relative_error(prediction, sum);
 }
 
 double prediction_left_out_error(const Prediction *prediction) {

@@ -80,8 +80,8 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair);
 void prediction_fill(const Prediction *prediction, float *values, const struct vec3 *at_mm, int n,
                      float *ret_sigma);
 
-/* The expected relative error, √(Σ σ² / Σ ρ²) over all pairs and probes, measured ones adding
- * nothing. 1 if nothing is measured. */
+/* The expected relative error, 1.5 √(Σ σ² / Σ ρ²) over all pairs and probes, measured ones adding
+ * nothing: the factor is for shots that were chosen by their variance. 1 if nothing is measured. */
 double prediction_error(const Prediction *prediction);
 
 /* The same of cross-validation: √(Σ (predicted − measured)² / Σ measured²), over measured pairs;

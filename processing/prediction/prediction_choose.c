@@ -214,7 +214,7 @@ static double choice_error(const struct choice *choice) {
     double sum = 0;
     for (int k = 0; k < choice->n_targets; k++)
         sum += fmax(choice->left[k], 0);
-    return sqrt(prediction->excess_rms * choice->to_all * sum / prediction->energy);
+    return prediction_relative_error(prediction, choice->to_all * sum);
 }
 
 struct choice_gains {
