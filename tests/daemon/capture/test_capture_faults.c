@@ -22,7 +22,7 @@ static const struct retakes {
       {"[camera cam60]", "fault_seed = 5"},
       {"[capture]", "retries = 20"}}},
     {"/fault/lost",
-     "no picture",
+     "no frame",
      {{"[camera cam60]", "fault_lost = 0.1"}, {"[capture]", "retries = 20"}}},
 };
 
