@@ -77,7 +77,8 @@ static struct joined expected_join(const struct vec3 *earlier, const struct vec3
                                    int n_earlier, const struct vec3 *planned,
                                    const struct vec3 *planned_mm, int n_planned) {
     struct joined ret = {g_array_new(FALSE, FALSE, sizeof(struct vec3)),
-                         g_array_new(FALSE, FALSE, sizeof(struct vec3)), g_new(int, n_planned + 1)};
+                         g_array_new(FALSE, FALSE, sizeof(struct vec3)),
+                         g_new0(int, n_planned + 1)};
     g_array_append_vals(ret.directions, earlier, (guint)n_earlier);
     g_array_append_vals(ret.places_mm, earlier_mm, (guint)n_earlier);
     for (int i = 0; i < n_planned; i++) {

@@ -212,8 +212,8 @@ struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
         g_ptr_array_add(left, (gpointer)shot);
     }
     const int n = (int)left->len, starts = MIN(n, MOST_SINGLE);
-    ret.shots = g_new0(struct prediction_shot, 2 * starts + 1);
-    ret.chains = g_malloc_n((gsize)(2 * starts + 1), sizeof *ret.chains);
+    ret.shots = g_new0(struct prediction_shot, 2 * (gsize)starts + 1);
+    ret.chains = g_malloc_n(2 * (gsize)starts + 1, sizeof *ret.chains);
     ret.pairs = g_new(int, (2 * starts + 1) * CHAIN * setup->calibration->rig.n_cameras);
     for (int i = 0; i < starts; i++) {
         int chain[CHAIN] = {(int)((gint64)i * n / starts)};
@@ -310,12 +310,14 @@ static void lamps_spread_probes(Lamps *lamps) {
     lamps->at_mm = g_new(struct vec3, lamps->n_probes);
     for (int i = 0; i < lamps->n_probes; i++) {
         const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
-        const int column = (int)((x - floor(x)) * grid->width);
-        const int row = (int)((y - floor(y)) * grid->height);
-        const int texel = n <= MOST_PROBES ? i : row * grid->width + column;
-        lamps->texels[i] = texel;
-        lamps->at_mm[i] =
-            rectify_point_mm(grid, texel % grid->width + 0.5, texel / grid->width + 0.5);
+        int column = (int)((x - floor(x)) * grid->width);
+        int row = (int)((y - floor(y)) * grid->height);
+        if (n <= MOST_PROBES) { /* all of them */
+            column = i % grid->width;
+            row = i / grid->width;
+        }
+        lamps->texels[i] = row * grid->width + column;
+        lamps->at_mm[i] = rectify_point_mm(grid, column + 0.5, row + 0.5);
     }
 }
 

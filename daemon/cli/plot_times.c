@@ -33,8 +33,10 @@ static void plot_times_rule(cairo_t *cr, double x0, double y0, double x1, double
 static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
     static const double steps[] = {1, 2, 5};
     double step = 0.01;
-    for (int i = 1; axes->most_min / step > 8 && i < 24; i++)
-        step = 0.01 * steps[i % 3] * pow(10, i / 3);
+    for (int i = 1; axes->most_min / step > 8 && i < 24; i++) {
+        const int decade = i / 3;
+        step = 0.01 * steps[i % 3] * pow(10, decade);
+    }
     for (double at = 0; at <= axes->most_min; at += step) {
         g_autofree char *text = g_strdup_printf("%g", at);
         const double x = plot_times_x(axes, at);

@@ -64,7 +64,7 @@ static int plan_lamps_view(struct spread *s, GHashTable *known, const struct ses
  * first shot with it: another one differs by what the arc was shifted, if at all. */
 static void plan_lamps_add_directions(struct spread *s) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
-    s->view_of = g_new(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
+    s->view_of = g_new0(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
     for (int i = 0; i < s->n_shots; i++) {
         const struct session_shot *shot = s->shots[i];
         for (int c = 0; c < s->rig->n_cameras; c++)

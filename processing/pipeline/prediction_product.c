@@ -163,7 +163,8 @@ static gboolean product_is_fresh(const struct product_job *job, const char *inpu
 /* The centre of a texel in the reference plane (pipeline.h). */
 static struct vec3 product_place(const struct product_job *job, gsize texel) {
     const struct session_grid *grid = &job->catalogue->grid;
-    const double i = (double)(texel % (gsize)grid->width), j = (double)(texel / (gsize)grid->width);
+    const gsize row = texel / (gsize)grid->width;
+    const double i = (double)(texel % (gsize)grid->width), j = (double)row;
     return vec3((i + 0.5) * grid->width_mm / grid->width - grid->width_mm / 2,
                 grid->height_mm / 2 - (j + 0.5) * grid->height_mm / grid->height,
                 grid->reference_mm);

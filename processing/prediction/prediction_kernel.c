@@ -253,7 +253,7 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, const double
     const int n = MIN(n_rows, FIT_ROWS);
     g_autofree int *indices = prediction_fit_pairs(prediction, &m), *pairs = g_new(int, m);
     g_autofree double *values = g_new(double, (gsize)n *(gsize)m);
-    g_autofree double *means = g_new(double, (gsize)n *(gsize)m);
+    g_autofree double *means = g_new0(double, (gsize)n *(gsize)m);
     for (int i = 0; i < m; i++)
         pairs[i] = prediction->measured[indices[i]];
     for (int r = 0; r < n; r++)
