@@ -180,7 +180,7 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
             g_array_append_val(poses, i);
         }
     }
-    g_autofree double *move_s = g_new(double, poses->len + 1);
+    g_autofree double *move_s = g_new0(double, poses->len + 1);
     for (guint p = 0; p < poses->len; p++) {
         move_s[p] = poses->len > 1 ? G_MAXDOUBLE : 0;
         for (guint q = 0; q < poses->len; q++)
