@@ -233,13 +233,13 @@ static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, con
     return ok;
 }
 
-struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
-                            GError **error) {
+struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
+                            GPtrArray **ret_paths, GError **error) {
     struct session_grid grid;
     g_autofree char *directory = btf_matrix_session(path);
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     if (!session || !session_grid(session, &grid, error) ||
-        (verify && !session_check_products(session, "products/btf/", error)) ||
+        (verify && !session_check_products(session, "products/btf/", work, error)) ||
         !(*ret_paths = btf_matrix_list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
@@ -262,7 +262,7 @@ struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GE
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
+    struct btf_matrix *btf = btf_open(path, TRUE, work, &paths, error);
     if (btf && !btf_matrix_read_views(btf, memory, paths, work, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;

@@ -5,9 +5,9 @@
 #include "exr/exr.h"
 
 /* Opens a BTF: everything but lights and values, and the paths of its views. verify: check all
- * files as session_check_products() does. */
-struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
-                            GError **error);
+ * files as session_check_products() does; work is for that. */
+struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work *work,
+                            GPtrArray **ret_paths, GError **error);
 
 /* Sets the lights from a view's headers. */
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,

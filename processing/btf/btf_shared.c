@@ -118,7 +118,7 @@ static gboolean btf_shared_read(struct btf_shared *shared, const struct work *wo
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_shared shared = {team, btf_open(path, FALSE, &paths, error)};
+    struct btf_shared shared = {team, btf_open(path, FALSE, work, &paths, error)};
     shared.paths = paths;
     if (!btf_shared_all_ok(team, shared.btf != NULL, error) || !shared.btf ||
         !btf_shared_read(&shared, work, error))

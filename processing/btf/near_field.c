@@ -100,7 +100,7 @@ static gboolean near_field_do_read_views(struct near_field *to, struct btf_matri
 
 struct near_field *near_field_read(const char *path, GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
+    struct btf_matrix *btf = btf_open(path, TRUE, NULL, &paths, error);
     if (!btf)
         return NULL;
     g_autoptr(Session) session = session_open(btf->directory, SESSION_READ, error);

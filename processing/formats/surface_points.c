@@ -128,7 +128,7 @@ gboolean surface_points_read(const char *session, const struct work *work, struc
                     path, session);
         return FALSE;
     }
-    if (!session_check_products(from, "products/mdf.exr", error))
+    if (!session_check_products(from, "products/mdf.exr", NULL, error))
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
     g_autoptr(ExrFile) file = exr_read(path, error);

@@ -64,7 +64,7 @@ static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct
 static gboolean near_field_read_views(struct job *job, struct near_field_correction_result *ret,
                                       GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(job->source, TRUE, &paths, error);
+    struct btf_matrix *btf = btf_open(job->source, TRUE, job->work, &paths, error);
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = btf != NULL;
     if (ok && btf->layout.views.n != job->near->views.n) {

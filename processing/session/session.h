@@ -201,8 +201,9 @@ struct session_damage *session_examine(const Session *session, const char *relat
 /* Call before reading products: SESSION_ERROR_DAMAGED, with the command that makes the file
  * again, if a product whose name begins with prefix differs from its row. Files without a row
  * pass. If another program is making products, it waits for the row of a file that was just
- * written. */
-gboolean session_check_products(Session *session, const char *prefix, GError **error);
+ * written. work: may be NULL; nothing is reported. */
+gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
+                                GError **error);
 
 /* The same for a file by its path; files outside of sessions pass. */
 gboolean session_check_product(const char *path, GError **error);

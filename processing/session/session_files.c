@@ -238,13 +238,16 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
 
 /* Repeats the check while a writer may still be adding its row: a program that makes products
  * writes a file shortly before its row. */
-gboolean session_check_products(Session *session, const char *prefix, GError **error) {
+gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
+                                GError **error) {
+    const struct work silent = {.n_threads = work ? work->n_threads : 0,
+                                .cancellable = work ? work->cancellable : NULL};
     g_autofree char *lock = session_file(session, SESSION_PROCESS_LOCK);
     const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
 
     for (;;) {
         g_autoptr(GPtrArray) damages =
-            session_find_damage(session, SESSION_PRODUCTS_MADE, prefix, NULL, NULL, error);
+            session_find_damage(session, SESSION_PRODUCTS_MADE, prefix, &silent, NULL, error);
         if (!damages || damages->len == 0)
             return damages != NULL;
         if (g_get_monotonic_time() >= until_us || !file_lock_is_held(lock)) {
@@ -285,11 +288,11 @@ gboolean session_check_product(const char *path, GError **error) {
     if (!directory)
         return TRUE;
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
-    return session && session_check_products(session, relative, error);
+    return session && session_check_products(session, relative, NULL, error);
 }
 
 GPtrArray *session_btf_files(Session *session, GError **error) {
-    g_autoptr(GPtrArray) views = session_check_products(session, "products/btf/", error)
+    g_autoptr(GPtrArray) views = session_check_products(session, "products/btf/", NULL, error)
                                      ? session_views(session, error)
                                      : NULL;
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);

@@ -91,7 +91,7 @@ static gboolean chart_session_load(struct chart *chart, Session *session, GError
     g_autofree char *path = session_file(session, name);
     chart->rgb =
         g_new(float, (gsize)chart->grid.width *(gsize)chart->grid.height * 3 * chart->near->len);
-    return session_check_products(session, name, error) &&
+    return session_check_products(session, name, NULL, error) &&
            btf_read_view(path, (const int *)(void *)chart->near->data, (int)chart->near->len,
                          &chart->grid, chart->rgb, error);
 }
