@@ -232,23 +232,40 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
     return length;
 }
 
-/* A shot that follows one that is taken already costs no more than that. */
-static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
-                              const struct rig_timing *timing, int wanted, gboolean *ret_first) {
-    g_autofree double *price_s = g_new(double, s->n_shots + 1);
-    plan_lamp_prices_s(conf, s->rig, timing, s->shots, s->n_shots, price_s);
-    for (int n = 0; n < wanted; n++) {
+/* The shot of the largest gain for its price, among equals the first; −1: none is left. Gains fall
+ * with each shot that is taken (submodularity), so that one computed earlier is an upper bound, and
+ * only the largest bound is computed again (Minoux 1978). */
+static int plan_lamps_best(const struct spread *s, const gboolean *taken, const double *price_s,
+                           double *gains) {
+    int fresh = -1;
+    for (;;) {
         double most = 0;
         int best = -1;
         for (int i = 0; i < s->n_shots; i++) {
-            if (ret_first[i] || !plan_lamps_wanted(s->shots[i]))
-                continue;
-            const double rate = plan_lamps_gain(s, i) / MAX(price_s[i], 1e-6);
-            if (best < 0 || rate > most) {
+            const double rate = gains[i] / MAX(price_s[i], 1e-6);
+            if (!taken[i] && plan_lamps_wanted(s->shots[i]) && (best < 0 || rate > most)) {
                 most = rate;
                 best = i;
             }
         }
+        if (best == fresh)
+            return best;
+        gains[best] = plan_lamps_gain(s, best);
+        fresh = best;
+    }
+}
+
+/* A shot that follows one that is taken already costs no more than that. */
+static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
+                              const struct rig_timing *timing, int wanted, gboolean *ret_first) {
+    g_autofree double *price_s = g_new(double, s->n_shots + 1);
+    g_autofree double *gains = g_new0(double, s->n_shots + 1);
+    plan_lamp_prices_s(conf, s->rig, timing, s->shots, s->n_shots, price_s);
+    for (int i = 0; i < s->n_shots; i++)
+        if (plan_lamps_wanted(s->shots[i]))
+            gains[i] = plan_lamps_gain(s, i);
+    for (int n = 0; n < wanted; n++) {
+        const int best = plan_lamps_best(s, ret_first, price_s, gains);
         if (best < 0)
             return;
         ret_first[best] = TRUE;
