@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/data_error.h"
 #include "base/plural.h"
 #include "lamps.h"
 #include "readers.h"
@@ -195,28 +196,26 @@ void adaptive_choose(Adaptive *adaptive) {
     adaptive->thread = g_thread_new("choice", adaptive_work_out, adaptive);
 }
 
-/* The first rounds, from geometry alone, if they are not stored yet. */
-static gboolean adaptive_store_first(Adaptive *adaptive, GError **error) {
-    const struct adaptive_setup *setup = &adaptive->setup;
-    const struct session_shot *const *shots =
-        (const struct session_shot *const *)setup->shots->pdata;
-    const int n = (int)setup->shots->len;
-    struct rounds *const parts[] = {adaptive->sweeps ? &adaptive->of_sweeps : NULL,
-                                    adaptive->lamps ? &adaptive->of_lamps : NULL};
-    g_autofree gboolean *first = g_new(gboolean, n + 1);
-    for (gsize k = 0; k < G_N_ELEMENTS(parts); k++) {
-        g_autoptr(GArray) chosen = g_array_new(FALSE, FALSE, sizeof(int));
-        if (!parts[k] || parts[k]->n > 0)
-            continue;
-        plan_first_sweeps(setup->conf, setup->nominal, shots, n, first);
-        plan_first_lamps(setup->conf, setup->nominal, setup->timing, shots, n, first);
-        for (int i = 0; i < n; i++)
-            if (first[i] && shots[i]->kind == parts[k]->kind && shots[i]->state != SHOT_SKIPPED)
-                g_array_append_val(chosen, i);
-        if (!rounds_store(parts[k], chosen, error))
-            return FALSE;
-    }
-    return TRUE;
+char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
+                           enum session_shot_kind kind) {
+    g_autoptr(GArray) chosen = g_array_new(FALSE, FALSE, sizeof(int));
+    if (kind == SHOT_SWEEP ? conf->laser_stop != STOP_COVERED
+                           : conf->light_sampling != SAMPLING_ADAPTIVE)
+        return NULL;
+    for (int i = 0; i < plan->n_first; i++)
+        if (plan->session.shots[i].kind == kind && plan->session.shots[i].state != SHOT_SKIPPED)
+            g_array_append_val(chosen, i);
+    return rounds_to_text(chosen);
+}
+
+static gboolean adaptive_load_rounds(struct rounds *rounds, GError **error) {
+    if (!rounds_load(rounds, error))
+        return FALSE;
+    return rounds->n > 0 ||
+           data_error_fail(session_path(rounds->session), 0, error,
+                           "its value %s1 is missing, which names the shots of the first round; "
+                           "begin a new session",
+                           rounds->key);
 }
 
 /* Frames of earlier runs are examined from their files. */
@@ -234,9 +233,8 @@ static gboolean adaptive_take_done(Adaptive *adaptive, GError **error) {
 }
 
 static gboolean adaptive_load(Adaptive *adaptive, GError **error) {
-    if ((adaptive->sweeps && !rounds_load(&adaptive->of_sweeps, error)) ||
-        (adaptive->lamps && !rounds_load(&adaptive->of_lamps, error)) ||
-        !adaptive_store_first(adaptive, error))
+    if ((adaptive->sweeps && !adaptive_load_rounds(&adaptive->of_sweeps, error)) ||
+        (adaptive->lamps && !adaptive_load_rounds(&adaptive->of_lamps, error)))
         return FALSE;
     return (!adaptive->sweeps || !adaptive->of_sweeps.over ||
             adaptive_leave_sweeps_out(adaptive, error)) &&

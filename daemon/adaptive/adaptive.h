@@ -3,7 +3,8 @@
  * ([lasers] stop = covered), and lamps until what they would show is known ([lights] sampling =
  * adaptive). One of them, or both, may be on; each chooses for itself, by its own frames.
  *
- * The first round has what plan_first_sweeps() and plan_first_lamps() choose from geometry alone.
+ * The first round has what plan_first_sweeps() and plan_first_lamps() chose from geometry alone
+ * when the session was planned.
  * Every frame is examined as it is committed (coverage/coverage_view.h; lamps.h). At the end of a
  * round:
  *
@@ -38,7 +39,7 @@ typedef struct Adaptive Adaptive;
 /* The expected error after the last round of lamps, in %: root of the mean square over all values
  * of the BTF, relative to that of the values. Pictures that are taken count as known. */
 #define ADAPTIVE_ERROR_PCT "lights.error_pct"
-/* What the values of the rounds begin with. */
+/* A round's value has its number, from 1, behind these. */
 #define ADAPTIVE_LASER_ROUNDS "lasers.round."
 #define ADAPTIVE_LIGHT_ROUNDS "lights.round."
 
@@ -65,6 +66,11 @@ struct adaptive_setup { /* all is borrowed as long as it lives */
 
 /* Whether a session has rounds. */
 gboolean adaptive_is_wanted(const struct session_conf *conf);
+
+/* The value of the first round of sweeps or lamps (kind), which a session has from its beginning;
+ * NULL: these do not come in rounds. g_free() */
+char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
+                           enum session_shot_kind kind);
 
 /* Frames that are there are examined from their files. NULL: the session cannot be read or written,
  * or its values are not as described above. */

@@ -215,13 +215,7 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
 /* The order in which a predictor that has measured nothing would take the shots. */
 static gboolean expected_of_none(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
-    const struct prediction_pairs pairs = {.n_views = lamps->n_views,
-                                           .n_lights = lamps->n_lights,
-                                           .views = lamps->views,
-                                           .lights = lamps->lights,
-                                           .views_mm = lamps->views_mm,
-                                           .lights_mm = lamps->lights_mm,
-                                           .groups = lamps->groups};
+    const struct prediction_pairs pairs = lamps_pairs(lamps);
     g_autoptr(Prediction) prediction = prediction_new(&pairs, NULL, NULL, 0, &work, error);
     if (!prediction)
         return FALSE;

@@ -200,8 +200,14 @@ static void lamps_add_candidate(const Lamps *lamps, struct lamps_candidates *c, 
     c->n += one->n_pairs > 0;
 }
 
-struct lamps_candidates lamps_list_candidates(const Lamps *lamps) {
+struct lamps_candidates lamps_list_candidates(Lamps *lamps) {
     const struct lamps_setup *setup = &lamps->setup;
+    if (!lamps->price_s) {
+        lamps->price_s = g_new(double, setup->shots->len + 1);
+        plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing,
+                           (const struct session_shot *const *)setup->shots->pdata,
+                           (int)setup->shots->len, lamps->price_s);
+    }
     struct lamps_candidates ret = {.numbers = g_array_new(FALSE, FALSE, sizeof(int))};
     g_autoptr(GPtrArray) left = g_ptr_array_new();
     for (int i = 0; i < (int)setup->shots->len; i++) {
@@ -249,7 +255,7 @@ int lamps_list_chosen(const struct lamps_candidates *left, const struct predicti
 }
 
 /* Sets the shots of a further round, or why there is none. */
-static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *rounds,
+static gboolean lamps_choose_shots(Lamps *lamps, const struct rounds *rounds,
                                    const Prediction *prediction, struct lamps_choice *ret,
                                    GError **error) {
     const double enough = lamps->setup.conf->light_error_pct / 100;
@@ -276,16 +282,20 @@ static gboolean lamps_choose_shots(const Lamps *lamps, const struct rounds *roun
     return n >= 0;
 }
 
-gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
+struct prediction_pairs lamps_pairs(const Lamps *lamps) {
+    return (struct prediction_pairs){.n_views = lamps->n_views,
+                                     .n_lights = lamps->n_lights,
+                                     .views = lamps->views,
+                                     .lights = lamps->lights,
+                                     .views_mm = lamps->views_mm,
+                                     .lights_mm = lamps->lights_mm,
+                                     .groups = lamps->groups};
+}
+
+gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
-    const struct prediction_pairs pairs = {.n_views = lamps->n_views,
-                                           .n_lights = lamps->n_lights,
-                                           .views = lamps->views,
-                                           .lights = lamps->lights,
-                                           .views_mm = lamps->views_mm,
-                                           .lights_mm = lamps->lights_mm,
-                                           .groups = lamps->groups};
+    const struct prediction_pairs pairs = lamps_pairs(lamps);
     *ret = (struct lamps_choice){.n_pictures = lamps->n_views * lamps->n_lights};
     g_autofree float *table = lamps_table(lamps, &ret->n_taken);
     g_autoptr(Prediction) prediction =
@@ -380,8 +390,6 @@ static void lamps_find_pairs(Lamps *lamps, const GPtrArray *views) {
 
 Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
                   const GPtrArray *lights) {
-    const struct session_shot *const *shots =
-        (const struct session_shot *const *)setup->shots->pdata;
     const guint n = setup->shots->len;
     Lamps *lamps = g_new0(Lamps, 1);
     lamps->setup = *setup;
@@ -392,14 +400,12 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
     lamps->values = g_new0(float *, views->len * lights->len + 1);
     lamps->output = g_new(double, n + 1);
     lamps->done = g_new0(gboolean, n + 1);
-    lamps->price_s = g_new0(double, n + 1);
     lamps->cancellable = g_cancellable_new();
     for (guint i = 0; i < n; i++)
         lamps->output[i] = 1;
     lamps_spread_probes(lamps);
     lamps_find_pairs(lamps, views);
     lamps_find_places(lamps, views);
-    plan_lamp_prices_s(setup->conf, setup->nominal, setup->timing, shots, (int)n, lamps->price_s);
     return lamps;
 }
 

@@ -50,5 +50,5 @@ struct lamps_choice {
 };
 /* In any thread, while the readers rest and the main loop calls nothing of this. rounds: those
  * before. The same measured values give the same choice. FALSE: cancelled. */
-gboolean lamps_choose(const Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
+gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_choice *ret,
                       GError **error);

@@ -17,9 +17,9 @@ struct Lamps {
     float *
         *values; /* of each pair, n_probes × 3: R, G, B, where the lamp gives what the calibration
                     says; NAN: a hole. NULL: not taken. Readers set them, each another one */
-    double *output; /* of each shot: what the lamp gave in it, relative to the calibration */
-    gboolean *done; /* of each shot */
-    double *price_s;
+    double *output;  /* of each shot: what the lamp gave in it, relative to the calibration */
+    gboolean *done;  /* of each shot */
+    double *price_s; /* of each shot, since the first choice; NULL before */
     GCancellable *cancellable;
 };
 
@@ -30,10 +30,13 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views, const
  * as it can are given, evenly spread; the others count as predicted in the expected error. */
 float *lamps_table(const Lamps *lamps, int *ret_taken);
 
+/* All pairs, as the predictor takes them; they stay the Lamps'. */
+struct prediction_pairs lamps_pairs(const Lamps *lamps);
+
 #define CHAIN 4 /* shots of a chain */
 
-/* What is chosen from: shots by themselves, and chains of those that follow each other quickly,
- * since a shot alone costs more than one of several between which the axes move little. */
+/* A choice takes one of these: a shot by itself, or a chain of shots that follow each other
+ * quickly, since a shot alone costs more than one of several between which the axes move little. */
 struct lamps_candidates {
     GArray *numbers;               /* of int: the shots that are left, from 0 */
     int n;                         /* candidates */
@@ -43,8 +46,9 @@ struct lamps_candidates {
     int n_pairs;
 };
 
-/* Of the shots that are not done; of very many, every so many-th is looked at. */
-struct lamps_candidates lamps_list_candidates(const Lamps *lamps);
+/* Lists candidates among the shots that are not done; of many shots it looks at an evenly spread
+ * part. In the choosing thread. */
+struct lamps_candidates lamps_list_candidates(Lamps *lamps);
 void lamps_clear_candidates(struct lamps_candidates *candidates);
 
 /* The shots of the chosen candidates, each once, until they are most or the error is low enough.

@@ -45,12 +45,17 @@ gboolean rounds_load(struct rounds *rounds, GError **error) {
     return TRUE;
 }
 
-gboolean rounds_store(struct rounds *rounds, const GArray *shots, GError **error) {
-    g_autofree char *key = g_strdup_printf("%s%d", rounds->key, rounds->n + 1);
-    g_autoptr(GString) text = g_string_new(NULL);
+char *rounds_to_text(const GArray *shots) {
+    GString *text = g_string_new(NULL);
     for (guint i = 0; i < shots->len; i++)
         g_string_append_printf(text, "%s%d", i ? " " : "", g_array_index(shots, int, i) + 1);
-    if (!session_set_value(rounds->session, key, text->str, error))
+    return g_string_free(text, FALSE);
+}
+
+gboolean rounds_store(struct rounds *rounds, const GArray *shots, GError **error) {
+    g_autofree char *key = g_strdup_printf("%s%d", rounds->key, rounds->n + 1);
+    g_autofree char *text = rounds_to_text(shots);
+    if (!session_set_value(rounds->session, key, text, error))
         return FALSE;
     rounds->n++;
     for (guint i = 0; i < shots->len; i++)

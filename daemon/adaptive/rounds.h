@@ -24,7 +24,10 @@ void rounds_clear(struct rounds *rounds);
 /* Reads those that are stored. FALSE: a value cannot be read, or is not as described above. */
 gboolean rounds_load(struct rounds *rounds, GError **error);
 
-/* Stores a further round: numbers of shots, from 0, as int; none: it is the last. */
+/* The value that stores a round: shots are numbers from 0, of int. g_free() */
+char *rounds_to_text(const GArray *shots);
+
+/* Stores a further round: numbers of shots, from 0, of int; none: it is the last. */
 gboolean rounds_store(struct rounds *rounds, const GArray *shots, GError **error);
 
 static inline gboolean rounds_have(const struct rounds *rounds, const struct session_shot *shot) {

@@ -145,14 +145,18 @@ static Session *create_session(const struct devices *devices, const struct sessi
                                const struct calibration *calibration, GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
     g_autofree char *reference = laser_reference_to_text(&conf->reference);
+    g_autofree char *sweeps = adaptive_first_round(conf, plan, SHOT_SWEEP);
+    g_autofree char *lamps = adaptive_first_round(conf, plan, SHOT_LAMP);
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    /* Processing reads these values. They are stored when the session is made, since the daemon may
-     * be killed right after that. */
+    /* Values that a capture or processing needs are stored when the session is made, since the
+     * daemon may be killed right after that. */
     const char *const values[][2] = {
         {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
         {"chosen", conf->chosen},
+        {ADAPTIVE_LASER_ROUNDS "1", sweeps},
+        {ADAPTIVE_LIGHT_ROUNDS "1", lamps},
         /* The session has the calibration as a whole; this says where it came from. */
         {"calibration", calibrated ? devices->calibration_path : "nominal"},
     };

@@ -367,17 +367,23 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
+/* The first laser unit that is mounted by hand at several places; NULL: none is. */
+static const char *plan_mounted_by_hand(const struct plan_build *b) {
+    for (int i = 0; i < b->rig->n_lasers; i++)
+        if (b->timing->mounts[i] != 0)
+            return b->rig->lasers[i].name;
+    return NULL;
+}
+
 /* A further round would have the operator mount the units again. */
 static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
-    for (int i = 0; i < b->rig->n_lasers && b->conf->laser_stop == STOP_COVERED; i++)
-        if (b->timing->mounts[i] != 0) {
-            plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lasers", "stop",
-                           "covered needs lasers that stay where they are, and the unit %s is "
-                           "mounted by hand at several places: set stop = all",
-                           b->rig->lasers[i].name);
-            return FALSE;
-        }
-    return TRUE;
+    const char *unit = b->conf->laser_stop == STOP_COVERED ? plan_mounted_by_hand(b) : NULL;
+    if (unit)
+        plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lasers", "stop",
+                       "covered needs lasers that stay where they are, and the unit %s is mounted "
+                       "by hand at several places: set stop = all",
+                       unit);
+    return unit == NULL;
 }
 
 /* [lights] sampling = adaptive: what is not taken is predicted from other views and lights. */
@@ -391,16 +397,26 @@ static gboolean plan_check_sampling(const struct plan_build *b, GError **error) 
                        "a single view, as an RTI set has: set sampling = all");
         return FALSE;
     }
-    for (int i = 0; i < b->rig->n_lasers && b->lasers->len > 0; i++)
-        if (b->timing->mounts[i] != 0) {
-            plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
-                           "adaptive takes the lamps' shots in rounds, and the laser unit %s is "
-                           "mounted by hand at several places, for which somebody has to be there: "
-                           "set sampling = all, or capture [lasers] in a session of their own",
-                           b->rig->lasers[i].name);
-            return FALSE;
-        }
-    return TRUE;
+    const char *unit = b->lasers->len > 0 ? plan_mounted_by_hand(b) : NULL;
+    if (unit)
+        plan_set_error(
+            error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
+            "adaptive takes the lamps' shots in rounds, and the laser unit %s is mounted "
+            "by hand at several places, for which somebody has to be there: set "
+            "sampling = all, or capture [lasers] in a session of their own",
+            unit);
+    return unit == NULL;
+}
+
+/* Sets is_first. */
+static void plan_find_first(struct plan_build *b) {
+    const int n = (int)b->shots->len;
+    g_autofree const struct session_shot **list = g_new(const struct session_shot *, n + 1);
+    for (int i = 0; i < n; i++)
+        list[i] = &g_array_index(b->shots, struct session_shot, i);
+    b->is_first = g_new(gboolean, n + 1);
+    plan_first_sweeps(b->conf, b->rig, list, n, b->is_first);
+    plan_first_lamps(b->conf, b->rig, b->timing, list, n, b->is_first);
 }
 
 /* The budget of lamps must suffice for their first round. */
@@ -410,14 +426,12 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
         return TRUE;
     g_autofree const struct session_shot **list =
         g_new(const struct session_shot *, b->shots->len + 1);
-    g_autofree gboolean *is_first = g_new0(gboolean, b->shots->len + 1);
     int n = 0;
-    for (guint i = 0; i < b->shots->len; i++)
-        list[i] = &g_array_index(b->shots, struct session_shot, i);
-    plan_first_lamps(conf, b->rig, b->timing, list, (int)b->shots->len, is_first);
-    for (guint i = 0; i < b->shots->len; i++)
-        if (is_first[i])
-            list[n++] = list[i];
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        if (b->is_first[i] && shot->kind == SHOT_LAMP)
+            list[n++] = shot;
+    }
     const double least_s = plan_lamps_s(list, n, conf, b->rig, b->timing);
     if (least_s <= 60 * conf->light_budget_min)
         return TRUE;
@@ -428,46 +442,42 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
     return FALSE;
 }
 
-static void plan_count(const struct plan_build *b, guint n_first, struct plan *plan) {
+static void plan_count(const struct plan_build *b, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
         plan->n_frames += shot_n_frames(b->conf, shot) * __builtin_popcount(shot->cameras);
     }
-    plan->bytes = plan_bytes(b, n_first, &plan->bytes_least);
+    plan->bytes = plan_bytes(b, (guint)plan->n_first, &plan->bytes_least);
 }
 
 static int plan_later(const struct plan *plan) {
     return plan->n_later_sweeps + plan->n_later_lamps;
 }
 
-/* Orders the shots: those of the first round, then those that may follow. Returns how many the
- * first are; sets the plan's poses, n_later_sweeps and n_later_lamps. */
-static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *poses, int n_poses,
-                               struct plan *plan) {
-    g_autofree const struct session_shot **list = g_new(const struct session_shot *, b->shots->len);
-    g_autofree gboolean *is_first = g_new(gboolean, b->shots->len + 1);
+/* Orders the shots: those of the first round, then those that may follow. Sets the plan's poses,
+ * n_first, n_later_sweeps and n_later_lamps. */
+static void plan_order_rounds(struct plan_build *b, const struct plan_pose *poses, int n_poses,
+                              struct plan *plan) {
     g_autoptr(GArray) first = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
     g_autoptr(GArray) later = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
-    for (guint i = 0; i < b->shots->len; i++)
-        list[i] = &g_array_index(b->shots, struct session_shot, i);
-    plan_first_sweeps(b->conf, b->rig, list, (int)b->shots->len, is_first);
-    plan_first_lamps(b->conf, b->rig, b->timing, list, (int)b->shots->len, is_first);
     for (guint i = 0; i < b->shots->len; i++) {
-        g_array_append_vals(is_first[i] && list[i]->state == SHOT_PLANNED ? first : later, list[i],
-                            1);
-        const gboolean is_later = !is_first[i] && list[i]->state == SHOT_PLANNED;
-        plan->n_later_sweeps += is_later && list[i]->kind == SHOT_SWEEP;
-        plan->n_later_lamps += is_later && list[i]->kind == SHOT_LAMP;
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        const gboolean is_planned = shot->state == SHOT_PLANNED;
+        g_array_append_vals(b->is_first[i] && is_planned ? first : later, shot, 1);
+        const gboolean is_later = !b->is_first[i] && is_planned;
+        plan->n_later_sweeps += is_later && shot->kind == SHOT_SWEEP;
+        plan->n_later_lamps += is_later && shot->kind == SHOT_LAMP;
     }
     if (plan_later(plan) == 0) {
         plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
-        return b->shots->len;
+        plan->n_first = (int)b->shots->len;
+        return;
     }
     plan->n_poses = plan_order(first, poses, n_poses, b->rig, b->timing, b->conf->order);
-    const guint n_first = first->len;
+    plan->n_first = (int)first->len;
     const int n_later = plan_order(later, poses, n_poses, b->rig, b->timing, b->conf->order);
     for (guint i = 0; i < later->len; i++)
         g_array_index(later, struct session_shot, i).pose += plan->n_poses;
@@ -475,11 +485,9 @@ static guint plan_order_rounds(struct plan_build *b, const struct plan_pose *pos
     /* The same shots in another order; what they own stays theirs. */
     g_array_append_vals(first, later->data, later->len);
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
-    return n_first;
 }
 
-/* Returns how many shots the first round has. */
-static guint plan_predict(struct plan_build *b, struct plan *plan) {
+static void plan_predict(struct plan_build *b, struct plan *plan) {
     const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
     int n_poses = (int)b->poses->len;
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -491,7 +499,7 @@ static guint plan_predict(struct plan_build *b, struct plan *plan) {
     plan->nested_s = plan_total_s(nested, b->conf, b->rig, b->timing, &first_s);
     plan->lower_bound_s =
         homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
-    const guint n_first = plan_order_rounds(b, poses, n_poses, plan);
+    plan_order_rounds(b, poses, n_poses, plan);
     plan->predicted_s =
         plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     /* The axes are homed again before a further round. */
@@ -499,7 +507,7 @@ static guint plan_predict(struct plan_build *b, struct plan *plan) {
     plan->first_s = plan->predicted_s;
     if (plan_later(plan) > 0) {
         g_autoptr(GArray) round = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
-        g_array_append_vals(round, b->shots->data, n_first);
+        g_array_append_vals(round, b->shots->data, (guint)plan->n_first);
         plan->first_s =
             plan_total_s(round, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     }
@@ -507,7 +515,6 @@ static guint plan_predict(struct plan_build *b, struct plan *plan) {
     plan->nested_s += homing_s + first_s;
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
-    return n_first;
 }
 
 /* How often a laser must be mounted by hand in this order. */
@@ -638,7 +645,8 @@ static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
     plan->notes = g_ptr_array_new_with_free_func(g_free);
-    plan_count(b, plan_predict(b, plan), plan);
+    plan_predict(b, plan);
+    plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
     for (guint i = 0; i < b->notes->len; i++) {
         const struct plan_note *note = &g_array_index(b->notes, struct plan_note, i);
@@ -744,9 +752,10 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
     if (plan_check_stop(&b, &why) && plan_add_directions(&b, &why) &&
         plan_check_sampling(&b, &why) && plan_check_directions(&b, &why) &&
-        check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why) &&
-        plan_check_budget(&b, &why))
-        plan = plan_finish(&b);
+        check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why)) {
+        plan_find_first(&b);
+        plan = plan_check_budget(&b, &why) ? plan_finish(&b) : NULL;
+    }
     g_clear_pointer(&b.views, g_array_unref);
     g_clear_pointer(&b.lights, g_array_unref);
     g_clear_pointer(&b.lasers, g_array_unref);
@@ -758,6 +767,7 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     g_array_unref(b.poses);
     g_hash_table_unref(b.pose_index);
     g_array_unref(b.notes);
+    g_free(b.is_first);
     if (why)
         g_propagate_error(error, why);
     return plan;

@@ -144,6 +144,7 @@ struct plan {
     double nested_s; /* predicted for the nested order: for τ, for α, for lamps */
     double first_s;  /* STOP_COVERED, SAMPLING_ADAPTIVE: predicted if the first round suffices;
                         else predicted_s */
+    int n_first;     /* shots of the first round; they come first */
     int n_later_sweeps, n_later_lamps; /* shots that are taken only if it does not suffice */
     GPtrArray *notes;                  /* char *: what was re-planned or left out, and why */
 };

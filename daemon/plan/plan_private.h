@@ -39,6 +39,7 @@ struct plan_build {
     GArray *poses;               /* of struct plan_pose */
     GHashTable *pose_index;      /* of poses, number + 1 */
     GArray *shots;               /* of struct session_shot; pose: index into poses */
+    gboolean *is_first;          /* of each shot, before they are ordered: of the first round */
     GArray *notes;               /* of struct plan_note */
 };
 
