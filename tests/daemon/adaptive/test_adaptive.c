@@ -214,6 +214,27 @@ static void test_bounds(void) {
     }
 }
 
+/* What is made by a process of its own before a capture begins has the first rounds: the daemon's
+ * main loop chooses none. */
+static void test_first(void) {
+    g_autoptr(GError) error = NULL;
+    struct run *run = run_begin(both);
+    g_autofree char *path = g_strconcat(run->session, ".second", NULL);
+    g_assert_true(capture_create(run->devices, &run->conf, path, &error));
+    g_assert_no_error(error);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    const char *const keys[] = {"lasers.round.1", "lights.round.1"};
+    const guint expected[] = {4, 8}; /* 4 turntable angles: a sweep, two lamps */
+    for (gsize k = 0; k < G_N_ELEMENTS(keys); k++) {
+        g_autofree char *value = session_value(session, keys[k]);
+        g_assert_nonnull(value);
+        g_auto(GStrv) numbers = g_strsplit(value, " ", -1);
+        g_assert_cmpuint(g_strv_length(numbers), ==, expected[k]);
+    }
+    run_free(run);
+}
+
 /* A value that names a shot that there is not. */
 static void test_values(void) {
     g_autoptr(GError) error = NULL;
@@ -272,6 +293,7 @@ static void test_expected(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/adaptive/first", test_first);
     g_test_add_func("/adaptive/rounds", test_rounds);
     g_test_add_func("/adaptive/resume", test_resume);
     g_test_add_func("/adaptive/bounds", test_bounds);
