@@ -10,6 +10,7 @@
 #define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
 /* Of a task that has run for longer than it was thought to, this part is taken to be left. */
 #define LEAST_LEFT  0.05
+#define SCATTER     1.5 /* rates of runs of the same session differ by less */
 #define LEAST_SPEED 0.01
 #define SHORTEST_S  3.0
 #define DEGREES     91
@@ -67,10 +68,13 @@ void time_left_rates_learn(struct time_left_rates *rates,
     for (int work = 0; work < TIME_LEFT_WORKS; work++)
         cpu_s += made[work].cpu_s;
     const double weight = MIN(cpu_s / ENOUGH_S, 1);
-    for (int work = 0; work < TIME_LEFT_WORKS; work++)
-        if (made[work].units > 0 && made[work].cpu_s > 0)
-            rates->unit_s[work] +=
-                weight * (made[work].cpu_s / made[work].units - rates->unit_s[work]);
+    for (int work = 0; work < TIME_LEFT_WORKS; work++) {
+        if (made[work].units <= 0 || made[work].cpu_s <= 0)
+            continue;
+        const double unit_s = made[work].cpu_s / made[work].units, old_s = rates->unit_s[work];
+        const gboolean is_near = MAX(unit_s, old_s) < SCATTER * MIN(unit_s, old_s);
+        rates->unit_s[work] += (is_near ? weight / 2 : weight) * (unit_s - old_s);
+    }
 }
 
 /* CPU time of a unit of a stage by the elevation in whole degrees. */

@@ -35,9 +35,10 @@ void time_left_rates_save(const struct time_left_rates *rates);
 struct time_left_made { /* of one kind of work, in a run */
     double cpu_s, units;
 };
-/* Takes over what a run has measured. A small session says little of what a large one takes: a run
- * of less than 10 s of CPU time counts less. All kinds of work of a run count alike, so that one of
- * them that was measured wrongly is right again after the next run. */
+/* Learns from what a run has measured. A rate that differs by less than a factor of 1.5, as runs of
+ * the same session do, moves halfway to it; another one is replaced. A small session says little of
+ * what a large one takes: a run of less than 10 s of CPU time counts less. All kinds of work of a
+ * run count alike, so that one that was measured wrongly is right again after the next run. */
 void time_left_rates_learn(struct time_left_rates *rates,
                            const struct time_left_made made[TIME_LEFT_WORKS]);
 
