@@ -32,6 +32,14 @@ function duration(seconds) {
            : m ? `${m} min ${String(s % 60).padStart(2, "0")} s` : `${s} s`;
 }
 
+// By our clock while a capture runs: that of a simulated rig has a pace of its own.
+function timeLeft(runs, paused) {
+  if (runs && state.predicted_end) return duration(Math.max(0, state.predicted_end - Date.now() / 1000));
+  if (paused && state.left_s > 0)
+    return `${duration(state.left_s)}${state.simulated ? " (simulated)" : ""} once it goes on`;
+  return "–";
+}
+
 function showState() {
   const away = state.state === "away", runs = ["running", "homing"].includes(state.state);
   const paused = state.state === "paused", busy = runs || paused || state.state === "pausing";
@@ -45,8 +53,7 @@ function showState() {
   showPose();
   $("bar").value = state.shots ? state.shots_done / state.shots : 0;
   text("shots", state.shots ? `${state.shots_done} of ${state.shots}` : "–");
-  // Of our clock: that of a simulated rig runs at a pace of its own.
-  text("left", runs && state.predicted_end ? duration(Math.max(0, state.predicted_end - Date.now() / 1000)) : "–");
+  text("left", timeLeft(runs, paused));
   text("end", runs && state.predicted_end
     ? new Date(1000 * state.predicted_end).toLocaleTimeString([], clockTime)
     : "–");

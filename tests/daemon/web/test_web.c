@@ -394,6 +394,8 @@ static void faults(void) {
     browser_wait(browser, "document.getElementById('notice-head').textContent == 'Fault: cam60'");
     browser_wait(browser, "document.getElementById('reason').textContent.includes('cam60')");
     browser_wait(browser, "document.querySelectorAll('#steps li').length == 3");
+    browser_wait(browser,
+                 "document.getElementById('left').textContent.endsWith('once it goes on')");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     /* Continue is there for who has the token; the camera is still gone. */
     browser_wait(browser, "document.getElementById('continue').disabled");
