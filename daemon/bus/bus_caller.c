@@ -49,7 +49,11 @@ gboolean bus_caller_may_write(const struct bus_caller *caller, const char *direc
         char *parent = g_path_get_dirname(real);
         g_free(real);
         real = parent;
-        if (stat(real, &info) != 0 || !(caller_rights(caller, &info) & 1))
+        if (stat(real, &info) != 0) {
+            g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED, "%s: %s", real, g_strerror(errno));
+            return FALSE;
+        }
+        if (!(caller_rights(caller, &info) & 1))
             return caller_denied(real, &info, "enter", error);
     }
     return TRUE;
