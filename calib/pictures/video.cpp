@@ -31,7 +31,7 @@ double sharpness_of(const cv::Mat &grey) {
     return variance > 0 ? (dx.dot(dx) + dy.dot(dy)) / n / variance : 0;
 }
 
-/* Of each two windows the sharper frame. */
+/* Joins windows in pairs; each pair keeps its sharper frame. */
 void merge_windows(GArray *frames) {
     for (guint i = 0; i + 1 < frames->len; i++) {
         auto *a = &g_array_index(frames, struct video_frame, i);

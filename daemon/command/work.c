@@ -15,7 +15,7 @@ struct bar {
     gint64 json_us, begun_us;
 };
 
-/* Of the whole program. */
+/* The CPU time that the program has used in all its threads. */
 static double work_cpu_s(void) {
     struct timespec now;
     return clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0

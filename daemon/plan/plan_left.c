@@ -23,7 +23,7 @@ void plan_order_left(struct session_shot **shots, int n, const struct session_co
     g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
     g_autofree struct session_shot **before = g_memdup2(shots, sizeof(gpointer) * (gsize)n);
 
-    /* Of each shot a copy, with its place in the list as its number. */
+    /* plan_order() sorts copies, whose ids are their places in the list. */
     for (int i = 0; i < n; i++) {
         struct session_shot shot = *shots[i];
         const struct plan_pose pose = plan_pose_of(&shot, rig);

@@ -16,10 +16,11 @@ static const char curved[] = "values are not proportional to the light";
 static const char neighbours[] = "a value depends on the light at neighbouring pixels";
 static const char coloured[] = "values depend on the light of other colours";
 
-/* What alters frames, in this order: controls that enable others come first. effect: NULL if it
- * changes values from frame to frame, so that a camera that refuses cannot be used. Gamma has
- * no unit but UVC's, hundredths, which a range that begins above 0 and holds 100 suggests. Of
- * contrast and colour only the value that the camera is delivered with is known. */
+/* These controls alter frames. They are set in this order: those that enable others come first.
+ * effect is NULL where a control changes values from frame to frame, so that a camera that refuses
+ * to switch it off cannot be used. Gamma has no unit but UVC's, hundredths, which a range that
+ * begins above 0 and holds 100 suggests. For contrast and colour only the value that the camera is
+ * delivered with is known to be neutral. */
 static const struct {
     guint32 id;
     enum neutral neutral;
