@@ -112,11 +112,19 @@ struct below {
     float base; // distance to where the ray is as deep as the deepest structure
 };
 
+// A step x at some depth below a curved mesh passes more of the texture than on the mesh: what lies between
+// two normals shrinks by 1 − depth · κ along each principal curvature κ.
+vec2 texture_step(vec2 x, float depth) {
+    mat2 shrunk = mat2(1.0) - depth * mat2(bending.x, bending.y, bending.y, bending.z);
+    return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
+}
+
 // v: unit vector outwards along the ray, in the frame of the mesh. Under a mesh of normal curvature bend
 // a straight ray is at depth t v_z − ½ bend t² after a distance t. The MDF is tabulated for straight rays
 // over a flat surface only, so CHORDS chords of this parabola are tested. All start where the ray enters;
 // the last ends where the ray is as deep as the deepest structure, or at its own deepest point. A chord
-// lies above the parabola: what it meets before its end the ray meets too.
+// lies above the parabola: what it meets before its end the ray meets too. Along the
+// texture a chord is as long as texture_step() says for its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
@@ -137,7 +145,8 @@ below below_mesh(vec3 v, float level) {
     float hit = 1e30;
     for (int k = bend == 0.0 ? CHORDS : 1; k <= CHORDS; k++) {
         float end = middle * float(k) / float(CHORDS), chord = slope - 0.5 * bend * end;
-        float met = depth_at(at, normalize(vec3(v.xy, chord) / mm), level) * mm.z / chord;
+        vec2 along = straight ? v.xy : texture_step(v.xy, chord * end);
+        float met = depth_at(at, normalize(vec3(along, chord) / mm), level) * mm.z / chord;
         if (met <= end || k == CHORDS) {
             hit = met;
             break;

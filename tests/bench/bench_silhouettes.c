@@ -2,11 +2,14 @@
  * Outlines and shadows of the samples of Wang et al. 2005, table 1, as drawn from their MDF,
  * against their true surface on a torus and a cylinder (figures 10 and 11). The MDF is traced, as
  * that paper made all but two of its own, so that only drawing is measured; silhouettes_report
- * measures captured ones. Ways: btf        the BTF alone published  the test of straight rays, with
- * the measured views in a volume of 8 bits straight   that test, over views that include grazing
- * ones volume     the viewer's test over a volume of 8 bits ours       the viewer's; the relief of
- * grazing views is raised as the MDF says fixed      the same, raised by a fixed number of standard
- * deviations
+ * measures captured ones. Ways:
+ *   btf        the BTF alone
+ *   published  the test of straight rays, with the measured views in a volume of 8 bits
+ *   straight   that test, over views that include grazing ones
+ *   volume     the viewer's test over a volume of 8 bits
+ *   ours       the viewer's; the relief of grazing views is raised as the MDF says
+ *   fixed      the same, raised by a fixed number of standard deviations
+ *   true       with --true-grazing: the viewer's test, grazing views traced over the true surface
  */
 #include "bench.h"
 #include "lib/silhouettes_fixture.h"
@@ -29,7 +32,13 @@ static const struct material {
 };
 
 static gboolean json;
-static int texels = 64, width = 400, height = 300;
+static gboolean true_grazing;
+static int texels = 64, azimuths = 12, width = 400, height = 300;
+static double distance_mm = 650.0;
+/* As in mdf_grazing.c. */
+static const double grazing_deg[] = {80.0, 84.0, 87.0};
+#define N_GRAZING   ((int)G_N_ELEMENTS(grazing_deg))
+#define GRAZING_PHI 36
 static char **kinds, **tilings;
 static double *more_raised;
 static gsize n_raised;
@@ -45,9 +54,10 @@ static World *new_world(const struct material *m) {
                            "[sample]\nkind=%s\nseed=3\nwidth_mm=50\nheight_mm=50\nbase_mm=0.4\n"
                            "relief_mm=%g\ntop_mm=5\nperiod_mm=%g\ngrid=320\nrepeats=%d\n",
                            m->kind, m->relief_mm, m->period_mm, m->repeats ? 2 : 1);
-    for (int k = 0; k < m->rings; k++)
-        g_string_append_printf(text, "[camera c%d]\ntheta_deg=%g\ndistance_mm=650\n", k,
-                               theta_deg(m, k));
+    for (int k = 0; k < m->rings + N_GRAZING; k++)
+        g_string_append_printf(text, "[camera c%d]\ntheta_deg=%g\ndistance_mm=%g\n", k,
+                               k < m->rings ? theta_deg(m, k) : grazing_deg[k - m->rings],
+                               distance_mm);
     return world_fixture_new(text->str);
 }
 
@@ -92,7 +102,8 @@ static void show(const struct scene *s, const char *way, double value,
     more = TRUE;
 }
 
-static void measure(struct scene *s, const struct mdf_table *table) {
+static void measure(struct scene *s, const struct mdf_table *table,
+                    const struct mdf_table *grazing) {
     show(s, "btf", 0, NULL, FALSE, FALSE);
     show(s, "published", 0, table, TRUE, TRUE);
     const double own = mdf_table_raised(table);
@@ -106,11 +117,13 @@ static void measure(struct scene *s, const struct mdf_table *table) {
         mdf_table_add_grazing_raised(t, more_raised[k]);
         show(s, "fixed", more_raised[k], t, FALSE, FALSE);
     }
+    if (grazing)
+        show(s, "true", 0, grazing, FALSE, FALSE);
 }
 
 static void measure_scene(const struct material *m, const struct silhouettes_shape *shape, int u,
                           int v, const struct truth_surface *surface, double reference_mm,
-                          const struct mdf_table *table) {
+                          const struct mdf_table *table, const struct mdf_table *grazing) {
     g_autoptr(GError) error = NULL;
     const struct scene_options options = {u, v, SCENE_Z_UP, TRUE};
     g_autoptr(Mesh) mesh = scene_make(shape->name, &options, &error);
@@ -123,13 +136,39 @@ static void measure_scene(const struct material *m, const struct silhouettes_sha
     s.settings.shadows = TRUE;
     viewer_fit(view, &s.settings, (double)width / height);
     s.truth = silhouettes_trace(shape, displaced, &s.settings, width, height);
-    measure(&s, table);
+    measure(&s, table, grazing);
     g_free(s.truth);
+}
+
+/* The table with the views of the other behind its own. */
+static struct mdf_table *joined(const struct mdf_table *table, const struct mdf_table *other) {
+    struct mdf_table *t = mdf_table_copy(table);
+    const gsize n = (gsize)t->width * t->height, all = (gsize)t->n_views + other->n_views;
+    t->theta_deg = g_renew(float, t->theta_deg, all);
+    t->phi_deg = g_renew(float, t->phi_deg, all);
+    t->depth_mm = g_renew(float, t->depth_mm, n *all);
+    t->seen = g_renew(guint8, t->seen, n * all);
+    memcpy(t->theta_deg + t->n_views, other->theta_deg, sizeof(float) * other->n_views);
+    memcpy(t->phi_deg + t->n_views, other->phi_deg, sizeof(float) * other->n_views);
+    memcpy(t->depth_mm + n * t->n_views, other->depth_mm, sizeof(float) * n * other->n_views);
+    memcpy(t->seen + n * t->n_views, other->seen, n * other->n_views);
+    t->n_views += other->n_views;
+    t->deepest_mm = MAX(t->deepest_mm, other->deepest_mm);
+    return t;
+}
+
+static struct mdf_table *true_table(World *world, const struct truth_grid *grid, int first,
+                                    const double *rings_deg, int n_rings, int n_phi) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path =
+        silhouettes_write_truth_rings(world, grid, first, rings_deg, n_rings, n_phi);
+    struct mdf_table *table = mdf_table_read(path, &error);
+    bench_check(error);
+    return table;
 }
 
 static void measure_material(const struct material *m) {
     static const char *const usual[] = {"8x3", "6x2", "3x1", "2x1", NULL};
-    g_autoptr(GError) error = NULL;
     g_autoptr(World) world = new_world(m);
     struct truth_surface surface;
     truth_surface(world, &surface);
@@ -138,20 +177,23 @@ static void measure_material(const struct material *m) {
     double rings[8];
     for (int k = 0; k < m->rings; k++)
         rings[k] = theta_deg(m, k);
-    g_autofree char *path = silhouettes_write_truth_rings(world, &grid, rings, m->rings);
-    g_autoptr(MdfTable) table = mdf_table_read(path, &error);
-    bench_check(error);
+    g_autoptr(MdfTable) table = true_table(world, &grid, 0, rings, m->rings, azimuths);
+    g_autoptr(MdfTable) flat = NULL, all = NULL;
+    if (true_grazing) {
+        flat = true_table(world, &grid, m->rings, grazing_deg, N_GRAZING, GRAZING_PHI);
+        all = joined(table, flat);
+    }
     for (const char *const *tiles = tilings ? (const char *const *)tilings : usual; *tiles;
          tiles++) {
         int u, v;
         char end;
         if (sscanf(*tiles, "%3dx%3d%c", &u, &v, &end) != 2 || u < 1 || v < 1)
             bench_fail(2, "--tiles %s: UxV is expected, whole numbers", *tiles);
-        measure_scene(m, &silhouettes_torus, u, v, &surface, reference_mm, table);
+        measure_scene(m, &silhouettes_torus, u, v, &surface, reference_mm, table, all);
     }
     /* Tiles of the cylinder are nearly square with 5 × 2. */
     if (!tilings)
-        measure_scene(m, &silhouettes_cylinder, 5, 2, &surface, reference_mm, table);
+        measure_scene(m, &silhouettes_cylinder, 5, 2, &surface, reference_mm, table, all);
 }
 
 int main(int argc, char **argv) {
@@ -166,16 +208,23 @@ int main(int argc, char **argv) {
          "cylinder",
          "UxV"},
         {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Of the MDF each way, default 64", "N"},
+        {"azimuths", 0, 0, G_OPTION_ARG_INT, &azimuths,
+         "Measured views in each ring, default 12, as in the paper", "N"},
+        {"distance", 0, 0, G_OPTION_ARG_DOUBLE, &distance_mm,
+         "Of the cameras that the MDF is seen by, mm; default 650", "MM"},
+        {"true-grazing", 0, 0, G_OPTION_ARG_NONE, &true_grazing,
+         "Also with grazing views of the true surface", NULL},
         {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Pixels, default 400x300", "WxH"},
         {"raised", 0, 0, G_OPTION_ARG_STRING_ARRAY, &values,
          "Also raise the relief by so many standard deviations; may be repeated", "N"},
         {NULL}};
     char end;
     bench_parse(&argc, &argv, entries, NULL);
-    if (texels < 4 || texels > 512 ||
+    if (texels < 4 || texels > 512 || azimuths < 3 || azimuths > 360 || !(distance_mm >= 100.0) ||
         (size &&
          (sscanf(size, "%4dx%4d%c", &width, &height, &end) != 2 || width < 8 || height < 8)))
-        bench_fail(2, "--texels is 4 to 512, --size WxH");
+        bench_fail(2,
+                   "--texels is 4 to 512, --azimuths 3 to 360, --distance 100 or more, --size WxH");
     n_raised = values ? g_strv_length(values) : 0;
     more_raised = g_new(double, n_raised + 1);
     for (gsize k = 0; k < n_raised; k++)

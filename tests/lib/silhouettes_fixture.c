@@ -44,18 +44,18 @@ int silhouettes_differ(const float *a, const float *b, int n, float tolerance) {
     return differ;
 }
 
-char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid,
-                                    const double *theta_deg, int n_theta) {
+char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid, int first_camera,
+                                    const double *theta_deg, int n_theta, int n_phi) {
     static const char *const channels[] = {"D", NULL};
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
-    for (int k = 0; k < n_theta * N_PHI; k++) {
+    for (int k = 0; k < n_theta * n_phi; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
         struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
-        double phi = 360.0 / N_PHI * (k % N_PHI), centre[3];
-        truth_mdf(world, k / N_PHI, -phi, grid, part->planes[0], NULL);
-        truth_view_centre_mm(world, k / N_PHI, -phi, centre);
-        int ring = k / N_PHI;
+        const int ring = k / n_phi, camera = first_camera + ring;
+        double phi = 360.0 / n_phi * (k % n_phi), centre[3];
+        truth_mdf(world, camera, -phi, grid, part->planes[0], NULL);
+        truth_view_centre_mm(world, camera, -phi, centre);
         exr_set_double(part, "view.theta_deg", theta_deg[ring]);
         exr_set_double(part, "view.phi_deg", phi);
         exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
@@ -72,7 +72,7 @@ char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid,
 
 char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
     static const double theta_deg[N_THETA] = {15, 30, 45, 60, 75};
-    return silhouettes_write_truth_rings(world, grid, theta_deg, N_THETA);
+    return silhouettes_write_truth_rings(world, grid, 0, theta_deg, N_THETA, N_PHI);
 }
 
 World *silhouettes_world(const char *kind, double relief_mm) {

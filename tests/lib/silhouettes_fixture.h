@@ -16,7 +16,7 @@ int silhouettes_differ(const float *a, const float *b, int n, float tolerance);
 
 /* The MDF that the world's own truth says, through the file that processing would write. */
 char *silhouettes_write_truth(World *world, const struct truth_grid *grid);
-/* Of n_theta rings, which the world's first cameras see. */
-char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid,
-                                    const double *theta_deg, int n_theta);
+/* Of n_theta rings of n_phi views, which the world's cameras from first_camera on see. */
+char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid, int first_camera,
+                                    const double *theta_deg, int n_theta, int n_phi);
 World *silhouettes_world(const char *kind, double relief_mm);
