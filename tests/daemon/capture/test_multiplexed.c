@@ -116,14 +116,14 @@ static const struct dome dim = {"auto", 0.01, "400000", NULL, NULL, TRUE, TRUE};
 static const struct dome alone = {"no", 0.01, "400000", NULL, NULL, TRUE, TRUE};
 static const struct dome exact = {"no", 0.01, "400000", NULL, NULL, FALSE, TRUE};
 
-static gboolean says(const struct plan *plan, const char *words) {
+static gboolean dome_says(const struct plan *plan, const char *words) {
     for (guint i = 0; i < plan->notes->len; i++)
         if (strstr(plan->notes->pdata[i], words))
             return TRUE;
     return FALSE;
 }
 
-static const char *note_of(const struct plan *plan) {
+static const char *dome_note(const struct plan *plan) {
     for (guint i = 0; i < plan->notes->len; i++)
         if (strstr(plan->notes->pdata[i], "multiplex"))
             return plan->notes->pdata[i];
@@ -131,7 +131,7 @@ static const char *note_of(const struct plan *plan) {
 }
 
 /* The plan takes what pays, says so, and refuses what cannot be. */
-static void test_choice(void) {
+static void test_multiplexed_choice(void) {
     const struct {
         struct dome dome;
         int n;
@@ -149,9 +149,9 @@ static void test_choice(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         struct run *run = dome_new(&cases[i].dome);
         g_autoptr(Plan) plan = dome_plan(run);
-        g_test_message("%s", note_of(plan));
+        g_test_message("%s", dome_note(plan));
         g_assert_cmpint(plan->together.n, ==, cases[i].n);
-        g_assert_true(says(plan, cases[i].says));
+        g_assert_true(dome_says(plan, cases[i].says));
         g_assert_true(cases[i].n == 0 || strcmp(cases[i].dome.multiplex, "auto") ||
                       plan->predicted_s < plan->alone_s);
         run_free(run);
@@ -218,7 +218,7 @@ static struct taken dome_take(const struct dome *dome) {
     return ret;
 }
 
-static double rms_difference(const struct taken *a, const struct taken *b, double *ret_mean) {
+static double dome_rms(const struct taken *a, const struct taken *b, double *ret_mean) {
     double sum = 0, mean = 0;
     for (int i = 0; i < 2 * LAMPS; i++)
         for (int p = 0; p < SIZE * SIZE; p++) {
@@ -231,11 +231,11 @@ static double rms_difference(const struct taken *a, const struct taken *b, doubl
 }
 
 /* The same noise in less time, and no bias. */
-static void test_both_ways(void) {
+static void test_multiplexed_both_ways(void) {
     struct taken truth = dome_take(&exact), one = dome_take(&alone), all = dome_take(&dim);
     double bias_one, bias_all;
-    const double noise_one = rms_difference(&one, &truth, &bias_one);
-    const double noise_all = rms_difference(&all, &truth, &bias_all);
+    const double noise_one = dome_rms(&one, &truth, &bias_one);
+    const double noise_all = dome_rms(&all, &truth, &bias_all);
     g_test_message("noise %.5f and %.5f DN/ms, bias %.5f and %.5f, time %.2f and %.2f s", noise_one,
                    noise_all, bias_one, bias_all, one.clock_s, all.clock_s);
     /* 32768 values: the noise is known to 1 %. That of the four dark frames is in it, √1.25, which
@@ -261,7 +261,7 @@ static char *dome_sums(const char *path) {
 
 /* However often it is interrupted, within groups and between, the frames are to the byte the same;
  * a pause waits for the group's end; and a frame that is lost takes its whole group with it. */
-static void test_resume(void) {
+static void test_multiplexed_resume(void) {
     struct run *whole = dome_new(&dim);
     run_start(whole);
     run_to_end(whole);
@@ -300,7 +300,7 @@ static void test_resume(void) {
 /* Lamps that die: from the beginning, or within the group, first or last of it. Nothing wrong is
  * stored, and with a new lamp the session is what it would have been. The light is bright enough
  * that a lamp stands out of the noise of a whole picture. */
-static void test_dead_lamps(void) {
+static void test_multiplexed_dead(void) {
     const struct dome lit = {"15", 0.2, "400000", NULL, NULL, TRUE, TRUE};
     struct run *whole = dome_new(&lit);
     run_start(whole);
@@ -330,7 +330,7 @@ static void test_dead_lamps(void) {
 
 /* Light that saturates a pattern: it is taken again with a quarter of the exposure, and pixels that
  * are saturated still are marked in the pictures of all lamps of the group. */
-static void test_saturation(void) {
+static void test_multiplexed_saturation(void) {
     const struct dome bright = {"7", 30, "20000", NULL, NULL, TRUE, TRUE};
     const struct dome too_bright = {"7", 4000, "20000", NULL, NULL, TRUE, TRUE};
     struct run *run = dome_new(&bright);
@@ -363,10 +363,10 @@ static void test_saturation(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/multiplexed/choice", test_choice);
-    g_test_add_func("/multiplexed/both_ways", test_both_ways);
-    g_test_add_func("/multiplexed/resume", test_resume);
-    g_test_add_func("/multiplexed/dead_lamps", test_dead_lamps);
-    g_test_add_func("/multiplexed/saturation", test_saturation);
+    g_test_add_func("/multiplexed/choice", test_multiplexed_choice);
+    g_test_add_func("/multiplexed/both_ways", test_multiplexed_both_ways);
+    g_test_add_func("/multiplexed/resume", test_multiplexed_resume);
+    g_test_add_func("/multiplexed/dead_lamps", test_multiplexed_dead);
+    g_test_add_func("/multiplexed/saturation", test_multiplexed_saturation);
     return run_tests();
 }

@@ -8,7 +8,7 @@ static const int orders[] = {3,  7,  11, 15, 19, 23, 31,  35,  43, 47,
                              59, 63, 67, 71, 79, 83, 103, 107, 127};
 
 /* S Sᵀ = (n + 1)/4 · (I + J): its eigenvalues are ((n + 1)/2)², once, and (n + 1)/4. */
-static void test_matrix(void) {
+static void test_multiplex_matrix(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(orders); i++) {
         const int n = orders[i];
         g_assert_cmpint(multiplex_order(n), ==, n);
@@ -29,7 +29,7 @@ static void test_matrix(void) {
 }
 
 /* Pictures of lamps, lit together, and taken apart again. More pixels than are solved at once. */
-static void test_solve(void) {
+static void test_multiplex_solve(void) {
     enum { PIXELS = 4096 + 77 };
     g_autoptr(GRand) random = g_rand_new_with_seed(20);
     for (gsize i = 0; i < G_N_ELEMENTS(orders); i += 3) {
@@ -95,7 +95,7 @@ static double multiplex_measured(int n, double part, double light_e, double read
 }
 
 /* What the formula says, and whether the part that is chosen by it keeps the noise. */
-static void test_noise(void) {
+static void test_multiplex_noise(void) {
     const struct {
         int n;
         double light_e, read_e;
@@ -114,7 +114,7 @@ static void test_noise(void) {
 }
 
 /* Read noise alone: a part of 2√n/(n + 1). Photons alone: twice the time, for ever more lamps. */
-static void test_limits(void) {
+static void test_multiplex_limits(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(orders); i++) {
         const int n = orders[i];
         g_assert_cmpfloat(fabs(multiplex_part(n, 7, 0) - 2 * sqrt(n) / (n + 1)), <, 1e-12);
@@ -127,9 +127,9 @@ static void test_limits(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/multiplex/matrix", test_matrix);
-    g_test_add_func("/multiplex/solve", test_solve);
-    g_test_add_func("/multiplex/noise", test_noise);
-    g_test_add_func("/multiplex/limits", test_limits);
+    g_test_add_func("/multiplex/matrix", test_multiplex_matrix);
+    g_test_add_func("/multiplex/solve", test_multiplex_solve);
+    g_test_add_func("/multiplex/noise", test_multiplex_noise);
+    g_test_add_func("/multiplex/limits", test_multiplex_limits);
     return g_test_run();
 }
