@@ -94,7 +94,10 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
                     path, shot->id, rig->id);
         return FALSE;
     }
-    return TRUE;
+    g_autofree char *why = together_refused(shots, &devices->timing);
+    if (why)
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: %s", path, why);
+    return why == NULL;
 }
 
 char *capture_check_calibration(Session *session, const struct devices *devices) {

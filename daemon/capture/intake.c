@@ -6,6 +6,7 @@
 #include "fiducials/fiducials.h"
 #include "intake_darks.h"
 #include "intake_write.h"
+#include "multiplex/multiplex_pictures.h"
 #include "radiance.h"
 
 #define FULL_BYTES ((gsize)512 << 20)
@@ -13,6 +14,8 @@
 #define BATCH 8
 /* LASER_PIXELS pixels with a signal above the threshold make a laser line. */
 #define LASER_PIXELS 4
+/* Mean by which dark levels may drift during a group of lamps. */
+#define CHANGED_DN 0.25
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
@@ -55,12 +58,17 @@ struct lane {
     guint generation;
     const struct session_shot *shot; /* being collected */
     int n_frames;
-    Frame *bracket[PLAN_MAX_BRACKET];
+    Frame *bracket[PLAN_MAX_BRACKET + 1]; /* and the frame that ends a group */
     guint32 *sums;
     Sweep *sweep, *short_sweep;
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
+    /* Of the same generation: the pictures of a group that are here, their shots (without frames),
+     * and the shortest that each exposure of theirs was. */
+    struct multiplex_pictures together;
+    struct job together_of[MULTIPLEX_MOST];
+    gint64 together_us[PLAN_MAX_BRACKET];
 };
 
 struct finished {
@@ -98,7 +106,7 @@ static void finished_free(gpointer data) {
 }
 
 static void lane_reset(struct lane *lane) {
-    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+    for (int i = 0; i <= PLAN_MAX_BRACKET; i++)
         g_clear_pointer(&lane->bracket[i], frame_unref);
     g_clear_pointer(&lane->sums, g_free);
     g_clear_pointer(&lane->sweep, sweep_free);
@@ -166,7 +174,7 @@ static void take_dark(struct lane *lane, const struct job *job) {
 
 static void finish_dark(struct lane *lane, const struct job *job) {
     gint64 exposures[SHOT_MAX_DARKS];
-    int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
+    int n = shot_dark_exposures(lane->intake->setup.conf, job->shot, exposures);
     struct intake_file file;
     intake_describe(lane, job, &file);
     struct intake_result result = {0};
@@ -215,6 +223,72 @@ static double bend_of(const struct lane *lane, const struct job *job, const Fram
     return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
 }
 
+/* Writes the pictures of all lamps of a group. last: as the file of its last shot is described. */
+static void finish_together(struct lane *lane, const struct intake_file *last) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    struct multiplex_pictures *together = &lane->together;
+    const double longest_ms = conf->exposures_us[conf->n_exposures - 1] * 1e-3;
+    multiplex_solve(together->n, together->pictures, together->n_pixels);
+    for (int k = 0; k < together->n; k++) {
+        struct job job = lane->together_of[k];
+        struct intake_file file = *last;
+        job.frame = (Frame *)last->last;
+        file.shot = job.shot;
+        file.source_name = file.rig->lamps[job.shot->device].name;
+        file.exposures_us = lane->together_us;
+        file.bound = together->bound;
+        file.saturated = together->saturated;
+        struct intake_result result = {
+            .saturated = together->saturated,
+            .signal_dn =
+                multiplex_pictures_mean(together, k) * longest_ms * pow(10, conf->gain_db / 20),
+            .marks = measure_marks(lane, &job, together->pictures[k]),
+        };
+        intake_write_lamp(&file, together->pictures[k], &result.frame, &result.error);
+        return_result(lane, &job, result);
+    }
+    multiplex_pictures_clear(together);
+}
+
+/* Compares the frame that ends a group with the patterns. */
+static gboolean has_changed(struct lane *lane) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const Frame *frame = lane->bracket[conf->n_exposures];
+    const struct intake_dark *dark = intake_darks_at(&lane->darks, conf->n_exposures - 1, frame);
+    const double scale = 1e3 / (double)frame->exposure_us * pow(10, -conf->gain_db / 20);
+    g_autofree float *seen = g_new(float, lane->together.n_pixels);
+    for (gsize p = 0; p < lane->together.n_pixels; p++)
+        seen[p] = (float)scale * (frame->pixels[p] - dark->pixels[p]);
+    const double most = scale * (radiance_saturation(frame->bits) - dark->mean_dn);
+    return multiplex_pictures_changed(&lane->together, seen, most, CHANGED_DN * scale);
+}
+
+/* A pattern's picture (taken) waits for the others of its group. After a fault all of them are
+ * taken again. */
+static void take_together(struct lane *lane, const struct job *job, float *merged,
+                          const struct intake_file *file) {
+    const struct session_together *of = &job->shot->together;
+    struct multiplex_pictures *together = &lane->together;
+    const gsize n = (gsize)job->frame->width * job->frame->height;
+    const int n_exposures = lane->intake->setup.conf->n_exposures;
+    g_return_if_fail(multiplex_pictures_add(together, of->group, of->n, of->k, merged, n));
+    lane->together_of[of->k] = *job;
+    for (int i = 0; i < n_exposures; i++)
+        if (of->k == 0 || file->bracket[i]->exposure_us < lane->together_us[i])
+            lane->together_us[i] = file->bracket[i]->exposure_us;
+    if (file->saturated > 0) {
+        g_autofree float *marked = g_new(float, n);
+        radiance_mark(file->bracket, n_exposures, marked);
+        multiplex_pictures_mark(together, marked);
+    }
+    if (!multiplex_pictures_complete(together))
+        return;
+    if (has_changed(lane))
+        return_result(lane, job, (struct intake_result){.uneven = TRUE});
+    else
+        finish_together(lane, file);
+}
+
 static void finish_lamp(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const float *darks[PLAN_MAX_BRACKET];
@@ -236,9 +310,13 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
         file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
                                              conf->gain_db, bend_of(lane, job, job->frame));
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
-    result.marks = measure_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);
     result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
+    if (job->shot->together.group > 0 && !result.error && !result.uneven) {
+        take_together(lane, job, g_steal_pointer(&merged), &file);
+        return;
+    }
+    result.marks = measure_marks(lane, job, merged);
     if (!result.error && !result.uneven)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
     return_result(lane, job, result);
@@ -364,6 +442,8 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     const struct job *job = jobs[n - 1];
     if (lane->shot != job->shot || lane->generation != job->generation)
         lane_reset(lane);
+    if (lane->generation != job->generation)
+        multiplex_pictures_clear(&lane->together);
     lane->shot = job->shot;
     lane->generation = job->generation;
     /* Frames come in order; another one would be mixed up with its neighbours. */
@@ -500,6 +580,7 @@ static void lane_free(gpointer data) {
     g_async_queue_unref(lane->queue);
     g_ptr_array_unref(lane->batch);
     intake_darks_clear(&lane->darks);
+    multiplex_pictures_clear(&lane->together);
     g_free(lane);
 }
 
@@ -582,7 +663,7 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
     const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
     const char *name = intake->setup.devices->geometry.cameras[camera].name;
     gint64 exposures[SHOT_MAX_DARKS];
-    int n = shot_dark_exposures(intake->setup.conf, exposures);
+    int n = shot_dark_exposures(intake->setup.conf, shot, exposures);
     gsize n_pixels = (gsize)format->width * format->height;
     for (int i = 0; i < n; i++) {
         g_autofree float *pixels =

@@ -100,11 +100,13 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
                               .arm_deg = rig_arm_deg(rig, shot->cameras),
                               .probe_deg =
                                   rig_probe_deg(rig, shot->kind == SHOT_LAMP ? shot->device : -1),
-                              .lamp = -1,
                               .laser = -1,
                               .sweep = -1};
-    if (shot->kind == SHOT_LAMP)
-        goal.lamp = rig_lamp_unit(rig, shot->device);
+    for (int i = 0; i < rig->n_lamps && shot->kind == SHOT_LAMP; i++)
+        if (shot_lights(seq->conf, shot, sub, i)) {
+            const int unit = rig_lamp_unit(rig, i);
+            goal.lamps[unit / 64] |= (guint64)1 << unit % 64;
+        }
     if (shot->kind == SHOT_SWEEP) {
         int unit = rig_laser_unit(&seq->devices->timing, shot->device);
         int step = shot_sweep_step(seq->conf, shot, sub);
@@ -115,13 +117,18 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
     return goal;
 }
 
+/* Whether shots of the same group follow, which are of no use without each other. */
+static gboolean sequencer_is_within(const struct session_shot *shot) {
+    return shot->together.group > 0 && shot->together.k + 1 < shot->together.n;
+}
+
 /* The stage's goal once the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->pending)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
-    if (seq->next < seq->shots->len && !seq->pausing) {
+    if (seq->next < seq->shots->len && (!seq->pausing || sequencer_is_within(seq->shot))) {
         /* The laser waits for the last frame: should that have to be taken again, a laser that
          * stays on would light it, and only the end of the sweep shows such a laser. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
@@ -129,7 +136,8 @@ static struct stage_goal goal_after(const Sequencer *seq) {
         return goal;
     }
     struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
-    goal.lamp = goal.laser = -1;
+    memset(goal.lamps, 0, sizeof goal.lamps);
+    goal.laser = -1;
     return goal;
 }
 
@@ -267,7 +275,8 @@ static void picture_over(Sequencer *seq) {
     if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
         seq->sub++;
         seq->pending = seq->shot->cameras;
-    } else if (seq->pending == 0 && (seq->pausing || !begin_shot(seq))) {
+    } else if (seq->pending == 0 &&
+               ((seq->pausing && !sequencer_is_within(seq->shot)) || !begin_shot(seq))) {
         sequencer_finish(seq);
         return;
     }
@@ -422,8 +431,8 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
 
 void sequencer_pause(Sequencer *seq) {
     seq->pausing = TRUE;
-    gboolean untouched =
-        seq->state == PREPARING && seq->sub == 0 && seq->shot && seq->pending == seq->shot->cameras;
+    gboolean untouched = seq->state == PREPARING && seq->sub == 0 && seq->shot &&
+                         seq->pending == seq->shot->cameras && seq->shot->together.k == 0;
     if (seq->state == HOMING || untouched)
         sequencer_finish(seq);
 }

@@ -17,6 +17,7 @@ struct light {      /* a lamp or a laser */
     gboolean asked; /* as last commanded */
     gboolean on;    /* as last reported */
     gint64 since_us;
+    int pending; /* lamps: switches whose answers are awaited */
 };
 
 struct Stage {
@@ -138,7 +139,8 @@ static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, 
         if (rig_lamp_unit(&stage->devices->geometry, i) == i &&
             stage->devices->lamps[i].bank == bank &&
             (index < 0 || stage->devices->lamps[i].index == index))
-            stage->lamps[i] = (struct light){stage->lamps[i].asked, on, at_us};
+            stage->lamps[i] = (struct light){stage->lamps[i].asked, on, at_us,
+                                             index < 0 ? 0 : MAX(stage->lamps[i].pending - 1, 0)};
     }
     stage_changed(stage);
 }
@@ -152,7 +154,7 @@ static void stage_on_laser(Laser *laser, gboolean on, const GError *error, gpoin
     for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
         if (stage->devices->lasers[i] == laser && rig_laser_unit(&stage->devices->timing, i) == i)
             stage->lasers[i] =
-                (struct light){stage->lasers[i].asked, on, clock_now_us(stage->devices->clock)};
+                (struct light){stage->lasers[i].asked, on, clock_now_us(stage->devices->clock), 0};
     }
     stage_changed(stage);
 }
@@ -256,23 +258,37 @@ void stage_home(Stage *stage) {
     }
 }
 
-static gboolean lights_are(const struct light *lights, int n, int lit) {
-    for (int i = 0; i < n; i++) {
+static gboolean lasers_are(const Stage *stage, int lit) {
+    for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
         gboolean wanted = i == lit;
-        if (lights[i].on != wanted || lights[i].asked != wanted)
+        if (stage->lasers[i].on != wanted || stage->lasers[i].asked != wanted)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean stage_lit(const guint64 *lamps, int lamp) {
+    return (lamps[lamp / 64] >> lamp % 64 & 1) != 0;
+}
+
+static gboolean lamps_are(const Stage *stage, const guint64 *lit) {
+    for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
+        gboolean wanted = stage_lit(lit, i);
+        /* One that is switched off and on again has not answered the first when it is asked. */
+        if (stage->lamps[i].on != wanted || stage->lamps[i].asked != wanted ||
+            stage->lamps[i].pending > 0)
             return FALSE;
     }
     return TRUE;
 }
 
 gboolean stage_is_homed(const Stage *stage) {
-    const struct rig *rig = &stage->devices->geometry;
+    static const guint64 dark[STAGE_LAMP_WORDS];
     for (int i = 0; i < stage->n_axes; i++) {
         if (!stage->axes[i].homed)
             return FALSE;
     }
-    return lights_are(stage->lamps, rig->n_lamps, -1) &&
-           lights_are(stage->lasers, rig->n_lasers, -1);
+    return lamps_are(stage, dark) && lasers_are(stage, -1);
 }
 
 static void pursue_axis(Stage *stage, Axis *axis, double target_deg) {
@@ -292,6 +308,7 @@ static void switch_lamp(Stage *stage, int lamp, gboolean on) {
     if (!stage->active || stage->lamps[lamp].asked == on)
         return;
     stage->lamps[lamp].asked = on;
+    stage->lamps[lamp].pending++;
     if (!lamps_set(bank, stage->devices->lamps[lamp].index, on, &error))
         stage_fault(stage, "lamp", stage->devices->geometry.lamps[lamp].name, error);
 }
@@ -308,7 +325,7 @@ static void switch_laser(Stage *stage, int laser, gboolean on) {
 void stage_pursue(Stage *stage, const struct stage_goal *goal) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps; i++) {
-        if (i != goal->lamp)
+        if (!stage_lit(goal->lamps, i))
             switch_lamp(stage, i, FALSE);
     }
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
@@ -321,8 +338,9 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
         pursue_axis(stage, devices_positioner(devices, i), degs[i]);
     if (goal->sweep >= 0)
         pursue_axis(stage, devices->sweeps[goal->sweep], goal->sweep_deg);
-    if (goal->lamp >= 0)
-        switch_lamp(stage, goal->lamp, TRUE);
+    for (int i = 0; i < devices->geometry.n_lamps; i++)
+        if (stage_lit(goal->lamps, i))
+            switch_lamp(stage, i, TRUE);
     if (goal->laser >= 0)
         switch_laser(stage, goal->laser, TRUE);
 }
@@ -343,12 +361,12 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
         if (!stands_at(stage, devices_positioner(devices, i), degs[i]))
             return FALSE;
     if ((goal->sweep >= 0 && !stands_at(stage, devices->sweeps[goal->sweep], goal->sweep_deg)) ||
-        !lights_are(stage->lamps, devices->geometry.n_lamps, goal->lamp) ||
-        !lights_are(stage->lasers, devices->geometry.n_lasers, goal->laser))
+        !lamps_are(stage, goal->lamps) || !lasers_are(stage, goal->laser))
         return FALSE;
-    if (goal->lamp >= 0)
-        *ret_at_us = stage->lamps[goal->lamp].since_us +
-                     (gint64)ceil(devices->lamps[goal->lamp].bank->warm_up_s * 1e6);
+    for (int i = 0; i < devices->geometry.n_lamps; i++)
+        if (stage_lit(goal->lamps, i))
+            *ret_at_us = MAX(*ret_at_us, stage->lamps[i].since_us +
+                                             (gint64)ceil(devices->lamps[i].bank->warm_up_s * 1e6));
     if (goal->laser >= 0)
         *ret_at_us =
             MAX(*ret_at_us, stage->lasers[goal->laser].since_us +
@@ -359,7 +377,7 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
 gboolean stage_make_safe(Stage *stage, GError **error) {
     stage->active = FALSE;
     for (int i = 0; i < RIG_MAX_LAMPS; i++)
-        stage->lamps[i].asked = FALSE;
+        stage->lamps[i].asked = stage->lamps[i].pending = 0;
     for (int i = 0; i < RIG_MAX_LASERS; i++)
         stage->lasers[i].asked = FALSE;
     return devices_make_safe(stage->devices, error);

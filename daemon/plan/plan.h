@@ -34,6 +34,7 @@
 #include "frames/laser_lines.h"
 #include "rig/devices.h"
 #include "session/session.h"
+#include "together/together.h"
 
 /* Directions are rings, or those of the devices that are named, as they stand with turntable and
  * arc at 0. */
@@ -108,6 +109,7 @@ struct session_conf {
     double light_error_pct;  /* expected error of all values of the BTF that is enough */
     double light_budget_min; /* what the shots of lamps may take at most, by the plan's times, moves
                                 between them counted and sweeps not; 0: any time */
+    int multiplex;           /* lamps of a group, MULTIPLEX_AUTO or MULTIPLEX_NO */
     gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */
@@ -146,6 +148,8 @@ struct plan {
                         else predicted_s */
     int n_first;     /* shots of the first round; they come first */
     int n_later_sweeps, n_later_lamps; /* shots that are taken only if it does not suffice */
+    struct together_choice together;   /* which lamps are lit at once; owned */
+    double alone_s;                    /* together.n > 0: predicted for each lamp alone */
     GPtrArray *notes;                  /* char *: what was re-planned or left out, and why */
 };
 
@@ -170,6 +174,11 @@ void plan_set_error(GError **error, enum plan_error code, const struct session_c
  * not share poses. Step k of a sweep is meant to be at from + (to − from)·k/(steps − 1). */
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error);
+/* The same, with what calibration knows of light and noise, which [lights] multiplex = auto needs;
+ * NULL: nothing. */
+struct plan *plan_build_with(const struct session_conf *conf, const struct rig *rig,
+                             const struct rig_timing *timing, const struct calibration *calibration,
+                             GError **error);
 void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)

@@ -139,11 +139,11 @@ static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig
     struct packing lamp = packed_lamp;
     lamp.surroundings +=
         DARK_DIGITS * log2((double)MIN(conf->dark_frames, MOST_DIGITS) / DARK_FRAMES);
+    const int darks = shot->kind == SHOT_DARK ? shot_dark_exposures(conf, shot, exposures) : 1;
     const struct kind kinds[] = {
         [SHOT_LAMP] = {1, 1, 2, 700, &lamp},
         [SHOT_SWEEP] = {1, 5, 4, 850, seen ? &packed_sweep : &packed_nothing},
-        [SHOT_DARK] = {shot_dark_exposures(conf, exposures), 1, 4, 650,
-                       conf->dark_frames > 2 ? &packed_dark : &packed_short_dark},
+        [SHOT_DARK] = {darks, 1, 4, 650, conf->dark_frames > 2 ? &packed_dark : &packed_short_dark},
     };
     const struct kind raw = {1, 1, bits <= HALF_BITS ? 2 : 4, 750, sweep ? NULL : &packed_raw};
     const gboolean keeps = sweep ? conf->keep_laser_frames : conf->keep_exposures;

@@ -41,6 +41,7 @@ struct plan_build {
     GArray *shots;               /* of struct session_shot; pose: index into poses */
     gboolean *is_first;          /* of each shot, before they are ordered: of the first round */
     GArray *notes;               /* of struct plan_note */
+    struct together_choice together;
 };
 
 struct plan_note { /* what was re-planned or left out, how often */
@@ -148,10 +149,10 @@ void plan_path_improve(struct plan_path *path, gint64 budget);
  * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Puts shots into an order. shots[i].pose is an index into poses; on return it is the number of the
- * visit. Returns how many visits there are. SHOT_DARK come first, skipped shots last, with visits
- * of their own. Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its
- * places.
+/* Puts shots into an order, those of a group of lamps one after the other. shots[i].pose is an
+ * index into poses; on return it is the number of the visit. Returns how many visits there are.
+ * SHOT_DARK come first, skipped shots last, with visits of their own. Sweeps of a laser unit that
+ * is mounted by hand come in blocks, one for each of its places.
  *
  * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
  * for τ, for the arm, for α, for the probe, for lamps, for lasers. */

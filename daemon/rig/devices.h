@@ -29,7 +29,8 @@
 #define DEVICES_MAX_BANKS      8
 #define DEVICES_MAX_INTERLOCKS 4
 
-/* Speeds and delays of the devices, for the prediction of times. Indices as in struct rig. */
+/* Speeds, delays and limits of the devices, for the prediction of times. Indices as in struct rig.
+ */
 struct rig_timing {
     struct axis_motion turntable, arc, arm, probe, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
@@ -39,6 +40,7 @@ struct rig_timing {
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
+    int lamps_at_once; /* how many may be lit at the same time; 0: one */
 };
 
 /* Index of the laser unit that is mounted at a laser's position (see mount_of). */

@@ -63,6 +63,19 @@ struct session_direction {
 enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
 enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 
+/* Shots of lamps that are taken with patterns of several lamps lit at once, multiplex/multiplex.h:
+ * as many shots as lamps, one after the other in one pose, with the same cameras. Shot k of such a
+ * group is that of its lamp k, and taken with pattern k. Its frame is that of its lamp alone; the
+ * frames of a group can be told once all of it has been taken. */
+struct session_together {
+    int group;      /* number in the session, from 1; 0: its lamp alone is lit */
+    int n, k;       /* shots of the group; which of them this is, from 0 */
+    double part;    /* of the planned exposures, of a shot in a group. Of a dark shot: of the groups
+                       of the session, which need dark frames, too; 0: there are none */
+    guint64 lit[2]; /* bit i % 64 of lit[i / 64]: lamp i is lit in this shot of a group */
+    guint64 all[2]; /* the lamps of the group */
+};
+
 struct session_shot {
     gint64 id; /* 1 … n, in planned order; also the tag given to cameras */
     enum session_shot_kind kind;
@@ -75,6 +88,7 @@ struct session_shot {
     int sweep_steps;
     enum session_shot_state state;
     char *note; /* why it was skipped or changed, or NULL */
+    struct session_together together;
 };
 
 /* How the note of a shot begins that was skipped because others suffice: of a sweep that is
@@ -136,6 +150,12 @@ GPtrArray *session_lasers(Session *session, GError **error);
 GPtrArray *session_shots(Session *session, GError **error);  /* in planned order */
 GPtrArray *session_frames(Session *session, GError **error); /* by shot, camera */
 GPtrArray *session_events(Session *session, GError **error);
+
+/* Fills in which lamps are lit in the n shots of a group, by k and their devices. */
+void session_light_together(struct session_shot *const *shots, int n);
+
+/* Plans all shots of each group of which one is planned, in memory: a group is taken as a whole. */
+void session_plan_together(const GPtrArray *shots);
 
 /* Relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);

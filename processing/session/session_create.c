@@ -103,7 +103,8 @@ static gboolean insert_plan(Session *session, const struct session_plan *plan, G
             shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
             session_shot_states[shot->state], shot->note);
     }
-    return ok;
+    g_autofree char *together = session_together_text(plan->shots, plan->n_shots);
+    return ok && (!together || session_set_value(session, SESSION_TOGETHER, together, error));
 }
 
 static gboolean insert_all(Session *session, const char *name, const struct session_texts *texts,

@@ -66,3 +66,10 @@ gboolean session_check_direction(const struct session_direction *direction, int 
                                  const char *kind, GError **error);
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error);
+
+/* The value that says which shots are taken with patterns, "PART;FIRST:N;FIRST:N;…", in order:
+ * ids of the groups' first shots. g_free(); NULL: there are none. */
+#define SESSION_TOGETHER "multiplex"
+char *session_together_text(const struct session_shot *shots, int n);
+/* Checks such a text against all shots of a session, and fills in their struct session_together. */
+gboolean session_together_read(const char *text, const GPtrArray *shots, GError **error);
