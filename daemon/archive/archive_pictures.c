@@ -154,8 +154,8 @@ static const struct session_direction *nearest(const GPtrArray *directions, doub
     return best;
 }
 
-/* Rows are elevations of the view, columns those of the light, each on the other side; all on one
- * scale. */
+/* Adds a table of pictures: each row has a polar angle of the view, each column one of the light.
+ * View and light are on opposite sides of the normal. All pictures have one scale of brightness. */
 static gboolean add_btf(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) views = session_views(session, error);
     g_autoptr(GPtrArray) lights = views ? session_lights(session, error) : NULL;

@@ -39,8 +39,8 @@ static void bus_on_event(Capture *capture, const char *level, const char *source
 static void show_status(Bus *bus, const struct capture_status *status) {
     double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1; /* in real time */
     if (left_s >= 0 && clock_is_virtual(bus->devices->clock)) {
-        /* A simulated rig's clock runs at a pace of its own, taken from what was done since its
-         * axes were homed, which takes it no time at all. */
+        /* A simulated rig's clock does not run at the pace of real time. Its pace is measured since
+         * the axes were homed, since homing takes no real time in a simulation. */
         const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
         const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
@@ -80,8 +80,9 @@ static void end_capture(Bus *bus) {
     g_clear_pointer(&bus->capture, capture_free);
 }
 
-/* The session is released as soon as it has ended, so that another program may resume it; what
- * is shown stays. Not from within the capture's own call. */
+/* Releases the session as soon as it has ended, so that another program may resume it; clients
+ * still see its last state. An idle source calls this, since the capture must not be freed within
+ * its own callback. */
 static gboolean end_capture_idle(gpointer data) {
     Bus *bus = data;
     bus->end_id = 0;
@@ -233,8 +234,8 @@ void bus_close_rig(Bus *bus) {
     show_idle(bus);
 }
 
-/* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
- * moved. */
+/* Writes the path of the rig file into the session, where it is missing because an older version
+ * began the session, or is wrong because the file has been moved since. */
 static void remember_rig(Bus *bus) {
     g_autoptr(Session) session = session_open(bus->directory, SESSION_PRODUCTS, NULL);
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;

@@ -37,8 +37,8 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
 /* Keeps a queue of sessions in this file (queue/queue.h), and captures them while a rig is open.
- * Once, before any client calls. Where that cannot be, there is no queue, which is told in the log
- * and to whoever asks for it: the rig serves all the same. */
+ * Called once, before any client calls. If the file cannot be used, there is no queue: the log and
+ * the answers to calls about the queue say so, and the rig serves all other calls. */
 void bus_keep_queue(Bus *bus, const char *path);
 
 gboolean bus_has_rig(const Bus *bus); /* one is open */

@@ -112,8 +112,8 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* The device has failed to do what it was asked for. If it may still give light, every client is
- * told. */
+/* Ends a hand whose device has failed to obey. If the device may still give light, tells every
+ * client. */
 static void hand_lose(struct hand *hand, gboolean may_shine, const GError *error) {
     if (may_shine) {
         g_autofree char *text = g_strdup_printf(DEVICES_UNSAFE ": %s", error->message);

@@ -1,8 +1,8 @@
 /*
- * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
- * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
- * works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions), bus_queue.c
- * (calls that wait) and bus_authority.c (who may call what) share.
+ * Shared by bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras'
+ * last pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a
+ * child works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions),
+ * bus_queue.c (calls that wait) and bus_authority.c (who may call what).
  */
 #pragma once
 
@@ -77,8 +77,9 @@ gboolean bus_make_safe(Bus *bus, GError **error);
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error);
 
-/* As the methods of these names, in a child: the call is answered when that has ended. FALSE: it
- * was refused at once, and is to be answered with the error. session_path NULL: as Resume. */
+/* Each does the work of the method of the same name in a child, and answers the call when the child
+ * has ended. FALSE: refused at once; the caller of this function answers with the error.
+ * session_path NULL: does the work of Resume. */
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                       const char *directory, GVariant *options, GError **error);
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
@@ -89,15 +90,16 @@ gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const cha
                           const char *directory, GVariant *options, GError **error);
 
 /* Begins or goes on with a session of the queue in a child, as Start and Resume do. begun is called
- * once, from the main loop or from bus_jobs_stop_…(); error NULL: it is being captured. */
+ * once, from the main loop or from bus_jobs_stop_…(); error NULL: the session is being captured. */
 typedef void (*BusBegun)(Bus *bus, const GError *error);
 void bus_start_queued(Bus *bus, const struct queue_item *item, gboolean resumes, BusBegun begun);
 
 /* The session directory of a Start or Resume that has not been answered yet, or NULL. */
 const char *bus_jobs_beginning(Bus *bus);
 
-/* Each answers some calls with BUS_ERROR_CANCELLED and kills their children: a Start or Resume
- * (FALSE: there is none); all calls; those of a client that has gone. */
+/* Each answers calls with BUS_ERROR_CANCELLED and kills their children. The first ends a Start
+ * or Resume (FALSE: there is none), the second all calls, the third those of a client that has
+ * gone. */
 gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
 void bus_jobs_stop_all(Bus *bus, const char *why);
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);

@@ -76,8 +76,9 @@ static char *trial_request(const struct queue_item *item) {
     return g_key_file_to_data(request, NULL, NULL);
 }
 
-/* A file without a name that has the text, at its beginning; −1: there is no memory. With a pipe
- * the answer of a program that ends before it has read all of that would be lost. */
+/* Returns a file without a name that holds the text, positioned at its beginning; −1: there is no
+ * memory. If the text came through a pipe, and the program ended before it had read all of it, the
+ * program's answer would be lost. */
 static int trial_input(const char *text) {
     const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
     const int copy = fd >= 0 ? dup(fd) : -1;

@@ -2,12 +2,11 @@
  * The queue of sessions (queue/queue.h) at work: captures one after the other while a rig is open
  * and free, and tells what happens to captures (the signal Milestone).
  *
- * Before a session: what its prompt asks of somebody is shown until Continue; then a child, which
- * is the program mesorig as a client of this daemon, takes test shots and chooses exposures. A
- * session that faults has stopped, and the next one begins, unless the fault is the rig's, or two
- * sessions in a row have stopped: then the queue is paused. So it is after Abort and SafeState.
- * When the queue is empty, lamps and lasers are switched off and the axes are parked. Main loop's
- * thread.
+ * Before a session, its prompt is shown until Continue; then a child, which is the program mesorig
+ * as a client of this daemon, takes test shots and chooses exposures. A session that faults is
+ * marked as stopped, and the next one begins. The queue is paused instead if the fault is the rig's
+ * or if two sessions in a row have stopped, and after Abort and SafeState. When the queue is empty,
+ * lamps and lasers are switched off and the axes are parked. Main loop's thread.
  */
 #pragma once
 
@@ -41,6 +40,7 @@ void bus_unattended_poke(Bus *bus);
 void bus_unattended_begun(Bus *bus);
 void bus_unattended_changed(Bus *bus, const struct capture_status *status);
 
-/* Ends test shots and parking, and puts back what has not begun. why: the queue is paused, for that
- * reason; NULL: it is not, for the rig is being closed. A session under way waits again then. */
+/* Ends test shots and parking, and puts a session that has not begun back into the queue. why:
+ * pauses the queue and shows this reason. NULL: the rig is being closed; the queue is not paused,
+ * and a session under way waits again. */
 void bus_unattended_stop(Bus *bus, const char *why);

@@ -29,7 +29,7 @@ void check_clear(struct check *check);
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
 
-/* Appends sentences (g_free()) that say which mistake explains what cannot be: values that
+/* Appends sentences (g_free()) that say which mistake explains impossible values: values that
  * contradict reciprocity, too much or too little energy. */
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error);

@@ -33,8 +33,8 @@ struct plot_point {
     double bytes, error;
 };
 
-/* Rate and distortion: error against size, both logarithmic. points: of one series together, in
- * order of size; raw_bytes is what sizes are compared with. */
+/* Draws rate and distortion: error against size, both logarithmic. points: series by series, in
+ * order of size; sizes are shown as ratios to raw_bytes, too. */
 gboolean plot_curve(const char *path, const char *name, double raw_bytes,
                     const struct plot_point *points, int n, GError **error);
 
@@ -43,7 +43,8 @@ struct plot_time {
     double minutes, error_pct;
 };
 
-/* Expected error against time, with the number of shots at each point, and a line where all shots
- * are taken (all_min). The error is logarithmic. points: in order of time. */
+/* Draws the expected error against time, with the number of shots at each point, and a line at
+ * the time at which all shots are taken (all_min). The error is logarithmic. points: in order of
+ * time. */
 gboolean plot_times(const char *path, const char *title, const char *text, double all_min,
                     const struct plot_time *points, int n, GError **error);

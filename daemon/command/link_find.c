@@ -1,5 +1,5 @@
-/* Which daemon a command means. Where that is not clear the command is refused, and what there is
- * is listed: it could otherwise act on somebody else's capture. */
+/* Finds the daemon that a command means. Where that is not clear, the command is refused, and the
+ * daemons are listed: it could otherwise act on somebody else's capture. */
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 #include "cli.h"

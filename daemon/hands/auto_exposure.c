@@ -64,8 +64,9 @@ static gint64 choice_least_us(const struct choice *choice, int camera) {
     return MAX(choice->timing->min_exposure_us[camera], 1);
 }
 
-/* Searches for an exposure that tells, from *us, which it sets. n_high pixels and n_low pixels are
- * what is looked at. FALSE: a device failed. ret->high is 0 if there is no light. */
+/* Searches for an exposure at which the picture is neither saturated nor dark. Begins with *us, and
+ * sets *us to what it finds. ret->high and ret->low are the values that the brightest n_high and
+ * n_low pixels reach, per microsecond; both are 0 if there is no light. FALSE: a device failed. */
 static gboolean choice_measure(const struct choice *choice, int camera, const char *light,
                                gboolean line, double *us, struct measured *ret, GError **error) {
     const struct rig_camera *shape = &choice->trial.rig->cameras[camera];

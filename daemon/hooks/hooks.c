@@ -231,8 +231,8 @@ static void on_posted(GObject *source, GAsyncResult *result, gpointer data) {
     g_autofree char *reason = g_strdup(soup_message_get_reason_phrase(message));
     g_autoptr(GInputStream) answer = soup_session_send_finish(SOUP_SESSION(source), result, &error);
     Hooks *hooks = data;
-    /* With the hooks gone the call was cancelled, too, but the session, the source, has not ended
-     * by its deadline. */
+    /* hooks_free() has cancelled the call, and hooks no longer exists; only the source, the HTTP
+     * session, still does. */
     if (g_object_get_data(source, "gone")) {
         g_clear_error(&error);
         return;

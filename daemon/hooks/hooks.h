@@ -1,8 +1,8 @@
 /*
  * Tells others what happens to captures: runs the executables of a folder, sends mails, posts to
- * web servers, or shows notifications on a desktop. One event after the other, and in each one
- * thing after the other; what fails is told in the log, and the next one follows. A post that
- * fails is tried again later, between others. Main loop's thread.
+ * web servers, or shows notifications on a desktop. Handles events one after the other, and for
+ * each event does one of these after the other. A failure is written to the log, and the next one
+ * follows. A post that fails is tried again later, between others. Main loop's thread.
  */
 #pragma once
 
@@ -35,6 +35,5 @@ char *hooks_text(const char *what, GVariant *details);  /* a line or two more; m
 char *hooks_json(const char *what, GVariant *details, gint64 time_s);
 
 /* Shows an event with the desktop's notifications (org.freedesktop.Notifications) on this
- * connection to the session bus. FALSE: it could not be sent; that it is shown is not waited for.
- */
+ * connection to the session bus. Does not wait until it is shown. FALSE: it could not be sent. */
 gboolean hooks_show(GDBusConnection *session_bus, const char *what, GVariant *details);

@@ -57,8 +57,8 @@ void queue_item_free(struct queue_item *item);
 typedef struct queue_item QueueItem;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(QueueItem, queue_item_free)
 
-/* Reads the file, which need not exist yet; its folder must. What was begun waits again. NULL:
- * another process has it. */
+/* Reads the file, which need not exist yet; its folder must. A session that had begun waits again.
+ * NULL: another process has the file open. */
 Queue *queue_open(const char *path, GError **error);
 void queue_free(Queue *queue); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Queue, queue_free)

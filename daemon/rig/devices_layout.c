@@ -23,8 +23,8 @@ const char **layout_keys(const char *class_name) {
     return devices_layout_names_of(devices_section_options(class_name), NULL);
 }
 
-/* Checks the driver's options without opening it, and reads the rig's own from the same section.
- * Without a driver, those are checked alone. */
+/* Checks the driver's options without opening it, and reads the keys of the rig from the same
+ * section. If the driver is not known, only the keys of the rig are checked. */
 static gboolean devices_layout_read_device(const struct layout *layout,
                                            const struct config_section *section,
                                            struct place_fields *place, Mistakes *mistakes) {
@@ -113,8 +113,8 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Whether a lamp or laser stands by itself: where its azimuth is given, and overhead, where it has
- * none, if there is no arc. */
+/* Sets *ret_fixed: a lamp or laser stands by itself if its azimuth is given, or if there is no arc.
+ * Without an arc only one overhead, which has no azimuth, may leave it out. */
 static gboolean devices_layout_take_carrier(const struct layout *layout,
                                             const struct config_section *section,
                                             const struct place_fields *place, int *ret_fixed,

@@ -25,9 +25,9 @@ struct layout {
 /* A key of [axis NAME], of whoever parks the axes (struct Axis). */
 #define LAYOUT_PARK_KEY "park_deg"
 
-/* Checks everything that can be checked without a device, drivers' own options, too, and where the
- * devices are to be opened (checks_drivers) also what drivers know of options together and of other
- * files that they name. The error tells all mistakes of the file. */
+/* Checks everything that can be checked without a device, also the options of drivers.
+ * checks_drivers, for devices that are to be opened: also lets drivers check which options fit each
+ * other, and other files that these name. The error tells all mistakes of the file. */
 gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
                      GError **error);
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
