@@ -247,8 +247,8 @@ static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
     return ok;
 }
 
-/* Rows of the reduced space: A (x − mean) = A x − offsets, with the axes A, for a block of texels
- * x. */
+/* Computes the rows of the reduced space for a block of texels x: A (x − mean) = A x − offsets,
+ * with the axes A. */
 static void reduce_block(int block, gpointer data) {
     struct lpca_run *run = data;
     const int from = run->first + block * TEAM_ROWS, n = MIN(TEAM_ROWS, run->end - from);
@@ -314,8 +314,8 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
     return lpca;
 }
 
-/* The fewest components of this clustering that reach the target, by bisection: few do not reach
- * it, enough do. */
+/* Finds by bisection the fewest components of this clustering that reach the target: `few`
+ * components do not reach it, `enough` do. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
