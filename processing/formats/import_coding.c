@@ -1,4 +1,4 @@
-/* How the pictures of a table are coded: from the numbers in a file to linear light,
+/* Converts the numbers in the files of a table to linear light,
  *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
  * n: a pixel's number, T: the transfer function, f: its flat field, coded likewise, m: the flat
  * field's mean around the middle of the picture. Floating-point numbers have white at 1. */

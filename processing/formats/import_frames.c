@@ -163,8 +163,8 @@ struct run {
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* of each step */
-    /* The session's sweep. offset: the difference of two pictures lies half a step after the first
-     * one. */
+    /* The session's sweep. offset: if a step's frame is the difference of two pictures, it stands
+     * half a step after the first one. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };
@@ -252,8 +252,8 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
 }
 
 /* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
- * numbers become 0. Of a pixel in colour the brightest of the three values counts: a laser lights
- * one colour, and the brightest saturates first. */
+ * numbers become 0. In colour pictures the brightest of a pixel's three values counts, since a
+ * laser lights one colour, and the brightest value saturates first. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);

@@ -32,8 +32,8 @@ static void material_tell_error(GError *error, struct mesorig_error *ret_error) 
     g_error_free(error);
 }
 
-/* The compressed material with the least error among a folder's files, those of unknown error last;
- * NULL: there is none. */
+/* Finds the compressed material with the least error among a folder's files; one whose error is
+ * unknown is taken only if there is no other. NULL: there is none. */
 static char *material_best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;

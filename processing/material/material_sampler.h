@@ -14,8 +14,7 @@
  * the cluster, because formulas need not fall towards the horizon as interpolated values do.
  *
  * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
- * measured view and light). A footprint that is wider than a cluster's texel takes the table of
- * all.
+ * measured view and light). A footprint wider than 1.5 texels takes the table of all texels.
  */
 #pragma once
 
@@ -32,8 +31,8 @@ struct material_sampler_source {
     /* One texel: n_views × n_lights × 3, as struct codec has it. */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     gconstpointer model;
-    /* A texel at a measured view and any light above the horizon, where the model has a formula;
-     * NULL: values between the measured lights are interpolated. */
+    /* If the model is a formula: evaluates a texel in a measured view under any light above the
+     * horizon. NULL: values between the measured lights are interpolated. */
     void (*evaluate)(gconstpointer context, int view, int texel, const float light[3],
                      float ret[3]);
     gconstpointer context;

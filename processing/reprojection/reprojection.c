@@ -18,8 +18,8 @@
 #define ONE_SURFACE                                                                                \
     0.75 /* of a texel, over the cosine of the view's polar angle: neighbours with a larger step   \
             in distance lie on different surfaces */
-/* The same of texels whose values are mixed: a value is that of a texel's whole area, and at a step
- * two values are nearer to what is there than one. */
+/* The same limit for texels whose values are mixed. It is larger, because a value belongs to a
+ * texel's whole area, and at a step a mix of two values is nearer to the truth than one alone. */
 #define ONE_COLOUR 1.6
 #define CUBIC      (-0.6F) /* of Keys' kernel */
 #define HALVINGS   6       /* of STEP, once the surface lies within it */

@@ -40,8 +40,8 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Whoever made the session may have ended, or failed, before the session's own name was synced: a
- * power cut would take all frames with it. */
+/* Syncs the directory entry of the session. The program that made the session may have ended before
+ * it did so, and a power cut would then lose the session with all its frames. */
 static gboolean sync_name(const Session *session, GError **error) {
     g_autofree char *parent = g_path_get_dirname(session->path);
     const int fd = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);

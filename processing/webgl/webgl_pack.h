@@ -36,7 +36,8 @@ struct webgl_pack {
 /* Bytes of all sections before compression, on a grid of n. */
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
 
-/* Packs with eigen-BRDFs on a grid of n_grid. What is on a grid already keeps that. Stage "pack".
- * DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture counts. */
+/* Packs with eigen-BRDFs on a grid of n_grid; a local PCA that is already on a grid keeps its own.
+ * Stage "pack". DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture
+ * counts. */
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error);
