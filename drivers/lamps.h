@@ -5,8 +5,8 @@
 
 typedef struct LampBank LampBank;
 
-/* index is -1 for all_off, and for lamps that were lost; error is set if it failed, and valid
- * during the call. at_us is when the switch took effect (the warm-up counts from there). */
+/* index is -1 for all_off, and for lamps that were lost. error: NULL, or why the switch failed;
+ * valid during the call. at_us: when the switch took effect, from which the warm-up counts. */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 

@@ -3,8 +3,8 @@
  * the default main context polls libusb's descriptors and makes every callback, never from within
  * the call that started the request.
  *
- * All belongs to the main loop's thread. Only usb_open(), usb_control_sync() and usb_close() wait,
- * at most USB_SYNC_MS per request.
+ * All functions belong to the main loop's thread. Only usb_open(), usb_control_sync() and
+ * usb_close() wait, at most USB_SYNC_MS per request.
  */
 #pragma once
 

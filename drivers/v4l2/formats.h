@@ -1,8 +1,8 @@
 /*
  * Pixel formats of V4L2 that a measurement can use, and how they become samples: mono and Bayer of
- * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. What is compressed (MJPEG,
- * H.264) is not among them. Layouts as in the kernel's "V4L2 pixel formats" documentation. Pure
- * functions.
+ * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. Compressed formats (MJPEG,
+ * H.264) are not among them. The layouts are those of the kernel's "V4L2 pixel formats"
+ * documentation. Pure functions.
  */
 #pragma once
 
