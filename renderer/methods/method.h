@@ -42,7 +42,7 @@ struct method {
      * float lit) and vec3 btf_texel(vec2 x), too, which do the two halves. */
     const char *const *shaders;
     /* The following belong to the thread of the GL context. open reads a file and puts it on the
-     * card; for a method without a material file, path is that of a normal map, or NULL. */
+     * card; for a method without a material file, path names a normal map, or is NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
     /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
@@ -70,6 +70,6 @@ const struct method *method_find(const char *name); /* NULL: there is none */
  * NULL if the method needs none. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there; errors name the file. path, for a method that
- * needs no file: NULL, its own name, or a normal map. */
+/* Calls the method's open; if the file does not exist, the error says so. Errors name the file.
+ * path, for a method that needs no file: NULL, the method's name, or a normal map. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

@@ -32,7 +32,7 @@ const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
-/* The bytes of entry k of its images, from a buffer view, within the URI, or of a file below the
+/* Returns the bytes of image k, from a buffer view, from the URI itself, or from a file below the
  * folder of the glTF file. NULL with an error. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 
