@@ -19,7 +19,8 @@ gboolean testbed_is_entered(void);
 UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 
-/* As g_signal_connect(), for what is called in umockdev's threads. testbed_disconnect() ends all
- * that have this data, and returns when the last call under way has. */
+/* Connects like g_signal_connect(), for functions that umockdev's threads call.
+ * testbed_disconnect() disconnects all functions with this data, and returns when their calls under
+ * way have ended. */
 void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback func, gpointer data);
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data);

@@ -1,5 +1,5 @@
-/* Shared by the parts of a virtual rig: rig.c has cameras of GigE Vision and USB3 Vision and
- * Modbus, rig_usb.c the rest of USB, and V4L2. */
+/* Shared by the parts of a virtual rig: rig.c has the GigE Vision and USB3 Vision cameras and the
+ * Modbus devices, rig_usb.c the V4L2 cameras and the other USB devices. */
 #pragma once
 
 #include "rig.h"

@@ -66,8 +66,8 @@ struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_p
 double optics_response(const struct optics_camera *camera, double x_px, double y_px,
                        enum cfa_colour colour);
 
-/* The light arc as it truly turns: its frame at arc angle α is x, y, z turned by α + zero about z,
- * the rig's frame seen from it at centre_mm. */
+/* How the light arc truly turns: at arc angle α, its frame is x, y, z turned by α + zero about z,
+ * with the origin at centre_mm. */
 struct optics_arc {
     double zero;
     struct v3 centre_mm, x, y, z; /* unit, perpendicular */

@@ -131,9 +131,9 @@ struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg)
 struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
                     double y_px);
 
-/* A part of a pixel's area, packed: a view has as many as pixels times samples, a session many
- * views. Directions are folded octahedra, shares of one are whole numbers; what that rounds lies
- * far below a sensor's noise. */
+/* A part of a pixel's area, packed, since a view has as many of them as pixels times samples, and a
+ * session many views. Directions are folded octahedra, and shares of one are whole numbers; the
+ * rounding errors are far below a sensor's noise. */
 struct point {
     float p[3];
     gint16 n[2], t[2], ng[2];
@@ -142,8 +142,8 @@ struct point {
     guint32 triangle, pixel;
 };
 
-/* What a camera sees at an angle of arm and turntable; without the sky, and turntable by whole
- * pixels. */
+/* What a camera sees at an angle of arm and turntable: no points for the sky, and a single point
+ * for a pixel that shows only the turntable. */
 struct view {
     struct v3 eye_mm;
     const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */
