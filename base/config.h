@@ -39,8 +39,9 @@ struct config_section {
  * all wrong lines. */
 Config *config_load(const char *path, GError **error);
 
-/* The same, for a reader that also reports mistakes in the lines that were understood. Other lines
- * are left out. NULL: there is nothing to go on with; mistakes say why. */
+/* The same as config_load(), for a reader that also reports mistakes in the lines that could be
+ * parsed. Other lines are left out, and added to mistakes. NULL: the file cannot be used at all;
+ * mistakes say why. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 

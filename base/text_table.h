@@ -8,7 +8,7 @@
 typedef struct TextTable TextTable;
 
 /* DATA_ERROR_INVALID with file and line: the header line is missing, a column occurs twice, or a
- * row has another length. */
+ * row has another number of fields than the header. */
 TextTable *text_table_read(const char *path, GError **error);
 void text_table_free(TextTable *table); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TextTable, text_table_free)
