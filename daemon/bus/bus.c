@@ -149,7 +149,8 @@ gboolean bus_need_free(Bus *bus, GError **error) {
 gboolean bus_need_absolute(const char *path, GError **error) {
     if (g_path_is_absolute(path))
         return TRUE;
-    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
+    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH,
+                "“%s” is not an absolute path: give the whole path, beginning with /", path);
     return FALSE;
 }
 
@@ -261,7 +262,8 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
     g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
     if (!g_file_set_contents(control, line, -1, &error))
-        g_message("other terminals will not find this session by its folder: %s", error->message);
+        g_message("commands in other terminals do not find this daemon by the session's folder: %s",
+                  error->message);
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))

@@ -488,7 +488,8 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
     }
     for (guint i = 0; i < bus->hands->len; i++)
         if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "somebody is moving the axis %s",
+            g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                        "somebody is moving the axis %s: try again when it stands",
                         axis->device.name);
             return FALSE;
         }

@@ -129,7 +129,7 @@ static gboolean securing_look(gpointer data) {
     if (!bus || !bus->devices) {
         g_autoptr(GError) error = g_error_new_literal(
             BUS_ERROR, BUS_ERROR_CANCELLED,
-            "the rig was told to be safe, and closed before all devices had answered");
+            "the rig was closed before all devices had answered that they are safe: look at them");
         securing_answer(securing, NULL, error);
         return G_SOURCE_REMOVE;
     }

@@ -292,8 +292,10 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
         picture = picture_new(frame->path, frame->sha256, part->width, part->height);
         memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
         if (!picture_balance(picture, cfa)) {
-            g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                        "%s: its colour filter “%s” is not known", frame->path, cfa);
+            g_set_error(
+                error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: its colour filter “%s” is not known; mono, rggb, bggr, grbg, gbrg and rgb are",
+                frame->path, cfa);
             g_clear_pointer(&picture, picture_free);
         }
     }

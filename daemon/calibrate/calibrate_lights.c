@@ -122,7 +122,9 @@ static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
             frame->lamp < job->rig.n_lamps)
             continue;
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: its camera or lamp is not in the calibration", frame->path);
+                    "%s: camera %d or lamp %d is not in the calibration, which has %d cameras and "
+                    "%d lamps, from 0 on; give a calibration of this rig with -c",
+                    frame->path, frame->camera, frame->lamp, job->rig.n_cameras, job->rig.n_lamps);
         return FALSE;
     }
     if (frames->len == 0) {

@@ -160,7 +160,7 @@ static int run_plan(const struct call *call, GError **error) {
     }
     if (like && !curve) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "--like %s says what --curve FILE is drawn for: give that, too", like);
+                    "--like %s has an effect with --curve FILE only: give that, too", like);
         return CLI_FAILED;
     }
     if (!plan_check_order(rig, session, error))

@@ -212,7 +212,8 @@ int guardian_main(const char *rig_path) {
 
     if (!watch_daemon(daemon))
         return 0;
-    g_printerr("mesorigd: guardian: the daemon has left without a goodbye: making %s safe\n",
+    g_printerr("mesorigd: guardian: the daemon has ended and has not said that the rig is safe: "
+               "making %s safe\n",
                rig_path);
     if (!state) {
         g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
