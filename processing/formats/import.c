@@ -316,8 +316,10 @@ static gboolean write_views(struct import *import, GError **error) {
     g_autofree float *rgb = g_try_new(float, 3 * n);
     g_autofree int *holes = g_new0(int, m->n_lights);
     if (!rgb)
-        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
-                               3 * (double)n * sizeof(float) / (1 << 30));
+        return data_error_fail(
+            m->source, 0, error,
+            "there is no memory for a view of %.1f GiB; import fewer texels or lights",
+            3 * (double)n * sizeof(float) / (1 << 30));
     for (int view = 0; view < m->n_views; view++)
         if (!write_view(import, view, rgb, holes, error) ||
             !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))

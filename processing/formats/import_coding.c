@@ -168,7 +168,8 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
         g_hash_table_insert(set->flats, g_steal_pointer(&key), flat);
     }
     if (picture->grey && !flat->grey)
-        return data_error_fail(set->table, row->line, error, "%s is grey, its flat field %s is not",
+        return data_error_fail(set->table, row->line, error,
+                               "%s is grey, its flat field %s is not; give a flat field in grey",
                                row->name, coding->flat_path);
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)

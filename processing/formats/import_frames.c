@@ -187,9 +187,10 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
     if (!(steps < 2.0 * run->n))
-        return data_error_fail(set->table, last->line, error,
-                               "the sweep that begins at line %d is not evenly spaced",
-                               first->line);
+        return data_error_fail(
+            set->table, last->line, error,
+            "the sweep that begins at line %d is not evenly spaced; give sweep_deg in even steps",
+            first->line);
     run->steps = (int)lround(steps);
     run->step_deg = (last->sweep_deg - first->sweep_deg) / (run->steps - 1);
     run->offset = set->wish->edge == IMPORT_LINE ? 0 : 0.5;
@@ -218,8 +219,8 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
         if (run->missing[k] && (run->missing[k - 1] || missing > MOST_MISSING * run->steps))
             return data_error_fail(
                 set->table, run->rows[0].line, error,
-                "of the sweep that begins here %d of %d pictures are missing, such "
-                "as that at %g°",
+                "the sweep that begins here lacks %d of its %d pictures, for instance that at %g°; "
+                "one in ten may be missing, never two in a row",
                 missing, run->steps, run->from_deg + k * run->step_deg);
     set->ret->n_missing += missing;
     return TRUE;

@@ -78,7 +78,7 @@ static gboolean reprojection_add_eye(Reprojection *s, int k, const struct reproj
 Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
                                int n, gboolean tiled, GError **error) {
     if (n < 1) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views to predict from");
         return NULL;
     }
     g_autoptr(Reprojection) s = g_new0(Reprojection, 1);
@@ -96,7 +96,8 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
         phi_deg[k] = (float)(atan2(v.y, v.x) * 180 / G_PI);
     }
     if (s->deepest_mm < 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "no view knows any distance");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "no view has any distance; process the session again");
         return NULL;
     }
     s->directions = directions_new_triangulated(theta_deg, phi_deg, n, error);

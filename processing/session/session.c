@@ -76,7 +76,8 @@ static gboolean session_start(Session *session, GError **error) {
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
                             error) >= 0 &&
         !session->name)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s: the session has no name", session->path);
+        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: the session has no name",
+                     session->path);
     if (!session->name)
         return FALSE;
     /* Refuses symbolic links in place of folders: writing into a session must not write elsewhere.
@@ -162,7 +163,8 @@ char *session_text(Session *session, const char *name, GError **error) {
     if (session_db_one_text(session, "SELECT content FROM text WHERE name = ?1", name, &content,
                             error) >= 0 &&
         !content)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s: no text \"%s\" in it", session->path, name);
+        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: there is no text “%s”",
+                     session->path, name);
     return content;
 }
 

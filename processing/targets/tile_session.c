@@ -77,7 +77,8 @@ static gboolean find_frames(struct run *run, GError **error) {
     if (run->frames->len > 0)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                "%s: no frame under a lamp is there", session_path(run->session));
+                "%s: no frame of a lamp shot has been captured; mesorig resume captures the rest",
+                session_path(run->session));
     return FALSE;
 }
 
@@ -271,9 +272,9 @@ static void find_mistake(struct run *run, GError **error) {
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s: only then do the pictures fit a tile, to %.2g %%; correct %s in the "
-                    "rig file, or for imported pictures the angles in the table, and capture or "
-                    "import again",
+                    "%s: %s: the pictures fit a tile, to %.2g %%, only if that is taken into "
+                    "account; correct %s in the rig file, or for imported pictures the angles in "
+                    "the table, and capture or import again",
                     session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }

@@ -236,7 +236,7 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     else if (table->n_views < 1 || table->n_views > MDF_FACTORS_MAX_VIEWS)
         what = "there can be 1 to 4096 views";
     else if (n_measured < 1 || n_measured > table->n_views)
-        what = "one view at least must have been measured";
+        what = "at least one view must be a measured one";
     if (what) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%d maps of distances for %d views: %s",
                     n_terms, table->n_views, what);
