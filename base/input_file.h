@@ -46,7 +46,7 @@ char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GErr
 /* The same for a file that must be text: without a NUL in it. */
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 
-/* n bytes from offset on; an error if the file has become shorter than that. */
+/* Reads n bytes from offset on; an error if the file has become too short for them. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 

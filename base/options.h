@@ -69,7 +69,7 @@ const struct option *options_find(const struct option *table, const char *name);
 /* The range as text, as in "1 to 32"; NULL where any value will do. g_free() */
 char *options_range(const struct option *option);
 
-/* Checks one key of a section: whether the table or also has it, and its value. */
+/* Checks one key of a section: that the table or also has it, and that its value is valid. */
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error);
 

@@ -10,7 +10,7 @@
 struct team {
     int rank, n_ranks;
     gpointer data;
-    /* Element by element, over all ranks; all get the result. */
+    /* Sums the arrays of all ranks element by element; all ranks get the result. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
     /* Gathers data in all ranks: rank i has filled bytes starts[i] … starts[i + 1] − 1; afterwards
