@@ -175,10 +175,11 @@ struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 
-/* In the rig frame with the arc at an angle, which matters only to what is not fixed. */
+/* Position and aim in the rig frame with the arc at an angle, which does not matter to fixed
+ * lamps. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
-/* A point of the rig frame in the frame of the lamp's position. */
+/* Transforms a point of the rig frame to the frame in which the lamp's position is given. */
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);
 

@@ -14,10 +14,11 @@
 struct vec3 rig_swing_point(const struct rig_swing *swing, double angle_rad, struct vec3 point_mm);
 struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
                                 struct vec3 direction);
-/* Moves a camera as its arm does that turns on by an angle. */
+/* Moves a camera as its arm does when the arm turns by a further angle. */
 void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct rig_camera *camera);
 
-/* The axis as a least squares fit to the poses of its stops, and how far they are from it. */
+/* The axis as a least squares fit to the poses of its stops, and the deviations of the poses from
+ * it. */
 struct rig_swing_fit {
     struct rig_swing swing;
     int n_pairs;            /* of stops of one camera */

@@ -37,7 +37,7 @@ gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gb
  * the black border; 0: unknown name.
  */
 int vision_dictionary(const char *name, int *ret_markers);
-/* cells × cells bits of a marker, row by row, 1 is white. */
+/* Gives the cells × cells bits of a marker, row by row; 1 is white. */
 gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits);
 
 struct vision_marker {
