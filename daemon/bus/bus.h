@@ -12,7 +12,7 @@
 
 typedef struct Bus Bus;
 
-/* Called when what it shows has changed, at most every 100 ms. */
+/* Called when a value that the bus shows has changed, at most every 100 ms. */
 typedef void (*BusFunc)(Bus *bus, gpointer data);
 
 /* address: how clients reach it: "system", "session" or a D-Bus address; it is written to the file
@@ -33,7 +33,7 @@ void bus_listen(Bus *bus, BusFunc func, gpointer data);
 /* Shows the rig on a connection, until that closes. */
 gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 
-/* As the method OpenRig. */
+/* Does what the method OpenRig does. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
 /* Keeps a queue of sessions in this file (queue/queue.h), and captures them while a rig is open.
@@ -55,5 +55,5 @@ void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
  * the same user find the daemon (bus_client.h). */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
-/* Ends it, before bus_free(): a client that connects at that moment is refused. */
+/* Ends the server. Call it before bus_free(): a client that connects at that moment is refused. */
 void bus_unserve(Bus *bus, GDBusServer *server);

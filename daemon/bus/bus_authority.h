@@ -15,7 +15,7 @@
  * method. */
 const char *bus_authority_action(const char *method, gboolean *ret_known);
 
-/* A skeleton whose calls are asked for first; bus is its data "bus". */
+/* A skeleton that asks polkit about each call first; bus is its data "bus". */
 BusRig1 *bus_authority_skeleton(void);
 
 /* Ends the calls about which polkit has not answered yet, with BUS_ERROR_CANCELLED. TRUE: one of

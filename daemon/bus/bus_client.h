@@ -10,10 +10,11 @@
 /* The environment variable with the address to use where the command line names no daemon. */
 #define BUS_CLIENT_VARIABLE "MESORIG_ADDRESS"
 
-/* Its value; NULL: it is not set, or empty. */
+/* The value of BUS_CLIENT_VARIABLE; NULL: it is not set, or empty. */
 const char *bus_client_address(void);
 
-/* Where the folders of daemons are: of XDG_RUNTIME_DIR, or else for temporary files. */
+/* The folder in which the folders of daemons are: XDG_RUNTIME_DIR, or else that for temporary
+ * files. */
 const char *bus_client_folder(void);
 
 /* The first function makes a folder in bus_client_folder() that only this user may read, and

@@ -33,8 +33,9 @@ void bus_hands_watch(Bus *bus, gboolean watch);
  * commands lights off and stops axes. Reports each light that does not confirm that it is off. */
 void bus_hands_stop(Bus *bus, const char *why);
 
-/* The same at once, for whoever listens to the devices from now on. */
+/* The same as bus_hands_stop(), but does not wait for the devices: the caller listens to them from
+ * now on. */
 void bus_hands_end(Bus *bus, const char *why);
 
-/* The same for everything that this client has begun: its connection has closed. */
+/* Ends, in the same way, everything that a client has begun whose connection has closed. */
 void bus_hands_end_client(Bus *bus, GDBusConnection *connection);

@@ -60,7 +60,8 @@ gboolean bus_need_capture(Bus *bus, GError **error);
 gboolean bus_need_free(Bus *bus, GError **error);
 gboolean bus_need_absolute(const char *path, GError **error);
 
-/* An event for all clients and the log; of level "error", also as the fault of a device. */
+/* Sends an event to all clients and the log; one of level "error" also becomes the fault of a
+ * device. */
 void bus_report(Bus *bus, const char *level, const char *source, const char *message);
 void bus_show_devices(Bus *bus);
 
@@ -68,7 +69,7 @@ void bus_show_devices(Bus *bus);
  * simulates after some seconds could occur before the first call. */
 void bus_hold_clock(Bus *bus, gboolean hold);
 
-/* As the methods of these names. */
+/* Each does what the method of the same name does. */
 void bus_close_rig(Bus *bus);
 gboolean bus_make_safe(Bus *bus, GError **error);
 
@@ -85,7 +86,7 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error);
 
-/* Checks a session and adds it to the queue: as the method QueueAdd. */
+/* Checks a session and adds it to the queue, as the method QueueAdd does. */
 gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                           const char *directory, GVariant *options, GError **error);
 
@@ -113,7 +114,7 @@ void bus_queue_close(struct bus_queue *queue); /* the bus is being closed */
 /* Signals cameras with a new picture, each at most once per second. */
 void bus_show_thumbnails(Bus *bus);
 
-/* The last pictures of a capture that ends stay, until they are dropped. */
+/* Keeps the last pictures of a capture that ends, until they are dropped. */
 void bus_keep_thumbnails(Bus *bus);
 void bus_drop_thumbnails(Bus *bus);
 

@@ -15,16 +15,17 @@
 struct unattended *bus_unattended_new(Bus *bus);
 void bus_unattended_free(struct unattended *unattended);
 
-/* Takes the item. Its number; 0: error. */
+/* Takes the item. Returns its number; 0: error. */
 guint bus_unattended_add(Bus *bus, struct queue_item *item, GError **error);
 
-/* As the methods of the names QueueRemove, QueueMove, QueuePause and QueueResume. */
+/* They do what the methods QueueRemove, QueueMove, QueuePause and QueueResume do. */
 gboolean bus_unattended_remove(Bus *bus, guint number, GError **error);
 gboolean bus_unattended_move(Bus *bus, guint number, guint place, GError **error);
 gboolean bus_unattended_pause(Bus *bus, GError **error);
 gboolean bus_unattended_resume(Bus *bus, GError **error);
 
-/* Continue, while nothing is captured: what the prompt asks for is done. FALSE: there is none. */
+/* Takes a Continue while nothing is captured: the user has done what the prompt asks for. FALSE:
+ * there is no prompt. */
 gboolean bus_unattended_answer(Bus *bus);
 
 /* Error BUS_ERROR_FAILED: this daemon keeps no queue; BUS_ERROR_BUSY: a session of the queue is
@@ -33,10 +34,11 @@ gboolean bus_unattended_need_queue(Bus *bus, GError **error);
 gboolean bus_unattended_need_free(Bus *bus, GError **error);
 gboolean bus_unattended_is_beginning(const Bus *bus);
 
-/* Something has changed that the queue may wait for. It goes on from the main loop. */
+/* To be called when something has changed for which the queue may wait. The queue then goes on from
+ * the main loop. */
 void bus_unattended_poke(Bus *bus);
 
-/* A capture has begun; it has changed. */
+/* To be called when a capture has begun, and when it has changed. */
 void bus_unattended_begun(Bus *bus);
 void bus_unattended_changed(Bus *bus, const struct capture_status *status);
 

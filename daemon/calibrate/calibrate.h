@@ -104,7 +104,7 @@ struct calibrate_column {
 void calibrate_keep(struct calibrate_job *job, const char *group,
                     const struct calibrate_column *columns, guint n_columns, const GArray *rows);
 
-/* Exactly n finite numbers; separator: what stands between them. */
+/* Parses exactly n finite numbers; separator: the text between them. */
 gboolean calibrate_parse(const char *text, const char *separator, int n, double *ret);
 
 /* A frame that the session holds; its pixels are read when they are needed. */
@@ -120,7 +120,7 @@ void calibrate_frame_free(struct calibrate_frame *frame); /* NULL is ignored */
 /* Frames of one kind in planned order, with a free function. */
 GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error);
 
-/* Whether its file is the one that was captured. */
+/* Checks that the frame's file is the one that was captured. */
 gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
 
 /* Reads a frame of a lamp shot: its mosaic in DN per millisecond above the dark level, with

@@ -41,7 +41,8 @@ struct command {
 #define CLI_TABLES 5
 void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
-/* Parses the options, runs the command, and prints its record or its error. An exit code. */
+/* Parses the options, runs the command, and prints its record or its error. Returns an exit
+ * code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
 /* For run_arguments of a command that has children: runs the one that argv[1] names, or prints

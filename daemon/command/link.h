@@ -19,7 +19,7 @@ Link *link_find_rig(const char *rig_path, GError **error);
  * the only one that has no rig open. The error lists what there is. */
 Link *link_find_free(const char *rig_path, GError **error);
 
-/* Starts a mesorigd that ends, leaving everything safe, with this process or link_free(). */
+/* Starts a mesorigd that ends with this process or at link_free(), and leaves everything safe. */
 Link *link_start(GError **error);
 
 /* Waits for a private daemon's end. NULL is ignored. */

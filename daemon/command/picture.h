@@ -15,5 +15,5 @@ enum picture_way picture_way(int fd);
 char *picture_text(const guint8 *rgb, int width, int height, enum picture_way way, int columns,
                    int lines, int *ret_columns, int *ret_lines);
 
-/* The size of the terminal at a file descriptor; 80 × 24 where it does not say. */
+/* The size of the terminal at a file descriptor; 80 × 24 if it does not tell its size. */
 void picture_terminal_size(int fd, int *ret_columns, int *ret_lines);

@@ -10,7 +10,7 @@ gboolean status_is_capturing(BusRig1 *rig);
 /* Session, shots, frames, elapsed time and predicted end of a capture that has shots. */
 void status_say_progress(Record *to, BusRig1 *rig);
 
-/* A line for each sentence; those behind the first are indented. */
+/* Prints a line for each sentence, and indents those after the first. */
 void status_say_sentences(Record *to, const char *key, const char *text);
 
 /* devices: "a(ssss)", as the property Devices. Prints a table with one word for the health of each

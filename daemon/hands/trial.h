@@ -32,8 +32,8 @@ gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_
  * the arm stands. */
 Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, gboolean dark,
                   GError **error);
-/* Switches a lamp, which the probe is first brought to the stop of. */
+/* Switches a lamp, after the probe has moved to the lamp's stop. */
 gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error);
 
-/* To two digits: more of an exposure is not known. */
+/* Rounds an exposure to two digits, since it is not known more exactly. */
 double trial_rounded_us(double us);

@@ -17,11 +17,11 @@ typedef struct Hooks Hooks;
 /* Borrows conf. */
 Hooks *hooks_new(const struct hooks_conf *conf);
 
-/* Ends what runs. NULL is ignored. */
+/* Ends programs and posts under way. NULL is ignored. */
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* what and details: as the signal Milestone has them (a{sv}; a floating one is taken). */
+/* what and details: those of the signal Milestone (a{sv}; a floating reference is taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
 /* Nothing runs and nothing waits, posts that are to be tried again included. */
@@ -31,7 +31,7 @@ gboolean hooks_is_idle(const Hooks *hooks);
 char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */
 char *hooks_text(const char *what, GVariant *details);  /* a line or two more; may be empty */
 
-/* What an event is to programs: {"event": …, "time": …, "session": …, …}; g_free(). */
+/* An event as programs read it: {"event": …, "time": …, "session": …, …}; g_free(). */
 char *hooks_json(const char *what, GVariant *details, gint64 time_s);
 
 /* Shows an event with the desktop's notifications (org.freedesktop.Notifications) on this

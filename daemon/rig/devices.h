@@ -86,7 +86,8 @@ static inline double devices_axis_deg(Axis *axis) {
     return axis ? axis_position_deg(axis) : 0;
 }
 
-/* Whether a camera of the geometry is a device of its own: not a further stop of one before. */
+/* Whether a camera of the geometry is a device of its own, and not a further stop of a camera
+ * before it. */
 static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
     return rig->cameras[camera].stop == 0;
 }

@@ -12,7 +12,7 @@ struct layout {
     double calibration_days;
     const struct config_section *turntable, *arc, *arm, *probe;
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
-    /* Stops of one camera or lamp have its section. */
+    /* All stops of one camera or lamp have the same section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
     int unit[RIG_MAX_LASERS]; /* index of the laser unit that is mounted here */
@@ -22,7 +22,7 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* A key of [axis NAME], of whoever parks the axes (struct Axis). */
+/* A key of [axis NAME], which the rig reads and not the driver (park_deg in struct Axis). */
 #define LAYOUT_PARK_KEY "park_deg"
 
 /* Checks everything that can be checked without a device, also the options of drivers.
