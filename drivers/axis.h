@@ -70,7 +70,7 @@ struct axis_driver {
      * the same for an axis that already stands, or that another program has set off, once it sees
      * that the axis stands. */
     gboolean (*stop)(Axis *axis, GError **error);
-    /* Where it last said it was. Never blocks. */
+    /* The position that the device last reported. Never blocks. */
     double (*position)(Axis *axis);
 };
 

@@ -61,10 +61,10 @@ gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **e
 gboolean aravis_device_start(AravisDevice *device, GError **error);
 gboolean aravis_device_stop(AravisDevice *device, GError **error);
 
-/* By the software command, or by a pulse on the line. */
+/* Triggers the camera by its software command, or by a pulse on its input line. */
 gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 
-/* NULL: none is there. To be given back. */
+/* Takes a buffer that has arrived, which the caller gives back; NULL: there is none. */
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 

@@ -28,10 +28,10 @@ struct aravis_hooks {
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
                                 const struct aravis_hooks *hooks, gpointer data);
 
-/* Waits until it is open: before anything else but aravis_worker_free(). */
+/* Waits until the camera is open. Call it before all other functions but aravis_worker_free(). */
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
-/* Once it is open: what aravis_device_warnings() said. The worker's. */
+/* The result of aravis_device_warnings() when the camera was opened. Owned by the worker. */
 const char *const *aravis_worker_warnings(const AravisWorker *worker);
 
 /* Calls no hook any more. Waits until the camera is released, but not if the camera does not

@@ -34,7 +34,8 @@ double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 /* Time between two feedings: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* For a driver's check(): the time, whichever way the board keeps it; max: what fits. */
+/* For a driver's check(): checks the watchdog's time, in either form; max: the largest value that
+ * the board can hold. */
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes);
 
@@ -43,5 +44,6 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
                              const struct modbus_link *link, GError **error);
 
-/* Adds the check that the register still holds it; the caller sees to it that there is room. */
+/* Adds a request that checks that the register still holds the value; the caller sees to it that
+ * the job has room. */
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job);

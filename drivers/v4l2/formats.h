@@ -44,6 +44,7 @@ gsize video_format_row_bytes(const struct video_format *format, int width);
 /* Bytes from the start of a frame to its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
-/* From a frame of rows stride bytes apart. Samples beyond the format's bits are its maximum. */
+/* Unpacks a frame whose rows are stride bytes apart. Samples beyond the format's bits become its
+ * maximum. */
 void video_format_unpack(const struct video_format *format, const guint8 *from, gsize stride,
                          int width, int height, guint16 *ret_pixels);

@@ -41,7 +41,7 @@ struct video_stream {
 /* Buffers of at least setup's bytes, all queued; frames come from now on. */
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
                             const struct video_setup *setup, GError **error);
-/* A stream of zeroes is allowed. */
+/* Stops the stream. A stream of zeroes, which was never started, is allowed. */
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
 /* Takes a filled buffer. Returns 1; 0: there is none yet; -1: errno. The caller gives the buffer
