@@ -84,7 +84,7 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
 void bonn_writer_free(BonnWriter *writer); /* what is not finished is removed; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 
-/* rgb as bonn_read_view() gives it. Beyond ±65504 is written as ±65504. */
+/* rgb as bonn_read_view() gives it. Values beyond ±65504 are written as ±65504. */
 gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
 

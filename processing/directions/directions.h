@@ -33,7 +33,8 @@ struct direction_weights {
 typedef struct Directions Directions; /* any number of threads may ask one at once */
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
-/* Triangulated even where they are rings: three of them stand for any direction, not four. */
+/* Triangulates the directions even if they form rings, so that three of them stand for any
+ * direction, not four. */
 Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
                                         GError **error);
 void directions_free(Directions *directions); /* NULL is ignored */

@@ -51,12 +51,12 @@ typedef struct mesorig_material mesorig_material;
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
-/* The same from the bytes of such files, which are not needed afterwards. mdf: NULL: no relief. */
+/* The same from the bytes of such files, which may be freed afterwards. mdf NULL: no relief. */
 mesorig_material *mesorig_material_open_memory(const void *material, size_t material_bytes,
                                                const void *mdf, size_t mdf_bytes,
                                                struct mesorig_error *ret_error);
 
-/* No other call may be at work with the material. NULL is ignored. */
+/* No other call may use the material meanwhile. NULL is ignored. */
 void mesorig_material_close(mesorig_material *material);
 
 struct mesorig_material_info {

@@ -23,7 +23,7 @@
 
 #define MATERIAL_SAMPLER_CELLS 32
 
-/* What a sampler is made from. All outlives it. */
+/* The source of a sampler; it and all that it refers to outlive the sampler. */
 struct material_sampler_source {
     const struct btf_layout *layout;
     const Directions *views, *lights; /* of the layout; NULL if n_grid */
@@ -40,7 +40,7 @@ struct material_sampler_source {
 
 typedef struct MaterialSampler MaterialSampler;
 
-/* Deterministic: the same source gives the same tables. Seconds for the largest materials. */
+/* The same source gives the same tables. Takes seconds for the largest materials. */
 MaterialSampler *material_sampler_new(const struct material_sampler_source *source);
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
@@ -49,6 +49,7 @@ void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
  * horizon. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
-/* The same density of any light; 0 where it or the view is below the horizon. */
+/* The density with which material_sampler_draw() draws this light; 0 if the light or the view is
+ * below the horizon. */
 float material_sampler_density(const MaterialSampler *sampler, const float uv[2],
                                const float view[3], const float light[3], float footprint);

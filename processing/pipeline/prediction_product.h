@@ -11,7 +11,7 @@
 
 #include "catalogue.h"
 
-/* Version of the method, as BTF_METHOD is that of the values. */
+/* Version of the method of prediction, as BTF_METHOD is the version of the measured values. */
 #define PREDICTION_METHOD 1
 
 struct prediction_product {
@@ -21,7 +21,7 @@ struct prediction_product {
 };
 void prediction_product_clear(struct prediction_product *product);
 
-/* What the session's values say of its predicted pictures. left_out 0: there are none. */
+/* What the session records about its predicted pictures. left_out 0: there are none. */
 struct prediction_known {
     int left_out, pictures;
     double error;          /* expected, relative to the whole BTF (prediction_error()) */

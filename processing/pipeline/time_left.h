@@ -30,7 +30,8 @@ struct time_left_rates {
  * FALSE: there is none; the rates are then those of one processor, which may be off by a factor of
  * two or three. */
 gboolean time_left_rates_load(struct time_left_rates *ret);
-/* Only those above 0. Failures are ignored: the file is of use, and not needed. */
+/* Writes the rates that are above 0. Ignores failures, since the file is useful but not
+ * necessary. */
 void time_left_rates_save(const struct time_left_rates *rates);
 
 struct time_left_made { /* of one kind of work, in a run */
@@ -59,9 +60,9 @@ struct time_left_task {
 double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
                          const struct time_left_rates *rates);
 
-/* How fast the process got on lately; zeroed at first. */
+/* How fast the process has been lately; zeroed at first. */
 struct time_left_speed {
-    /* Decaying sums: of CPU time, of time of threads that had work, and of time. */
+    /* Decaying sums of CPU time, of the time for which threads had work, and of real time. */
     double cpu_s, thread_s, wall_s;
 };
 /* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning. A

@@ -111,7 +111,7 @@ struct reprojection_target {
     gboolean near;
     struct vec3 at; /* near: the camera's centre, mm, sample frame; else a unit vector */
 };
-/* Towards it from a point of the reference plane. */
+/* The unit vector from a point of the reference plane towards a target. */
 struct vec3 reprojection_towards(const Reprojection *reprojection,
                                  const struct reprojection_target *target, const double at_mm[2]);
 

@@ -47,7 +47,7 @@ void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]);
  * the file. PTMs of JPEGs, LUTs and luminance are refused with a sentence. */
 struct rti *rti_read(const char *path, GError **error);
 
-/* R, G, B (sRGB, not limited to 0 … 1) of a texel where the basis has these values. */
+/* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */
 void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float ret[3]);
 
 /* Writes a PTM. */

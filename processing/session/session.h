@@ -173,7 +173,8 @@ struct session_product {
     char *made_by, *sha256;
     gint64 bytes;
 };
-/* All of them by path: an array of struct session_product, with a free function set. */
+/* All products in order of their paths: an array of struct session_product, with a free function
+ * set. */
 GPtrArray *session_list_products(Session *session, GError **error);
 
 /* A committed file that differs from its row in the database. */

@@ -25,7 +25,7 @@
 #define WEBGL_PACK_GRID_MIN 4
 #define WEBGL_PACK_GRID_MAX 16
 
-/* What is packed; borrowed. */
+/* The parts that are packed; borrowed. */
 struct webgl_pack {
     const char *name;
     struct lpca *const *levels; /* LPCA_RGB, of more than one cluster if packed */

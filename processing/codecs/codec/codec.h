@@ -64,7 +64,7 @@ struct codec_query {
 };
 
 #define CODEC_MAX_TEXELS 512
-/* Texels of a model, and the share of each in what is asked for. */
+/* Texels of a model, and the weight of each in the sum that is asked for. */
 struct codec_texels {
     int n; /* at most CODEC_MAX_TEXELS */
     const int *index;
@@ -82,7 +82,8 @@ struct codec {
      * they have none. */
     const struct option *options;
     gsize options_size;
-    /* How options contradict each other, a sentence without a full stop; NULL: not. May be NULL. */
+    /* Returns how options contradict each other, as a sentence without a full stop; NULL: they do
+     * not. May be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded;      /* keeps to --memory */
@@ -95,7 +96,7 @@ struct codec {
     char *(*describe)(const struct codec *codec, const struct codec_result *result);
     gboolean (*write)(const char *path, gpointer const *levels, int n_levels, GError **error);
 
-    /* The model of level 0. The caller has seen that mesorig.kind is the name. */
+    /* Reads the model of level 0. The caller has checked that mesorig.kind is the codec's name. */
     gpointer (*read)(const char *path, GError **error);
     /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);

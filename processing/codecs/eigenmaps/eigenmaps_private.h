@@ -5,7 +5,7 @@
 
 #define EIGENMAPS_CHUNK 2048 /* rows multiplied at a time, in double precision */
 
-/* A computation: A of rows × n_views, by columns. */
+/* A computation on the matrix A (rows × n_views), which is read by columns. */
 struct eigenmaps_job {
     struct eigenmaps *maps;
     const struct eigenmaps_options *options;
@@ -27,7 +27,8 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
  * rows converted. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to);
 
-/* The upper half of an n × n matrix becomes the eigenvectors, in columns by ascending values. */
+/* Replaces a symmetric n × n matrix, given by its upper half, by its eigenvectors, in columns by
+ * ascending eigenvalues. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
 /* Returns the fewest of n terms, at least 1, whose error is at most the target; n if target is 0.

@@ -39,7 +39,8 @@ gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, flo
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant 0 … lobes_start_variants() − 1: where there are several, the best result is kept. */
+/* variant: 0 … lobes_start_variants() − 1; if there are several, the best of their results is
+ * kept. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
@@ -54,7 +55,7 @@ struct lobes_traits {
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 
-/* Names of the part and channel a value lies in; g_free() the part's. */
+/* Names of the part and the channel in which a value lies; g_free() that of the part. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
 /* What lobes_write() and lobes_read() have in a file; path is for messages. */

@@ -120,7 +120,8 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
 /* The same with fewer components. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
-/* Rounds what is in memory to what a file of that kind gives back. Once, from LPCA_FLOAT. */
+/* Rounds the values in memory to those that a file of this kind gives back. To be called once, on
+ * LPCA_FLOAT. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
 /* Bytes it takes beside the BTF's values. */

@@ -5,7 +5,8 @@
 
 #define LPCA_MAX_LEVELS 16
 
-/* The mean over areas: max(1, n/2) texels each way, texel_mm grown alike. NULL for one texel. */
+/* Averages a BTF to max(1, n/2) texels each way, with texel_mm increased accordingly. NULL for one
+ * texel. */
 struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf);
 
 /* Writes all levels into one file: level 0 as lpca_write() does, so that lpca_read() reads it; the

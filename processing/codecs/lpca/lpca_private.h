@@ -111,14 +111,15 @@ struct lpca_run {
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
  * run->state to that of the file if it is of the same call, else to that of a new computation. */
 void lpca_resume(struct lpca_run *run);
-/* Drops everything from the checkpoint: what lpca_keep() was given may be freed. */
+/* Drops all arrays from the checkpoint: those given to lpca_keep() may be freed afterwards. */
 void lpca_leave(struct lpca_run *run);
 /* Begins a stage: arrays that it does not need are dropped from the checkpoint. */
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
 /* Registers an array of the size that follows from run->state with the checkpoint; if the file has
  * it, its values are restored first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Likewise flags of n blocks of the stage: lpca_run_blocks() skips those that are done. */
+/* Likewise registers the flags of the stage's n blocks: lpca_run_blocks() skips blocks that are
+ * done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
@@ -144,6 +145,6 @@ struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduce
 /* lpca_error() of the run's texels and team. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
-/* To and from a file in memory; path is for errors. */
+/* Convert to and from a file in memory; path is for errors. */
 struct exr_file *lpca_to_exr(const struct lpca *lpca);
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);
