@@ -54,7 +54,7 @@ gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 /* Binds them to texture units 1 and 2 of a program in use. */
 void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 
-/* How n_clusters blocks of rows are stacked in the layers of an array texture. */
+/* Says how n_clusters blocks of rows are stacked in the layers of an array texture. */
 struct lpca_stack {
     int n_columns, n_rows; /* of a block */
     int clusters_a_layer, n_layers;
@@ -65,7 +65,7 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
                          const char *advice, GError **error);
 /* Storage of halves. */
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
-/* Clamps to what halves hold, in place. */
+/* Clamps the values, in place, to the range of halves, and uploads them. */
 void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);
 
 struct lpca_directions {

@@ -48,7 +48,8 @@ struct method {
     /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
-    /* Texels of the sample: columns and rows. NULL of a method without a material file. */
+    /* Gives the texels of the sample: columns and rows. NULL for a method without a material
+     * file. */
     gboolean (*texels)(gconstpointer material, int ret[2]);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);

@@ -27,7 +27,8 @@ typedef struct Reference Reference;
 
 /* btf: a folder of files view_….exr as pipeline.h says. Reads their headers. */
 Reference *reference_open(const char *btf, GError **error);
-/* path: a file that “mesorig compress” or “mesorig process” wrote. It serves pictures alone. */
+/* path: a file that “mesorig compress” or “mesorig process” wrote. Such a reference renders
+ * pictures, but cannot read views. */
 Reference *reference_open_material(const char *path, GError **error);
 /* From now on pictures of the whole BTF mix views along the surface of its MDF
  * (reprojection/reprojection.h). The sample must repeat, without an index map. mdf:

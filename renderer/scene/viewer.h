@@ -100,7 +100,7 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
-/* As viewer_set_mdf() and viewer_open_mdf(), of the material of a number. */
+/* The same as viewer_set_mdf() and viewer_open_mdf(), for the material with this number. */
 gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
                                  GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
@@ -114,7 +114,7 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
  * without a material file, viewer_render_flat() and plain pictures ignore it. If settings leave the
  * tiles to the mesh, their number becomes a multiple of the map's length in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* FALSE also for a map of a sample of another size than the material that is open. */
+/* FALSE also if the map's sample has another size than the open material. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
 /* Rounds the numbers of tiles to multiples of the map's size, so that their size along v changes
  * least; without a map they stay. */

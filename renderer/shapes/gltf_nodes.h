@@ -22,7 +22,8 @@ gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint 
  * −1: none. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
-/* Calls visit for every node of its scene, or without one for all meshes, until one fails. */
+/* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a
+ * call fails. */
 gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **error);
 
 /* Calls use for every primitive of a mesh, until one fails. */

@@ -28,7 +28,7 @@ struct GLFWwindow;
 
 /* The window's context is current before and after. */
 Opener *opener_new(struct GLFWwindow *window, GError **error);
-/* Ends what is under way, as soon as the next piece of its file is read; NULL is ignored. */
+/* Ends the job under way as soon as the next piece of its file is read; NULL is ignored. */
 void opener_free(Opener *opener);
 
 /* Cancels and replaces an earlier request for this place. method: NULL for places other than
@@ -36,7 +36,7 @@ void opener_free(Opener *opener);
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
 
-/* Nothing is wanted at this place any more. */
+/* Cancels the request for this place. */
 void opener_cancel(Opener *opener, enum opener_place place);
 
 /* Returns at once: NULL, or the next finished job, owned by the caller, who sets to NULL each

@@ -10,14 +10,15 @@
 typedef struct Ui Ui;
 struct GLFWwindow;
 
-/* After the window's own callbacks are set: they are still called, see ui_wants_…(). */
+/* To be called after the window's own callbacks are set, which are still called; see
+ * ui_wants_…(). */
 Ui *ui_new(struct GLFWwindow *window);
 void ui_free(Ui *ui); /* NULL is ignored */
 
 void ui_begin(Ui *ui);
 void ui_end(Ui *ui); /* draws into the window's framebuffer */
 
-/* Whether what the mouse or keyboard does is meant for a control. */
+/* Whether the actions of the mouse, or of the keyboard, are meant for a control. */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 

@@ -73,7 +73,8 @@ struct window {
     GPtrArray *recent;          /* of WINDOW_START */
 };
 
-/* window_source.c: what is shown. Errors become the message, and what was shown stays. */
+/* window_source.c: changes what is shown. An error is shown as the message, and the picture stays
+ * as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
