@@ -9,13 +9,14 @@
 
 #include <umockdev.h>
 
-/* Starts the program again with what must be preloaded, unless it is. For main(), first. */
+/* Starts the program again with umockdev's library preloaded, unless it is preloaded already. To be
+ * called first in main(). */
 void testbed_enter(char **argv);
 
 /* Whether the library was preloaded. */
 gboolean testbed_is_entered(void);
 
-/* One a device, given back by testbed_unref(). */
+/* Each device takes one reference, and gives it back by testbed_unref(). */
 UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 

@@ -24,7 +24,7 @@ VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 
-/* What its owner set with Pololu's own programs. */
+/* Changes the settings that an owner makes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
 void virtual_tic_enter_safe_start(VirtualTic *tic); /* as by another program */

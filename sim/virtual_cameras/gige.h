@@ -29,7 +29,7 @@ const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);
 
-/* Another program takes control, and gives it back when steal is FALSE. */
+/* Simulates that another program takes control; it gives control back when steal is FALSE. */
 void virtual_gige_steal(VirtualGige *camera, gboolean steal);
 
 /* Power off and, after down_ms, on again, with all registers as they were at first. */

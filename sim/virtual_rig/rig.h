@@ -62,7 +62,7 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
 /* Interrupts the power of a GigE Vision camera. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* What shines, and what moves, now. */
+/* The lights that shine and the axes that move now. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

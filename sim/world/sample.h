@@ -75,12 +75,13 @@ void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32
 /* Adds the quads between n + 1 rings of vertices that follow each other. The outward normal is
  * (direction around a ring) × (direction from ring to ring); flip: the opposite. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
-/* How many periods fit best into a length, a multiple of unit, and at least one unit. */
+/* The number of periods that fits a length best: a multiple of unit, at least one unit. */
 int sample_count(double length_mm, double period_mm, int unit);
 /* Area-weighted normals from the triangles, for vertices from first on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
-/* As the options say; what they leave to the kind is gloss, along and across. */
+/* Sets a vertex's gloss as the options say; gloss, along and across are used where they leave it to
+ * the kind of sample. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
 /* Sets an error that a picture cannot be read, for the reason in image, which is freed. */

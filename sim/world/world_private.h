@@ -78,7 +78,8 @@ void scene_clear(struct scene *scene);
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
 
-/* Whether surface points see a light: blocked[i] is set where not, be it that it is behind. */
+/* Whether surface points see a light: blocked[i] is set if point i does not, also if the light is
+ * behind its surface. */
 #define SCENE_BATCH 256
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
@@ -91,7 +92,8 @@ int scene_light_vertices(const struct scene *scene, guint first, struct v3 light
 /* The corner of a triangle that is nearest to a point with these barycentric coordinates. */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
-/* n·l·(diffuse + gloss) for light from a point, seen from the eye: what makes radiance of E_⊥. */
+/* n·l·(diffuse + gloss) for light from a point, seen from the eye: the factor from E_⊥ to
+ * radiance. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
