@@ -12,8 +12,7 @@
  * without a lamp. The line is taken to cover as many pixels as half the picture's longer side. The
  * exposure is such that the line reaches a twentieth of the range in the dimmest picture. If a
  * hundredth of the line then saturates in the brightest picture, a shorter exposure is chosen as
- * well; where the session file does not leave it open, the exposure is that at which nothing
- * saturates.
+ * well; if laser_short_us = 0 forbids that, the exposure is reduced until nothing saturates.
  *
  * The same pictures give the same exposures. A laser that is mounted by hand is not tried.
  */
