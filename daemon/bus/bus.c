@@ -108,7 +108,8 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_notify(bus);
 }
 
-/* Nothing else is told while axes home, or while a long exposure goes on. */
+/* Shows the state at intervals: while axes home, or during a long exposure, the capture reports
+ * nothing. */
 static gboolean on_tick(gpointer data) {
     Bus *bus = data;
     bus_changed(bus->capture, bus);

@@ -9,7 +9,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Every wait within it has a deadline of its own; this one is for a child that hangs. */
+/* The time limit of the child, for one that hangs: every wait within it has a shorter deadline. */
 #define TRIAL_S 1800
 #define PREFIX  "mesorig: "
 /* The exit code of “mesorig queue try” when a device has failed. */
@@ -23,7 +23,7 @@ struct bus_trial {
     guint deadline_id;
 };
 
-/* Its messages, without the program's name before each line. */
+/* Returns the child's messages, without the program's name before each line. */
 static char *strip_said(const char *text) {
     g_auto(GStrv) lines = g_strsplit(text ? text : "", "\n", -1);
     g_autoptr(GString) to = g_string_new(NULL);

@@ -29,7 +29,7 @@ const char *calibrate_left_out(enum calibration_kind kind) {
     return words[kind];
 }
 
-/* Notes in the calibration which sessions lacked shots; of an earlier run, nothing remains. */
+/* Notes in the calibration which sessions lacked shots; removes the notes of an earlier run. */
 static void keep_incomplete(const struct calibrate_job *job) {
     GKeyFile *to = job->calibration->extra;
     if (job->incomplete->len > 0)

@@ -159,7 +159,7 @@ static ShadowView *cli_calibrate_lights_load_view(struct job *job, const struct 
     return g_steal_pointer(&shadows);
 }
 
-/* Some views with some of their pictures, to look for the plate in. */
+/* Loads some views with some of their pictures, in which the plate is searched for. */
 static GPtrArray *load_some(struct job *job, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func((GDestroyNotify)shadow_view_free);
     guint every = 1 + job->views->len / LOCATE_VIEWS;

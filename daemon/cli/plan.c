@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* By the daemon that has the rig open. */
+/* Has the daemon that has the rig open make the plan. */
 static GVariant *plan_remotely(Link *link, const char *session, const char *directory,
                                GError **error) {
     gboolean ok = FALSE;

@@ -209,7 +209,7 @@ static const char *name_of(const struct choice *choice, const struct measured *m
     return choice->trial.rig->cameras[measured->camera].name;
 }
 
-/* The shortest exposure that all cameras can which the session plans with. */
+/* The shortest exposure of which all cameras that the session plans with are capable. */
 static double choice_common_us(const struct choice *choice) {
     gint64 us = 1;
     for (int i = 0; i < choice->trial.n_cameras; i++)
@@ -247,7 +247,7 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
     return FALSE;
 }
 
-/* The exposure that brings a measured part to what it is to be. */
+/* The exposure that brings a measured part of the range to the wanted one. */
 static double exposure_for(double wanted, double part_a_us) {
     return part_a_us > 0 ? wanted / part_a_us : INFINITY;
 }

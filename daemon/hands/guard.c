@@ -165,7 +165,7 @@ static void compare_shot(struct guard *guard, guint from) {
     guard->moved_before = bits;
 }
 
-/* How long a camera that saturates should expose, by one more picture of the same shot. */
+/* Finds how long a camera that saturates should expose, from one more picture of the same shot. */
 static double guard_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;

@@ -165,7 +165,7 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                           deg);
 }
 
-/* Makes its stops, one after the other, of a camera as it stands with the arm at 0. */
+/* Makes the stops of a camera, one after the other, from its place with the arm at 0. */
 static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
                                  const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -450,7 +450,8 @@ static gboolean devices_layout_take_place(struct layout *layout,
     return TRUE;
 }
 
-/* Sections that no rig file has; what they were to be may then seem to be missing. */
+/* Reports sections that no rig file has; the sections that were meant may then seem to be
+ * missing. */
 static gboolean check_class(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
     static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",
