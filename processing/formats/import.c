@@ -43,7 +43,7 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     return TRUE;
 }
 
-/* Only of directories that this process has made. */
+/* Removes a directory and its content; only for directories that this process has made. */
 static void remove_tree(const char *path) {
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
     const char *name;

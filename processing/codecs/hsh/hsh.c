@@ -112,7 +112,8 @@ double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
     return hsh->error;
 }
 
-/* Everything a fit holds; threads only read it, and write what is their texels'. */
+/* Everything that a fit holds; threads only read it, and each writes the values of its own
+ * texels. */
 struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;

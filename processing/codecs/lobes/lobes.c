@@ -49,7 +49,8 @@ gint64 lobes_bytes(const struct lobes *lobes) {
     return 2 * (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout) * lobes->n_values;
 }
 
-/* Everything a computation holds; threads only read it, and write what is their texels'. */
+/* Everything that a computation holds; threads only read it, and each writes the values of its own
+ * texels. */
 struct lobes_run {
     const struct btf_matrix *btf;
     const struct lobes_options *options;
@@ -132,7 +133,7 @@ static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_col
         ret_colour[c] = all > 0 ? (float)CLAMP(sums[c] / all, 0, 1000) : 1;
 }
 
-/* Fits n rows from several starts each; of a row's results that with the least cost counts. */
+/* Fits each of n rows from several starts, and keeps the result with the least cost. */
 static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows, int n,
                                   float *ret) {
     const int parameters = lobes_fit_parameters(&run->fit);

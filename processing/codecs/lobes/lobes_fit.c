@@ -299,7 +299,8 @@ LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobe
     }
 }
 
-/* x of A x = b by Cholesky; b is overwritten. A pivot that is lost among the rounding is lifted. */
+/* x of A x = b by Cholesky; b is overwritten. A pivot that is as small as rounding errors is
+ * increased. */
 LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     for (int i = 0; i < n; i++) {
         lanes *row = a + i * (i + 1) / 2;
@@ -451,7 +452,7 @@ LANES_INLINE lane_bits accept(struct state *state) {
     return small | (state->damping > 1e5F) | (state->at.cost <= TINY);
 }
 
-/* By address: how vectors are passed differs between processors. */
+/* Passes vectors by address, since their passing by value differs between processors. */
 static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {

@@ -169,7 +169,7 @@ static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     return FALSE;
 }
 
-/* A size may hold more components than a material needs. */
+/* Removes components that are 0: a size may hold more of them than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
     while (c > 1 && !lpca_choose_is_used(lpca, c))

@@ -302,7 +302,7 @@ static void lpca_refine_rotate_weights(int block, gpointer data) {
     }
 }
 
-/* Means and E of all clusters: sums over the views, then what finishes each cluster. */
+/* Finds means and E of all clusters: sums over the views, then finishes each cluster. */
 static gboolean sum_views(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     const struct lpca *lpca = refine->lpca;

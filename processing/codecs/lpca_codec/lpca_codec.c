@@ -100,7 +100,8 @@ static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has required another error, and which; the checkpoint keeps it. */
+/* How often rounding has made a smaller error necessary, and which error; the checkpoint keeps
+ * both. */
 struct rounding {
     gint64 times;
     double target;
