@@ -61,9 +61,9 @@ static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;
     g_warning(
-        "%s is not run: it belongs to user %u and its mode is %04o; it must belong to root and "
-        "be writable by nobody else",
-        path, info->st_uid, (guint)info->st_mode & 07777);
+        "%s is not run: it belongs to user %u and its mode is %04o; it must belong to root or to "
+        "user %u, and only its owner may be able to write it",
+        path, info->st_uid, (guint)info->st_mode & 07777, (guint)geteuid());
     return FALSE;
 }
 

@@ -42,7 +42,7 @@ gboolean guardian_is_needed(const struct devices *devices) {
     return real;
 }
 
-/* on_ended() reports a guardian that has ended, not this. */
+/* Sends a byte. Ignores failures, since on_ended() reports a guardian that has ended. */
 static void guardian_send(Guardian *guardian, enum message message) {
     const char byte = (char)message;
     if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
