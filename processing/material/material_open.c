@@ -169,7 +169,7 @@ static int material_file_of(const void *bytes, size_t n, GError **error) {
     return -1;
 }
 
-/* The readers name the file; the caller knows it as what it gave. */
+/* Replaces the file's name in an error of the readers by the path that the caller gave. */
 static void material_rename(GError *error, const char *path, const char *name) {
     g_auto(GStrv) parts = g_strsplit(error->message, path, -1);
     g_free(error->message);

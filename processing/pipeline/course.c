@@ -4,7 +4,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-/* Of work that takes longer than it was thought to, this part is taken to be left. */
+/* If work takes longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT 0.05
 #define LITTLE_S   0.5 /* CPU time of what follows the views that says little of the rest of it */
 
@@ -134,7 +134,8 @@ void course_end(Course *course, enum time_left_work work, gboolean whole) {
     course->working = -1;
 }
 
-/* What the process got since the last look, by as many threads as were busy then. */
+/* Adds the CPU time that the process got since the last look, during which course->n_busy threads
+ * were busy. n_busy: the number of busy threads from now on. */
 static void course_look(Course *course, int n_busy) {
     const gint64 now_us = g_get_monotonic_time();
     const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
@@ -147,7 +148,7 @@ static void course_look(Course *course, int n_busy) {
     course->n_busy = n_busy;
 }
 
-/* How many times as long something took as its rates say. */
+/* The ratio of the time that work took to the time that the rates predict. */
 struct course_pace {
     double cpu_s, said_s;
 };

@@ -243,7 +243,8 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
         course_expect(run->course, TIME_LEFT_CAUSES, n[STAGE_BTF]);
 }
 
-/* One stage after the other, for people. told: what was done when it was told last. */
+/* Reports one stage after the other, for people. told: the views done at the last report of each
+ * stage. */
 static void pipeline_tell_stages(struct run *run, const int *possible, int *told) {
     const double left_s = course_left_s(run->course);
     for (int stage = 0; stage < N_STAGES; stage++) {
@@ -438,7 +439,7 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     return ok;
 }
 
-/* Pictures left out on purpose, from those of all views. */
+/* Predicts the pictures that were left out on purpose from those of all views. */
 static gboolean pipeline_predict(struct run *run, struct pipeline_result *ret, GError **error) {
     struct work work = run->options->work;
     struct prediction_product product;
@@ -603,7 +604,7 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Of all products of the session, also those that an earlier run made. */
+/* Finds causes in all products of the session, also in those of an earlier run. */
 static gboolean pipeline_find_causes(struct run *run, const struct pipeline_result *result,
                                      GError **error) {
     const struct pipeline_options *options = run->options;

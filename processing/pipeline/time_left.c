@@ -8,7 +8,7 @@
 #define OVERDUE     1.25
 #define ENOUGH_S    10.0 /* CPU time of a run that says what its kinds of work take */
 #define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
-/* Of a task that has run for longer than it was thought to, this part is taken to be left. */
+/* If a task has run for longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT  0.05
 #define SCATTER     1.5 /* rates of runs of the same session differ by less */
 #define LEAST_SPEED 0.01

@@ -209,7 +209,8 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     }
 }
 
-/* Moves a texel onto the plane: repeated, or where it is beyond the border that at the border. */
+/* Moves a texel onto the plane: repeats it if the sample is tiled, otherwise takes the nearest
+ * texel of the border. */
 static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
@@ -257,7 +258,7 @@ static void reprojection_cubic(float u, float ret[4]) {
     }
 }
 
-/* What a view knows of a point. */
+/* What a view shows of a point. */
 struct look {
     double q; /* INFINITY: nothing */
     struct place at;

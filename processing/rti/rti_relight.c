@@ -15,7 +15,7 @@
 /* Relight's order of the terms, 1, lx, ly, lx², lx ly, ly², in that of .ptm files. */
 static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
 
-/* Where channel k of all planes comes from: −1: the texel's colour; else a term. */
+/* The source of channel k among all planes: −1: the texel's colour; otherwise a term. */
 static int rti_term(const struct rti *rti, int k) {
     if (!rti->lrgb)
         return (int)order[k / 3];

@@ -232,7 +232,8 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     return FALSE;
 }
 
-/* If the tile's pictures fit with one mistake in lamps or angles undone, the error becomes that. */
+/* If the tile's pictures fit with one mistake in lamps or angles undone, sets the error to that
+ * mistake. */
 static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
