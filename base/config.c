@@ -9,8 +9,9 @@
 #define MAX_BYTES (1024 * 1024)
 
 /*
- * A parser of its own, since GKeyFile keeps no line numbers and merges what is given twice. Escapes
- * are not interpreted: a value is what stands between '=' and the end of the line, trimmed.
+ * This parser replaces that of GKeyFile, which keeps no line numbers and merges sections and keys
+ * that occur twice. Escapes are not interpreted: a value is the trimmed text between '=' and the
+ * end of the line.
  */
 
 struct entry {
@@ -159,7 +160,7 @@ static void take_line(Config *config, char *text, int line) {
     } else {
         mistakes_add(config->mistakes, error);
     }
-    /* A section begins for the keys after a broken heading, so that they do not join the one
+    /* A broken heading begins a section, too, so that the keys after it do not join the section
      * before. */
     const gboolean heading = *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
     if (last && !heading)
@@ -200,8 +201,8 @@ static gboolean config_do_parse(Config *config, gsize length) {
     return TRUE;
 }
 
-/* Takes ownership of text, which is NUL-terminated and may hold other NULs, to be refused.
- * mistakes NULL: leniently. */
+/* Takes ownership of text, which is NUL-terminated; other NULs in it are a mistake. mistakes NULL:
+ * reads leniently. */
 static Config *config_new(char *text, gsize length, const char *path, Mistakes *mistakes) {
     Config *config = g_new0(Config, 1);
     config->mistakes = mistakes;

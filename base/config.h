@@ -39,12 +39,13 @@ struct config_section {
  * all wrong lines. */
 Config *config_load(const char *path, GError **error);
 
-/* The same, for a reader that also reports mistakes in the lines that were understood. Other lines
- * are left out. NULL: there is nothing to go on with; mistakes say why. */
+/* The same as config_load(), for a reader that also reports mistakes in the lines that could be
+ * parsed. Other lines are left out, and added to mistakes. NULL: the file cannot be used at all;
+ * mistakes say why. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
-/* Whether all headings were understood: a section that is not there is really missing. */
+/* Whether all headings could be parsed: if so, a section that is not found is really missing. */
 gboolean config_has_all_sections(const Config *config);
 
 /* An error in a line of a file that was read leniently. */
@@ -77,7 +78,8 @@ const char *config_text(const Config *config); /* as it was read */
 /* Sections in file order. Owned by the Config. */
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
-/* The only section of a class, or the one of that name; NULL if there is none that is whole. */
+/* The only section of a class, or the one of that name; NULL if there is none, or its heading is
+ * broken. */
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
@@ -96,11 +98,12 @@ gboolean config_set_error(GError **error, enum config_error code,
                           const struct config_section *section, const char *key, const char *format,
                           ...) G_GNUC_PRINTF(5, 6);
 
-/* The same as one of several mistakes of a file. Returns FALSE always. */
+/* The same as config_set_error(), but adds the error to the mistakes of a file. Returns FALSE
+ * always. */
 gboolean config_mistake(Mistakes *mistakes, enum config_error code,
                         const struct config_section *section, const char *key, const char *format,
                         ...) G_GNUC_PRINTF(5, 6);
 
-/* Something that the file as a whole does not have. Returns FALSE always. */
+/* Adds the mistake that something is missing in the file as a whole. Returns FALSE always. */
 gboolean config_lacks(Mistakes *mistakes, const Config *config, const char *format, ...)
     G_GNUC_PRINTF(3, 4);

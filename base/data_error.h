@@ -15,5 +15,5 @@ enum data_error {
 /* DATA_ERROR_INVALID "FILE: …" or "FILE:LINE: …" (line from 1; 0: none). */
 void data_error_set(const char *file, int line, GError **error, const char *format, ...)
     G_GNUC_PRINTF(4, 5);
-/* The same, with the value FALSE. */
+/* The same as data_error_set(), as an expression with the value FALSE. */
 #define data_error_fail(...) (data_error_set(__VA_ARGS__), FALSE)

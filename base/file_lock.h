@@ -7,12 +7,12 @@
 
 #include <gio/gio.h>
 
-/* Never waits. −1: error, G_IO_ERROR_BUSY if another process holds it. what: what is written, for
- * the message, as in "products of this session". */
+/* Takes the lock, without waiting. −1: error, G_IO_ERROR_BUSY if another process holds it. what:
+ * names the files to be written, for the message: "products of this session". */
 int file_lock_take(const char *path, const char *what, GError **error);
 
-/* Takes the lock of a process that writes the file at path; *ret_lock is PATH.lock (g_free()) in
- * any case. Removes what killed writers left beside it. */
+/* Takes the lock for writing the file at path; *ret_lock is PATH.lock (g_free()) in any case.
+ * Removes the unfinished files that killed writers left beside it. */
 int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 void file_lock_give(int lock, const char *path); /* −1 is ignored */

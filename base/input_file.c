@@ -68,8 +68,8 @@ static gboolean check_status(const char *path, const struct stat *status, guint6
                            (guint64)status->st_size, max_bytes);
 }
 
-/* Looked at before it is opened, since opening some devices has effects, and again afterwards,
- * since the name may mean another file by then. */
+/* Examines the file before it is opened, since opening some devices has effects, and again
+ * afterwards, since the name may refer to another file by then. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error) {
     struct stat status;
     if (stat(path, &status) != 0) {

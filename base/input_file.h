@@ -23,8 +23,9 @@ enum input_file_error {
     INPUT_FILE_ERROR_CUT,       /* it has become shorter */
 };
 
-/* Propagates an error of this module (ownership is taken) in another domain: code io for an error
- * of the system (−1: leave it as it is), code unfit for a file of the wrong kind or content. */
+/* Propagates an error of this module, of which it takes ownership, in another domain: with the code
+ * io for an error of the system (−1: as it is), and with the code unfit for a file of the wrong
+ * kind or content. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
 /* Limit of a picture's pixels: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the length of
@@ -35,8 +36,8 @@ void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError
 /* The kind of a file of this mode: "a FIFO", "a directory", … */
 const char *input_file_kind(mode_t mode);
 
-/* A descriptor to read a regular file of at most max_bytes; links are followed. −1: error.
- * ret_bytes, which may be NULL: its length. */
+/* Opens a regular file of at most max_bytes for reading; links are followed. Returns the
+ * descriptor; −1: error. ret_bytes, which may be NULL: the file's length. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error);
 
 /* All of a file of at most max_bytes, and a NUL after it; g_free(). ret_length may be NULL. */
@@ -45,7 +46,7 @@ char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GErr
 /* The same for a file that must be text: without a NUL in it. */
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 
-/* n bytes from offset on; an error if the file has become shorter than that. */
+/* Reads n bytes from offset on; an error if the file has become too short for them. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 

@@ -3,9 +3,9 @@
 
 #include <glib.h>
 
-/* Dictionaries with string keys become objects, in their order; arrays and tuples become arrays;
- * "ay" a string of bytes as numbers; maybes their value or null; numbers that are not finite null.
- * Takes a floating reference. g_free(). */
+/* Converts a value: dictionaries with string keys become objects, in their order; arrays and tuples
+ * become arrays; "ay" becomes an array of numbers; a maybe becomes its value or null; a number that
+ * is not finite becomes null. Takes a floating reference. g_free(). */
 char *json_text(GVariant *value);
 
 /* A string with its quotes; what is not UTF-8 is replaced. */

@@ -20,8 +20,8 @@ gboolean mistakes_add(Mistakes *mistakes, GError *mistake);
 
 guint mistakes_count(const Mistakes *mistakes);
 
-/* TRUE: there are none. Otherwise sets the error: the mistake itself if it is the only one, else
- * one of the first's domain and code, whose text is
+/* TRUE: there are no mistakes. Otherwise sets the error: a single mistake as it is; several as one
+ * error with the domain and code of the first, whose text is
  *     FILE: 3 mistakes:
  *     FILE:LINE: …
  * with a line for each, ordered by error_details_line(); those without a line come last. */

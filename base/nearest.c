@@ -32,8 +32,8 @@ void nearest_consider(struct nearest *nearest, const char *name) {
     }
 }
 
-/* For an unknown letter "-s" it names all options without a letter that begin with "s"; for
- * "--sise=3" the option that is spelt most like it. */
+/* Returns, for an unknown letter "-s", all options that begin with "s" and have no letter of their
+ * own; for "--sise=3", the option that is spelt most like it. */
 static char *nearest_options(const char *wrong, const GOptionEntry *const *tables) {
     const gboolean letter = wrong[1] != '-';
     g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));

@@ -9,7 +9,7 @@ struct nearest {
     int distance;     /* its Levenshtein distance from key, or the first that is too large */
 };
 
-/* A third of the letters may be wrong, at most three. */
+/* Accepts names in which at most a third of the letters, and at most three, are wrong. */
 struct nearest nearest_new(const char *key);
 /* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
  * compared. */

@@ -1,7 +1,7 @@
 /*
- * Writes a file so that it appears under its name only when it is complete: under a unique name in
- * the same folder, then renamed. Neither step follows a symbolic link. A killed process leaves a
- * file NAME.XXXXXXXX.part. Any thread.
+ * Writes a file so that it appears under its name only when it is complete: it is written under a
+ * unique name in the same folder and then renamed. Neither step follows a symbolic link. A killed
+ * process leaves a file NAME.XXXXXXXX.part. Any thread.
  */
 #pragma once
 
@@ -19,8 +19,8 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
 /* Writes n bytes behind those that are there. FALSE: errno says why. */
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 
-/* Renames the file to its name; sync: the file and its folder entry are on disk on return. Call one
- * of commit and abandon, once. */
+/* Renames the file to its name; sync: the file and its folder entry are on disk on return. For each
+ * file begun, call either commit or abandon, once. */
 gboolean new_file_commit(struct new_file *file, gboolean sync); /* FALSE: errno */
 void new_file_abandon(struct new_file *file);
 

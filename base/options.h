@@ -49,10 +49,11 @@ struct option_target {
     gpointer target;
 };
 
-/* The same for keys that belong to one of several tables, and it adds all mistakes of the section
- * (the error of options_parse() lists them all, too). No required key is reported as missing if a
- * misspelt key was taken for it, or if a line of the section was not understood. "*" in also: any
- * other key. TRUE: all is right, and no line was left out. */
+/* The same as options_parse() for keys that belong to one of several tables; adds all mistakes of
+ * the section to mistakes (the error of options_parse() lists all of them, too). A required key is
+ * not reported as missing if a misspelt key was taken for it, or if a line of the section could not
+ * be parsed. "*" in also: allows any other key. TRUE: there are no mistakes, and no line was left
+ * out. */
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes);
@@ -68,7 +69,7 @@ const struct option *options_find(const struct option *table, const char *name);
 /* The range as text, as in "1 to 32"; NULL where any value will do. g_free() */
 char *options_range(const struct option *option);
 
-/* Checks one key of a section: whether the table or also has it, and its value. */
+/* Checks one key of a section: that the table or also has it, and that its value is valid. */
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error);
 

@@ -3,6 +3,6 @@
 
 #include <gio/gio.h>
 
-/* The file appears under its name when all of it is on disk; one that is there is replaced then.
- * Errors, DATA_ERROR_IO, name the file. */
+/* Writes a file, which appears under its name when all of it is on disk, and then replaces an
+ * existing one. Errors, DATA_ERROR_IO, name the file. */
 gboolean output_file_write(const char *path, const void *bytes, gsize n, GError **error);

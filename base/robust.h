@@ -14,6 +14,6 @@ double robust_spread(const double *values, int n, double middle);
 /* Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685 · scale), 0 for |u| ≥ 1. */
 double robust_biweight(double residual, double scale);
 
-/* Posterior mean of a value measured with a standard error whose prior is normal with mean 0 and
- * standard deviation known: seen · known² / (known² + error²). */
+/* Posterior mean of a value that was measured as seen with a standard error, if its prior is normal
+ * with mean 0 and standard deviation known: seen · known² / (known² + error²). */
 double robust_shrink(double seen, double error, double known);

@@ -10,11 +10,11 @@
 struct team {
     int rank, n_ranks;
     gpointer data;
-    /* Element by element, over all ranks; all get the result. */
+    /* Sums the arrays of all ranks element by element; all ranks get the result. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
-    /* Gathers to all: rank i has filled bytes starts[i] … starts[i + 1] − 1; then each has all
-     * bytes. */
+    /* Gathers data in all ranks: rank i has filled bytes starts[i] … starts[i + 1] − 1; afterwards
+     * each rank has all bytes. */
     void (*share)(const struct team *team, void *all, const gsize *starts);
     /* Scatters: only the root has all; rank i gets its values starts[i] … starts[i + 1] − 1. */
     void (*deal)(const struct team *team, int root, const float *all, const gsize *starts,

@@ -29,8 +29,9 @@ gboolean work_tell(const struct work *work, const char *stage, int done, int tot
                    GError **error);
 
 /* Calls func for 0 … n − 1, each once, in any thread and order, while the calling thread reports
- * stage. Libraries start no threads of their own meanwhile. FALSE when cancelled; what has begun is
- * waited for. Results are the same with any number of threads if each call writes its own only. */
+ * stage. Libraries start no threads of their own meanwhile. FALSE when cancelled, after the calls
+ * under way have ended. If each call writes only its own results, these are the same with any
+ * number of threads. */
 typedef void (*WorkBlock)(int block, gpointer data);
 gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBlock func,
                        gpointer data, GError **error);
@@ -38,6 +39,6 @@ gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBl
 /* The same without reports and cancelling. */
 void work_for_each(int n_threads, int n, WorkBlock func, gpointer data);
 
-/* OpenBLAS on OpenMP keeps a number of threads for each thread that calls it, and would start a
- * team in each of ours: a thread that multiplies beside others calls this first. */
+/* A thread that multiplies matrices beside others calls this first: OpenBLAS on OpenMP keeps a
+ * number of threads for each thread that calls it, and would start that many in each of ours. */
 void work_use_one_blas_thread(void);

@@ -30,9 +30,9 @@ struct axis_motion {
     double homing_s;     /* that homing takes, for predictions; 0: not known */
 };
 
-/* A driver's own row says homing_s. The options of a motion, for a driver's table. at: offset of
- * the struct axis_motion that they fill; speed, accel: defaults of speed_deg_s and accel_deg_s2,
- * NULL where they must be given. */
+/* The options of a motion, for a driver's table; the driver adds its own row for homing_s. at:
+ * offset of the struct axis_motion that they fill; speed, accel: defaults of speed_deg_s and
+ * accel_deg_s2, NULL where they must be given. */
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
@@ -66,10 +66,11 @@ struct axis_driver {
      * wraps, the target counts on from position() and may be below 0 or above 360. Called also from
      * within axis_report(): the second leg of a move that takes up backlash. */
     gboolean (*move)(Axis *axis, double target_deg, GError **error);
-    /* Stops now; a move or homing under way is ended by axis_report(AXIS_STOPPED). So is a stop of
-     * an axis that stands, or that another program has set off, once it is seen to stand. */
+    /* Stops now. The driver ends the move or homing under way by axis_report(AXIS_STOPPED). It does
+     * the same for an axis that already stands, or that another program has set off, once it sees
+     * that the axis stands. */
     gboolean (*stop)(Axis *axis, GError **error);
-    /* Where it last said it was. Never blocks. */
+    /* The position that the device last reported. Never blocks. */
     double (*position)(Axis *axis);
 };
 
@@ -77,8 +78,8 @@ struct Axis {
     struct device device;
     const struct axis_driver *driver;
     struct axis_motion motion;
-    double park_deg;          /* where it rests when there is nothing to capture, for whoever parks
-                                 it; NAN: at its reference. The rig's, not the driver's */
+    double park_deg;          /* where the axis is parked when there is nothing to capture; NAN: at
+                                 its reference. The rig sets it, not the driver */
     struct axis_state *state; /* the class's own */
 };
 

@@ -195,16 +195,16 @@ gboolean camera_is_waiting(const Camera *camera) {
     return camera->state->waiting;
 }
 
-/* One step of the hash. It is injective in the word for a given hash; the rotation moves
- * differences in the highest bits of a word to where the multiplication spreads them. */
+/* One step of the hash. For a given hash, different words give different results; the rotation
+ * moves the highest bits of a word to where the multiplication spreads them. */
 static inline guint64 hash_step(guint64 hash, guint64 word) {
     hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
     return hash << 29 | hash >> 35;
 }
 
 /* Hash of a frame, in independent lanes, so that the processor overlaps their multiplications.
- * 0 for a frame that is one value all over, as a covered or saturated one may be: it says nothing
- * about where it comes from. */
+ * Returns 0 for a frame with one value in all pixels, as a covered or saturated camera may give:
+ * such a frame cannot be recognised as a repeated one. */
 static guint64 hash_frame(const Frame *frame) {
     gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;
     if (memcmp(frame->pixels, frame->pixels + 1, (n - 1) * sizeof *frame->pixels) == 0)

@@ -41,8 +41,9 @@ struct camera_settings {
 struct camera_driver {
     struct driver_info info;
     gboolean (*open)(Camera *camera, GError **error); /* fills camera->format */
-    /* May be NULL. Where a camera takes long to open, open() only sets that off, in a thread, and
-     * opened() waits until it is done and fills camera->format: so several are opened at once. */
+    /* May be NULL. If a camera takes long to open, open() only starts this in a thread, and
+     * opened() waits until it is done and fills camera->format, so that several cameras are opened
+     * at once. */
     gboolean (*opened)(Camera *camera, GError **error);
     void (*close)(Camera *camera);
     /* Takes effect for the next trigger; called only while no trigger waits. */
@@ -75,8 +76,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Camera, camera_close)
 
 void camera_listen(Camera *camera, CameraFunc func, gpointer data);
 
-/* Refused: exposure outside the camera's range, a trigger waiting. Asking for what is set already
- * costs nothing. */
+/* Refuses an exposure outside the camera's range, and any change while a trigger waits. Setting
+ * what is set already costs nothing. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */

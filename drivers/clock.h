@@ -1,5 +1,5 @@
 /*
- * Time, asked of an object: the real clock, or a virtual one that jumps to the next event.
+ * A clock is an object: the real one, or a virtual one whose time jumps to the next event.
  *
  * Everything that waits (deadlines, settling, warm-up, a simulated exposure) asks its Clock, so
  * that a session of ten hours can be simulated in the time its frames take to render.
@@ -37,18 +37,17 @@ guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data);
 guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data);
 
 /* Cancels a call that has not been made yet. *id is set to 0; an id of 0 is ignored. A callback
- * must set its own id to 0, since ids are not used twice but cancelling a call that was made is a
- * programming error. */
+ * must set the variable that holds its id to 0, because cancelling a call that was made is a
+ * programming error. Ids are not used twice. */
 void clock_cancel(Clock *clock, guint *id);
 
-/* While held, virtual time stands still: something is going on in another thread (a frame is
- * being rendered, a file is written) that takes no simulated time. Holds nest. No effect on the
- * real clock. */
+/* While the clock is held, virtual time stands still: another thread does work that takes no
+ * simulated time (it renders a frame or writes a file). Holds nest. No effect on the real clock. */
 void clock_hold(Clock *clock);
 void clock_release(Clock *clock);
 
 /* Asks threads that work beside the main loop to hold a virtual clock while they work, which they
- * otherwise do not: runs with the same devices then have the same events in the same order, and
- * nothing overlaps. For simulations that are replayed; to be called before such threads work. */
+ * otherwise do not do. Runs with the same devices then have the same events in the same order, and
+ * no work overlaps. For simulations that are replayed; to be called before such threads work. */
 void clock_set_lockstep(Clock *clock);
 gboolean clock_is_lockstep(const Clock *clock);

@@ -1,6 +1,6 @@
 /*
- * What all device classes share: how a driver is declared, how a device is opened from a section of
- * the rig file, and the errors a device can have.
+ * Shared by all device classes: how a driver is declared, how a device is opened from a section of
+ * the rig file, and the errors that a device can have.
  *
  * A device belongs to the main loop's thread. Calls return at once; what takes time ends in exactly
  * one event, called back from the main loop, never from within the call that asked for it. A driver
@@ -48,9 +48,9 @@ struct driver_info {
     const char *help;             /* one sentence */
     const struct option *options; /* of the priv struct; ends with a NULL name */
     gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
-    /* May be NULL: adds what is wrong with the options of a section together, or with other files
-     * that they name, as far as it is known without the device. Nothing is opened before every
-     * section of the rig file was checked; a driver's open() need not check it again. */
+    /* May be NULL. Adds mistakes that are known without the device: options of a section that do
+     * not fit each other, and faults of other files that they name. All sections of the rig file
+     * are checked before any device is opened; a driver's open() need not check them again. */
     void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
 };
 

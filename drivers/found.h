@@ -1,11 +1,12 @@
 /*
- * The result of a scan of a bus, for `mesorig devices`. Each folder of drivers that can look for
+ * The result of a scan of a bus, for `mesorig devices`. Each folder of drivers that can search for
  * its devices offers one function
  *
  *     gboolean NAME_scan(GPtrArray *to, GError **error);
  *
- * which adds a struct found a device and fails only if the bus cannot be looked at; a bus that is
- * not there has no devices. It may wait, a second or two, and changes nothing on a device.
+ * which adds a struct found for each device, and fails only if the bus cannot be searched; a bus
+ * that does not exist has no devices. It may wait for a second or two, and changes nothing on a
+ * device.
  */
 #pragma once
 

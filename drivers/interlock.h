@@ -29,11 +29,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
 guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
 void interlock_unlisten(Interlock *interlock, guint id);
 
-/* Open until a driver has said closed, and again when it is lost: when its state cannot be read. */
+/* FALSE until a driver has reported that it is closed, and again when its state cannot be read. */
 gboolean interlock_is_closed(const Interlock *interlock);
 gboolean interlock_is_lost(const Interlock *interlock);
 
-/* For an operator: that it is open, or lost and counts as open, and what to do. */
+/* A sentence for an operator: the interlock is open, or cannot be read and counts as open, and what
+ * to do. */
 char *interlock_advice(const Interlock *interlock);
 
 /* For drivers; may be called from within open(). */

@@ -5,8 +5,8 @@
 
 typedef struct LampBank LampBank;
 
-/* index is -1 for all_off, and for lamps that were lost; error is set if it failed, and valid
- * during the call. at_us is when the switch took effect (the warm-up counts from there). */
+/* index is -1 for all_off, and for lamps that were lost. error: NULL, or why the switch failed;
+ * valid during the call. at_us: when the switch took effect, from which the warm-up counts. */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 
@@ -48,7 +48,7 @@ enum device_safety lamps_safety(const LampBank *bank);     /* of all its lamps *
 gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
 double lamps_hours(const LampBank *bank, int index);       /* burnt since opened */
 
-/* For drivers: one answer a set(), in order. Takes ownership of error. */
+/* For drivers: answers each set() once, in order. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
 /* For drivers: lamps have gone off by themselves, or their state is unknown. Reports a failed "on"

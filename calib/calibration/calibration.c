@@ -76,8 +76,8 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     return part;
 }
 
-/* C becomes T C Tᵀ for rows and columns at, at + 1 of an n × n matrix, T the rotation of x and y.
- */
+/* Rotates a covariance: C becomes T C Tᵀ, where T rotates x and y, which are the rows and columns
+ * at and at + 1 of the n × n matrix. */
 static void turn_covariance(double *covariance, int n, int at, double angle_rad) {
     const double c = cos(angle_rad), s = sin(angle_rad);
     for (int side = 0; side < 2; side++)
@@ -89,8 +89,8 @@ static void turn_covariance(double *covariance, int n, int at, double angle_rad)
         }
 }
 
-/* A camera's R p + t is the same of p' = T p: R becomes R Tᵀ, and the error ω of R = R₀ (1 + [ω]×)
- * becomes T ω. */
+/* A camera must give the same R p + t for the turned point p' = T p: therefore R becomes R Tᵀ, and
+ * the error ω of R = R₀ (1 + [ω]×) becomes T ω. */
 void calibration_turn(struct calibration *calibration, double angle_rad) {
     struct rig *rig = &calibration->rig;
     for (int i = 0; i < rig->n_cameras; i++) {

@@ -122,14 +122,14 @@ typedef struct calibration Calibration;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 
 /* Turns the rig frame: azimuth a becomes a + angle, of cameras, lamps, lasers, arc, fiducials and
- * their errors. What they see of each other is as before. */
+ * their errors. Their positions relative to each other stay as they are. */
 void calibration_turn(struct calibration *calibration, double angle_rad);
 
 /* "cameras", "lights", "laser", "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
-/* One line for people: where it is from and which parts it has; or that there is none, then how_to:
- * how to give one. g_free(). */
+/* Returns one line for people: where the calibration is from and which parts it has; or, if there
+ * is none, this and the text how_to, which says how to give one. g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
 /* Replaces the description of a part, dated now. Takes ownership of rejected (of char *; NULL:

@@ -47,9 +47,9 @@ struct fiducial_fit {
     int n_seen;
 };
 
-/* Uses those of n sightings that are of the fiducial. Cameras and turntable are taken as correct;
- * if they are not calibrated set place to FALSE: the fiducial keeps its position. FALSE: too few
- * sightings. */
+/* Uses those of the n sightings that show the fiducial. Cameras and turntable are taken as correct;
+ * set place to FALSE if they are not calibrated: the fiducial then keeps its position. FALSE: too
+ * few sightings. */
 gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, int n, int fiducial,
                        gboolean place, struct fiducial_fit *ret);
 

@@ -120,8 +120,8 @@ static double fiducials_check_length_of(const struct explained *by, double *ret_
     return sqrt(squares);
 }
 
-/* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable
- * slipped all cameras show it, and none of them needs to have moved. */
+/* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable has
+ * slipped, all cameras show it, and the slip alone explains what they show. */
 static void find_causes(struct checking *check, double least_deg, struct fiducials_check *ret) {
     gboolean taken[MOST_TURNS] = {FALSE};
     double error;

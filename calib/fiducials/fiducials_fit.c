@@ -20,7 +20,7 @@ struct position {
 };
 
 /* Predicts as fiducials_measure() does; the offset between the disc's centroid and its projected
- * centre is taken as that of the expected position. */
+ * centre is taken to be the same as at the expected position. */
 static gboolean fiducials_fit_project(const struct position *position,
                                       const struct fiducial_seen *seen, struct vec3 p,
                                       double ret[2]) {

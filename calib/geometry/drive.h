@@ -24,6 +24,7 @@ int drive_angle(struct drive *drive, double angle_rad);
 
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,
  * Dempster, Laird and Rubin 1977). Priors have the mean 0 and the standard deviations sigma
- * (n_parameters), into which it writes those of the drives. Returns and errors as fit_solve(). */
+ * (n_parameters); the function writes those of the drives into sigma. Returns and errors as
+ * fit_solve(). */
 gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
                    double *x, struct fit_result *ret);

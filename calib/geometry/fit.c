@@ -17,8 +17,8 @@
 #define STEPS        60
 #define DIFFERENCE   1.5e-8 /* √ε of a double: step of forward differences */
 #define MOST_DAMPING 1e8
-/* Lower bound of the scale of the residuals, relative to their expected size: much smaller ones
- * are rounding errors, and priors would count as nothing beside them. */
+/* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
+ * residuals are rounding errors; with a scale as small as theirs, priors would have no weight. */
 #define LEAST_SIGMA 1e-3
 
 struct work {

@@ -44,8 +44,8 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);
 
-    /* Looking straight up or down there is no horizontal: take the limit of a camera at azimuth
-     * 0. */
+    /* A camera that looks straight up or down has no horizontal direction of its own: take the
+     * limit of a camera at azimuth 0. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){

@@ -12,8 +12,8 @@
  * A rig may lack turntable and arc: an axis that is not there stands at 0.
  *
  * A camera arm is an axis that carries cameras, a light probe one that carries lamps. They stop at
- * the angles that the rig file lists. A camera (or lamp) is at each of its stops a camera (or lamp)
- * of its own here, named NAME@ANGLE, with a position that is calibrated for itself. Stops of one
+ * the angles that the rig file lists. Here each stop of a camera (or lamp) counts as a camera (or
+ * lamp) of its own, named NAME@ANGLE, with a position that is calibrated separately. Stops of one
  * device follow each other. See swing.h.
  *
  * Pure functions over plain data: any thread.
@@ -98,7 +98,7 @@ struct rig_fiducial {
 };
 
 /* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps: a
- * line. Something that it carries turns about it by the arm's angle (right-handed). */
+ * line. What the arm or probe carries turns about this line by its angle (right-handed). */
 struct rig_swing {
     struct vec3 axis; /* unit; 0: the rig has no such axis */
     struct vec3 centre_mm;
@@ -129,8 +129,9 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
     return lamp - rig->lamps[lamp].stop;
 }
 
-/* Where the arm stands while a set of cameras (bits) takes pictures: all of them that it carries
- * have the same angle. Without one of those, at the first stop of the rig; 0 if there is no arm. */
+/* Where the arm stands while a set of cameras (bits) takes pictures: at the angle that all cameras
+ * of the set have that it carries. If it carries none of them, at the rig's first stop; 0 if there
+ * is no arm. */
 double rig_arm_deg(const struct rig *rig, guint32 cameras);
 /* The same for the probe and a lamp; −1: none. */
 double rig_probe_deg(const struct rig *rig, int lamp);
@@ -174,10 +175,11 @@ struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 
-/* In the rig frame with the arc at an angle, which matters only to what is not fixed. */
+/* Position and aim in the rig frame with the arc at an angle, which does not matter to fixed
+ * lamps. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
-/* A point of the rig frame in the frame of the lamp's position. */
+/* Transforms a point of the rig frame to the frame in which the lamp's position is given. */
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);
 
@@ -204,8 +206,8 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
 
 /* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
  * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of
- * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only
- * (a quarter circle). G_MAXDOUBLE where nothing of it can be in the way. */
+ * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only (a
+ * quarter circle). G_MAXDOUBLE if no part of the arc can be in the way. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
 
 /* Spherical angles of a direction: θ from +z in [0, π], φ from +x, counter-clockwise in [0, 2π). */

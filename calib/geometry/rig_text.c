@@ -143,8 +143,8 @@ static gboolean is_rotation(const struct mat3 *m) {
            vec3_length(vec3_sub(vec3_cross(row[0], row[1]), row[2])) < 4 * UNIT_TOLERANCE;
 }
 
-/* Refuses sections of devices beyond the counts: one of the two was edited. Other sections are
- * ignored. */
+/* Refuses sections of devices beyond the counts: somebody has edited the sections or the counts.
+ * Other sections are ignored. */
 static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const struct rig *rig,
                                       GError **error) {
     g_auto(GStrv) groups = g_key_file_get_groups(file, NULL);
@@ -209,8 +209,8 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
 }
 
 /* Number (from 1) of the first line that is neither empty, a comment, a [group] nor key=value; 0:
- * none. The parser's own message quotes the line, but the path may be any file that only this
- * program may read. */
+ * none. The parser's own message is not shown, because it quotes the line, and the path may name a
+ * file that only this program may read. */
 static int rig_text_bad_line(const char *text) {
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
 

@@ -1,9 +1,9 @@
-/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with the sheet n·x =
- * d at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters:
- * tilt and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the
- * cameras (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ
- * estimated by drive.h). Where lines fit badly, the height of each plane in turn is one more
- * parameter, which tells whether that plane was given another height than it has. */
+/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with the sheet n·x = d
+ * at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters: tilt
+ * and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the cameras (2
+ * each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
+ * drive.h). Where lines fit badly, the height of each plane in turn is one more parameter, which
+ * shows whether the plane has another height than the one given. */
 #include "laser.h"
 
 #include "geometry/drive.h"
@@ -430,10 +430,11 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
     return tells ? rms_mm : INFINITY;
 }
 
-/* Whether no other height of one plane explains the lines much better, is_mm being their RMS. Where
- * a sheet cuts a plane, all cameras see the same line, which determines each height; one camera
- * that sees a sheet from several sides determines the ratio of their distances to it, so that
- * either height may be wrong. Else a height's standard error is large, and nothing is told. */
+/* Checks that no other height of one plane explains the lines much better. is_mm: the RMS of the
+ * lines as they are. All cameras see the same line where a sheet cuts a plane, and thereby
+ * determine the height of each plane. A single camera that sees a sheet from several sides
+ * determines only the ratio of the planes' distances from it, so that either height may be wrong.
+ * In all other cases the standard error of a height is large, and nothing is reported. */
 static gboolean laser_check_heights(const struct problem *problem, const struct laser_arc *arc,
                                     const char *const *sweep_names, double is_mm, GError **error) {
     struct height {

@@ -59,8 +59,8 @@ struct laser_result {
     GArray *steps;    /* struct laser_step; owned */
 };
 
-/* Standard deviation of the pointing error of cameras. It is a parameter, so that the camera with
- * the best view of the planes has the largest weight. */
+/* Standard deviation of the pointing error of cameras. This error is a parameter of the fit, so
+ * that the camera with the best view of the planes has the largest weight. */
 #define LASER_CAMERA_PX 0.1
 
 /* Prior of the arc's axis, standard deviations. Lines on planes determine it better than lamps do
@@ -77,8 +77,8 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
                    struct laser_result *ret, GError **error);
 /* Whether the sweeps agree with the rig file about as well as unadjusted devices do. FALSE: one
  * mistake explains them five times better: the arc turns the other way, its angles are in radians,
- * two lasers or two planes are exchanged. laser_fit() calls it, and compares places afterwards,
- * too: only their positions distinguish lasers at nearly the same angle. */
+ * two lasers or two planes are exchanged. laser_fit() calls it, and after the fit also compares
+ * positions, since only these distinguish lasers at nearly the same angle. */
 gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *points, int n,
                               const char *const *sweep_names, GError **error);
 void laser_result_clear(struct laser_result *result);

@@ -1,8 +1,8 @@
 /* Why sweeps may contradict the rig: each possible mistake is undone, and the points are compared
  * with the rig as it is known, before anything is fitted. For each laser the sweep angle s_i at
- * which its sheet contains point i is a straight line of the commanded one, c_i: s_i ≈ a + b c_i,
- * where a is a wrong zero and b − 1 a stretch. The evidence is the spread about it, the median of
- * |s_i − a − b c_i|: some hundredths of a degree where only the adjustment is off. */
+ * which its sheet contains point i depends linearly on the commanded one, c_i: s_i ≈ a + b c_i,
+ * where a is a wrong zero and b − 1 a stretch. The evidence is the spread about this line, the
+ * median of |s_i − a − b c_i|: it is some hundredths of a degree if only the adjustment is off. */
 #include "laser.h"
 
 #include "geometry/fit.h"
@@ -41,8 +41,9 @@ static void find_planes(const struct laser_point *points, int n, struct planes *
     }
 }
 
-/* The point as it would be without the mistake. A pixel that saw another plane than was thought saw
- * the point of that plane on its ray: p' = eye + (p − eye) (z' − eye_z) / (z − eye_z). */
+/* Returns the point as it would be without the mistake. If a pixel saw another plane than the one
+ * noted, it saw the point where its ray meets that plane: p' = eye + (p − eye) (z' − eye_z) / (z −
+ * eye_z). */
 static struct laser_point undo(const struct rig *rig, const struct planes *planes,
                                const struct mistake *mistake, const struct laser_point *point) {
     struct laser_point p = *point;

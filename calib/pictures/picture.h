@@ -24,9 +24,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
 void picture_srgb(float ret[256]);
 
 /* Makes grey values from a mosaic ("mono", "rggb", "bggr", "grbg", "gbrg"): each colour is scaled
- * so that the picture is grey on average, and pixels are used as they are. Exact, and as sharp as
- * the sensor, if the scene is grey under one light; else the mosaic stays visible. FALSE: unknown
- * name. */
+ * so that the picture is grey on average, and pixels are used as they are. If the scene is grey
+ * under one light, the result is exact and as sharp as the sensor; otherwise the mosaic stays
+ * visible. FALSE: cfa is unknown. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
 
 G_END_DECLS

@@ -46,8 +46,8 @@ static gboolean raw_cfa(libraw_data_t *raw, char ret[RAW_CFA]) {
     return g_strv_contains(known, ret);
 }
 
-/* The black level at a place of the visible part: one number for all, one of each filter, and a
- * pattern that repeats. */
+/* The black level at a place of the visible part: the sum of a number for all pixels, one for each
+ * colour filter, and one from a pattern that repeats. */
 static double raw_black(libraw_data_t *raw, int y, int x, gboolean mono) {
     const unsigned *of = raw->color.cblack;
     const unsigned filter = mono ? 0 : (unsigned)libraw_COLOR(raw, y & 1, x & 1) & 3;

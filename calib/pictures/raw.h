@@ -2,10 +2,10 @@
  * Camera raw (LibRaw): the numbers of a sensor behind its colour filter, linear in light. Any
  * thread.
  *
- * A pixel of n is (n − b) / (w − b), b the black level at its place, w white, both as the file or
- * LibRaw's table of cameras says. 0 is black, 1 is white; noise around black goes below 0. Nothing
- * else is done to the numbers: no white balance, no demosaicing. Orientation is ignored: pixels
- * stay as on the sensor.
+ * A pixel with the number n has the value (n − b) / (w − b), with b the black level at its place
+ * and w white, both from the file or from LibRaw's table of cameras. 0 is black, 1 is white; noise
+ * around black goes below 0. Nothing else is done to the numbers: no white balance, no demosaicing.
+ * Orientation is ignored: pixels stay as on the sensor.
  */
 #pragma once
 
@@ -23,8 +23,8 @@ gboolean raw_is(const char *path);
  * X-Trans, a sensor set diagonally) are refused. */
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error);
 
-/* The same as grey, for calibration: balanced (picture_balance()); what was white in the file is at
- * least 1 still. */
+/* The same as raw_read(), but as a grey picture for calibration: balanced (picture_balance()); a
+ * pixel that is white in the file stays at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
 
 G_END_DECLS

@@ -1,10 +1,10 @@
 /*
  * Frames of a video that are worth looking at (OpenCV's videoio, with FFmpeg). Any thread.
  *
- * A video is divided into windows of equal length, and of each the sharpest frame is kept: that in
- * which the mean of the squared gradient, divided by the variance of the picture, is largest. A
- * camera or board that moves while the shutter is open blurs the frames; between two movements some
- * are sharp.
+ * A video is divided into windows of equal length, and the sharpest frame of each window is kept:
+ * the one with the largest mean squared gradient, divided by the variance of the picture. A camera
+ * or board that moves while the shutter is open blurs the frames; between two movements some are
+ * sharp.
  */
 #pragma once
 
@@ -27,9 +27,9 @@ typedef struct video {
 /* Called after each frame; n: as the file says, which may be wrong. FALSE ends the reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
-/* Reads a whole video, and keeps most / 2 + 1 to most frames, or all of a shorter one. NULL:
- * VISION_ERROR, INPUT_FILE_ERROR, or the error of progress (which may be NULL). Rotation that the
- * file asks for is ignored: pixels stay as on the sensor. */
+/* Reads a whole video, and keeps between most / 2 + 1 and most frames; all frames of a video that
+ * has fewer. NULL: VISION_ERROR, INPUT_FILE_ERROR, or the error of progress (which may be NULL).
+ * Rotation that the file asks for is ignored: pixels stay as on the sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
 void video_free(struct video *video); /* NULL is ignored */

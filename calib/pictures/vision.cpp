@@ -163,8 +163,8 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
     }
 }
 
-/* By sectors around each corner; or else by the outlines of the dark squares, which finds boards
- * that the former misses. */
+/* by_sectors: finds corners by the sectors around them; otherwise by the outlines of the dark
+ * squares, which finds boards that the first method misses. */
 bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_sectors,
                   double *ret_xy_px) {
     std::vector<cv::Point2f> corners;
@@ -182,8 +182,8 @@ bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_se
     return true;
 }
 
-/* Blobs are sought by area and roundness; how large they may be follows from the picture and their
- * number. */
+/* Searches for blobs by area and roundness; the limits of the area follow from the picture's size
+ * and the number of circles. */
 bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
                   std::vector<cv::Point2f> &centres) {
     cv::SimpleBlobDetector::Params p;

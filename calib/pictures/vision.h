@@ -22,7 +22,7 @@ enum vision_error {
  * EXIF orientation is ignored: pixels stay as on the sensor. */
 struct picture *vision_read(const char *path, GError **error);
 
-/* The same in colour, and not of camera raw: height × width × 3 (R, G, B), g_free(). ret_grey: the
+/* The same in colour, but without camera raw: height × width × 3 (R, G, B), g_free(). ret_grey: the
  * file is grey and all three are equal. */
 gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
                             float **ret_rgb, GError **error);
@@ -37,7 +37,7 @@ gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gb
  * the black border; 0: unknown name.
  */
 int vision_dictionary(const char *name, int *ret_markers);
-/* cells × cells bits of a marker, row by row, 1 is white. */
+/* Gives the cells × cells bits of a marker, row by row; 1 is white. */
 gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits);
 
 struct vision_marker {
@@ -55,7 +55,7 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
                                 double *ret_xy_px, GError **error);
 
 /* Finds dark circles on a bright ground, or else bright ones on a dark ground, row by row.
- * staggered: of which every second row is moved by half their distance. FALSE without an error:
+ * staggered: every second row is moved by half the distance of the circles. FALSE without an error:
  * there are none. */
 gboolean vision_find_circles(const struct picture *picture, int columns, int rows,
                              gboolean staggered, double *ret_xy_px, GError **error);

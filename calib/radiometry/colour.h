@@ -1,6 +1,6 @@
 /*
- * Colour calibration: from a camera's colours to CIE XYZ, by a chart with known patches. Pure
- * functions; any thread.
+ * Colour calibration: the conversion of a camera's colours to CIE XYZ, from a chart with known
+ * patches. Pure functions; any thread.
  */
 #pragma once
 

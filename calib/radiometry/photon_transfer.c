@@ -190,8 +190,8 @@ static GArray *transfer_points(const struct fit *fit) {
     return points;
 }
 
-/* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line: those of the
- * measured variances would favour points that came out too low. */
+/* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line, since weights
+ * from the measured variances would favour points that came out too low by chance. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
     g_autoptr(GArray) points = transfer_points(fit);
     double floor = 1, slope = 0.1, floor_error = 0, slope_error = 0, top = 0;
@@ -254,9 +254,9 @@ struct ramps {
     double range, curvature, error;
 };
 
-/* One Gauss-Newton step for the a of all tiles and the common c, with the former eliminated
- * (Schur complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before
- * the step. */
+/* One Gauss-Newton step for the a of all tiles and the common c, with the a eliminated (Schur
+ * complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before the
+ * step. */
 static double photon_transfer_step(struct ramps *ramps) {
     double schur = 0, right = 0, chi2 = 0, k = 1 / ramps->range;
     g_autofree double *ga = g_new0(double, ramps->n), *aa = g_new0(double, ramps->n);

@@ -48,8 +48,8 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
                       int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
                       GError **error);
 
-/* Noise of a pixel of which n exposures, sum_ms long together, are merged by their lengths: at a
- * linear value m in DN/ms above dark at 0 dB its variance is floor + slope·max(m, 0), in
+/* Noise of a pixel that n exposures of sum_ms together are merged into, weighted by their lengths:
+ * at a linear value m in DN/ms above dark at 0 dB the variance is floor + slope·max(m, 0), in
  * (DN/ms)². At other gains the read noise, in electrons, is taken to be that of 0 dB. */
 void transfer_noise(const struct transfer *transfer, double sum_ms, int n, double *ret_floor,
                     double *ret_slope);

@@ -20,8 +20,8 @@
 #define MOST_FLAT_ERROR 0.05
 #define FEW_CELLS       30 /* of a camera */
 
-/* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: lenses are smooth
- * where the tile did not reach. */
+/* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: where the tile did not
+ * reach, they keep the flat field smooth, as lenses are. */
 static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
 
 /*
@@ -246,11 +246,11 @@ static double lit_from_rad(const struct problem *p, int shot) {
     return atan2(at.y, at.x);
 }
 
-/* A lamp's fall-off is separated from the cameras' vignetting by light from several sides: of the
- * lamp itself at several angles of the arc, or, where no lamp ever turns, of the lamps together;
- * one that stands by itself beside an arc relies on those on it. Its fall-off is then less certain,
- * as its error says; but its product with the vignetting, on which alone pictures of that rig
- * depend, is as certain. */
+/* Light from several sides separates a lamp's fall-off from the cameras' vignetting: light of the
+ * lamp itself at several angles of the arc or, in a rig where no lamp ever turns, of all lamps
+ * together. For a lamp that stands by itself beside an arc, the lamps on the arc determine the
+ * vignetting. Its fall-off is then less certain, as its error says; but the product of fall-off and
+ * vignetting, on which alone the pictures of that rig depend, is not. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)

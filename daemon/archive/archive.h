@@ -55,7 +55,7 @@ struct archive {
     int views, lights, lasers;
     int planned, done, skipped; /* shots */
     int unneeded; /* shots that [lasers] stop = covered and [lights] sampling = adaptive have left
-                     out; not among skipped */
+                     out; skipped does not count them */
     int frames, retakes;
     gint64 frame_bytes, product_bytes;
     double predicted_s, clock_s, processing_s, predicted_bytes; /* NAN: not known */
@@ -76,8 +76,8 @@ struct archive_device {
     char *address; /* the value of device, serial, address or host, whichever it has; or "" */
 };
 
-/* verify: hash all frames and products, too, and report the files that differ. Stages "verify",
- * "read". */
+/* verify: also hashes all frames and products, and lists the files that differ. Reports progress in
+ * the stages "verify" and "read". */
 struct archive *archive_read(const char *path, gboolean verify, const struct work *work,
                              GError **error);
 void archive_free(struct archive *archive); /* NULL is ignored */

@@ -35,7 +35,7 @@ static const char head[] =
     "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
 
 static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Every argument of the format that is text is escaped. */
+/* Adds text by a format, and escapes every argument that is text. */
 static void add(GString *to, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

@@ -67,7 +67,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The value below which a share of all n is; those that are not finite are left out. */
+/* The quantile of n values at a share; values that are not finite are left out. */
 static float quantile(const float *values, gsize n, double share) {
     g_autofree float *sorted = g_new(float, n + 1);
     gsize found = 0;
@@ -154,8 +154,8 @@ static const struct session_direction *nearest(const GPtrArray *directions, doub
     return best;
 }
 
-/* Rows are elevations of the view, columns those of the light, each on the other side; all on one
- * scale. */
+/* Adds a table of pictures: each row has a polar angle of the view, each column one of the light.
+ * View and light are on opposite sides of the normal. All pictures have one scale of brightness. */
 static gboolean add_btf(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) views = session_views(session, error);
     g_autoptr(GPtrArray) lights = views ? session_lights(session, error) : NULL;
@@ -188,7 +188,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
     return TRUE;
 }
 
-/* The distances of the steepest view: near is bright, what is not known blue. */
+/* The distances of the steepest view: near ones are bright, unknown ones blue. */
 static gboolean add_mdf(struct archive *archive, Session *session, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     g_autoptr(GPtrArray) views = session_views(session, error);

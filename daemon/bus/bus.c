@@ -39,8 +39,8 @@ static void bus_on_event(Capture *capture, const char *level, const char *source
 static void show_status(Bus *bus, const struct capture_status *status) {
     double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1; /* in real time */
     if (left_s >= 0 && clock_is_virtual(bus->devices->clock)) {
-        /* A simulated rig's clock runs at a pace of its own, taken from what was done since its
-         * axes were homed, which takes it no time at all. */
+        /* A simulated rig's clock does not run at the pace of real time. Its pace is measured since
+         * the axes were homed, since homing takes no real time in a simulation. */
         const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
         const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
@@ -80,8 +80,9 @@ static void end_capture(Bus *bus) {
     g_clear_pointer(&bus->capture, capture_free);
 }
 
-/* The session is released as soon as it has ended, so that another program may resume it; what
- * is shown stays. Not from within the capture's own call. */
+/* Releases the session as soon as it has ended, so that another program may resume it; clients
+ * still see its last state. An idle source calls this, since the capture must not be freed within
+ * its own callback. */
 static gboolean end_capture_idle(gpointer data) {
     Bus *bus = data;
     bus->end_id = 0;
@@ -107,7 +108,8 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_notify(bus);
 }
 
-/* Nothing else is told while axes home, or while a long exposure goes on. */
+/* Shows the state at intervals: while axes home, or during a long exposure, the capture reports
+ * nothing. */
 static gboolean on_tick(gpointer data) {
     Bus *bus = data;
     bus_changed(bus->capture, bus);
@@ -148,7 +150,8 @@ gboolean bus_need_free(Bus *bus, GError **error) {
 gboolean bus_need_absolute(const char *path, GError **error) {
     if (g_path_is_absolute(path))
         return TRUE;
-    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
+    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH,
+                "“%s” is not an absolute path: give the whole path, beginning with /", path);
     return FALSE;
 }
 
@@ -233,8 +236,8 @@ void bus_close_rig(Bus *bus) {
     show_idle(bus);
 }
 
-/* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
- * moved. */
+/* Writes the path of the rig file into the session, where it is missing because an older version
+ * began the session, or is wrong because the file has been moved since. */
 static void remember_rig(Bus *bus) {
     g_autoptr(Session) session = session_open(bus->directory, SESSION_PRODUCTS, NULL);
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;
@@ -260,7 +263,8 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
     g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
     if (!g_file_set_contents(control, line, -1, &error))
-        g_message("other terminals will not find this session by its folder: %s", error->message);
+        g_message("commands in other terminals do not find this daemon by the session's folder: %s",
+                  error->message);
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
     if (process && !(bus->follower = follower_start(directory, &error)))

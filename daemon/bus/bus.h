@@ -12,7 +12,7 @@
 
 typedef struct Bus Bus;
 
-/* Called when what it shows has changed, at most every 100 ms. */
+/* Called when a value that the bus shows has changed, at most every 100 ms. */
 typedef void (*BusFunc)(Bus *bus, gpointer data);
 
 /* address: how clients reach it: "system", "session" or a D-Bus address; it is written to the file
@@ -33,12 +33,12 @@ void bus_listen(Bus *bus, BusFunc func, gpointer data);
 /* Shows the rig on a connection, until that closes. */
 gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
 
-/* As the method OpenRig. */
+/* Does what the method OpenRig does. */
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
 
 /* Keeps a queue of sessions in this file (queue/queue.h), and captures them while a rig is open.
- * Once, before any client calls. Where that cannot be, there is no queue, which is told in the log
- * and to whoever asks for it: the rig serves all the same. */
+ * Called once, before any client calls. If the file cannot be used, there is no queue: the log and
+ * the answers to calls about the queue say so, and the rig serves all other calls. */
 void bus_keep_queue(Bus *bus, const char *path);
 
 gboolean bus_has_rig(const Bus *bus); /* one is open */
@@ -55,5 +55,5 @@ void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
  * the same user find the daemon (bus_client.h). */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
-/* Ends it, before bus_free(): a client that connects at that moment is refused. */
+/* Ends the server. Call it before bus_free(): a client that connects at that moment is refused. */
 void bus_unserve(Bus *bus, GDBusServer *server);

@@ -86,7 +86,7 @@ const struct bus_caller *bus_authority_caller(GDBusMethodInvocation *invocation)
     return g_object_get_data(G_OBJECT(invocation), "caller");
 }
 
-/* To the handlers of bus_calls.c, as the skeleton does that gdbus-codegen has made. */
+/* Passes a call to the handlers of bus_calls.c, as the skeleton made by gdbus-codegen does. */
 static GDBusInterfaceVTable *codegen_vtable(BusRig1 *object);
 static void pass_on(GDBusMethodInvocation *invocation) {
     BusRig1 *object = g_dbus_method_invocation_get_user_data(invocation);

@@ -11,9 +11,10 @@ struct bus_caller {
     int n_groups;
 };
 
-/* TRUE if the caller may make or change files in the folder, or, if there is none yet, may make it:
- * each folder on the way lets the caller pass, the last one that exists lets the caller write. By
- * owner, group and mode; an access list is as its mask says. It is there for processes that may do
- * more than their callers. Error: BUS_ERROR_DENIED, with folder and mode. */
+/* TRUE if the caller may make or change files in the folder or, if the folder does not exist yet,
+ * may make it: each folder of the path lets the caller pass, and the last one that exists lets the
+ * caller write. Owner, group and mode decide; of an access list, only the mask counts. Processes
+ * that may do more than their callers need this check. Error: BUS_ERROR_DENIED, with folder and
+ * mode. */
 gboolean bus_caller_may_write(const struct bus_caller *caller, const char *directory,
                               GError **error);

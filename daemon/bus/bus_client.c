@@ -94,7 +94,7 @@ static void on_cancelled(GCancellable *caller, gpointer stop) {
     g_cancellable_cancel(stop);
 }
 
-/* GLib's error says neither to what it has tried to connect nor what to do. */
+/* Replaces GLib's error, which names neither the address that it has tried nor a remedy. */
 static GError *explain(const struct attempt *attempt, const GError *why) {
     const char *address = attempt->address;
     if (g_error_matches(why, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT) ||

@@ -4,11 +4,11 @@
 #include "rig/devices.h"
 #include "session/session.h"
 
-/* "a(ssss)": class, name, driver, health. faults: names of devices to what is wrong with them
- * (both char *). devices may be NULL: an empty list. Floating. */
+/* "a(ssss)": class, name, driver, health. faults maps the name of a device to its fault (both char
+ * *). devices NULL: an empty list. Floating. */
 GVariant *bus_devices(struct devices *devices, GHashTable *faults);
 
-/* As the properties Pose and Places. shot NULL: none was taken; devices NULL: none are open.
- * Floating. */
+/* The values of the properties Pose and Places. shot NULL: none was taken; devices NULL: none are
+ * open. Floating. */
 GVariant *bus_pose(const struct devices *devices, const struct session_shot *shot);
 GVariant *bus_places(const struct devices *devices);

@@ -23,6 +23,7 @@ enum bus_error {
  * it once; further calls have no effect. */
 void bus_errors_register(void);
 
-/* An error as it may be given to D-Bus: its own if its domain has names, else BUS_ERROR_FAILED
- * with the same message. Takes and gives ownership. */
+/* Returns an error that D-Bus can carry: the given one if its domain has names, else
+ * BUS_ERROR_FAILED with the same message. Takes ownership of the given error; the caller owns the
+ * returned one. */
 GError *bus_errors_wrap(GError *error);

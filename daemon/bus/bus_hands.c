@@ -90,7 +90,8 @@ static void hand_drop(struct hand *hand) {
     bus_show_devices(bus);
 }
 
-/* Answers with the angle at which the axis stands, or that the light is as asked for. */
+/* Answers the call: with the angle at which the axis stands, or because the light is as
+ * requested. */
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->bus->object;
     GDBusMethodInvocation *invocation = g_steal_pointer(&hand->invocation);
@@ -112,8 +113,8 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* The device has failed to do what it was asked for. If it may still give light, every client is
- * told. */
+/* Ends a hand whose device has failed to obey. If the device may still give light, tells every
+ * client. */
 static void hand_lose(struct hand *hand, gboolean may_shine, const GError *error) {
     if (may_shine) {
         g_autofree char *text = g_strdup_printf(DEVICES_UNSAFE ": %s", error->message);
@@ -295,7 +296,7 @@ static GError *open_interlock_error(Bus *bus) {
     return NULL;
 }
 
-/* NULL, and the call is answered, if the device cannot be taken in hand now. */
+/* Takes a device in hand. If that is not possible now, answers the call and returns NULL. */
 static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
     GError *error = NULL;
     const gboolean emits = like.kind == HAND_LASER || like.kind == HAND_AXIS;
@@ -335,7 +336,7 @@ static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struc
     return hand;
 }
 
-/* FALSE, and the call is answered, without a rig that is free. */
+/* Checks that a rig is open and free. If not, answers the call and returns FALSE. */
 static gboolean rig_is_free(Bus *bus, GDBusMethodInvocation *invocation) {
     GError *error = NULL;
     if (bus_need_rig(bus, &error) && bus_need_free(bus, &error))
@@ -344,7 +345,7 @@ static gboolean rig_is_free(Bus *bus, GDBusMethodInvocation *invocation) {
     return FALSE;
 }
 
-/* Answers that there is no such device; names has those there are. */
+/* Answers that there is no such device; names lists the existing ones. */
 static void refuse_name(GDBusMethodInvocation *invocation, const char *kind, const char *name,
                         const GString *names) {
     g_dbus_method_invocation_return_error(
@@ -357,7 +358,7 @@ static gboolean is_named(GString *names, const char *is, const char *wanted) {
     return strcmp(is, wanted) == 0;
 }
 
-/* A command that the device has refused. */
+/* Ends a hand whose device has refused the command. */
 static void hand_refused(struct hand *hand, GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -441,7 +442,7 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
         hand_refused(hand, error);
 }
 
-/* A hand on the axis of that name; NULL, and the call is answered, if there is none. */
+/* Takes the axis of this name in hand. If there is none, answers the call and returns NULL. */
 static struct hand *take_axis(Bus *bus, GDBusMethodInvocation *invocation, const char *name) {
     g_autoptr(GString) names = g_string_new(NULL);
     Axis *axis = NULL;
@@ -488,7 +489,8 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
     }
     for (guint i = 0; i < bus->hands->len; i++)
         if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "somebody is moving the axis %s",
+            g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                        "somebody is moving the axis %s: try again when it stands",
                         axis->device.name);
             return FALSE;
         }

@@ -9,8 +9,8 @@
 
 #include "bus_private.h"
 
-/* As the methods of these names: answered when the device has done it (a lamp or laser when its
- * light is stable), or at once with an error. */
+/* Each carries out the method of the same name. It answers the call when the device has done what
+ * was asked (for a lamp or laser: when the light is stable), or at once with an error. */
 void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
 void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *lamp, gboolean on);
@@ -19,21 +19,23 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
 void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg);
 void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis);
 
-/* Moves an axis to where it rests (park_deg), after homing it if need be, or homes it, unless
- * somebody has it in hand or an interlock is open. done: once, with an error if it does not stand
- * there, also if another call ends it. */
+/* Moves an axis to park_deg, after homing it if need be; an axis without park_deg is homed only.
+ * Refuses an axis that a client has in hand, and all axes while an interlock is open. done is
+ * called once, with an error if the axis did not get there or if another call has ended the
+ * move. */
 typedef void (*BusParked)(Bus *bus, const GError *error);
 gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error);
 
 /* Listens to the interlocks of a rig that was opened, or is to be closed. */
 void bus_hands_watch(Bus *bus, gboolean watch);
 
-/* Ends all: calls are answered with BUS_ERROR_CANCELLED and why, lights are commanded off, axes are
- * stopped. A light that does not confirm it is reported. */
+/* Ends the work of all hands: answers their calls with BUS_ERROR_CANCELLED and the text why,
+ * commands lights off and stops axes. Reports each light that does not confirm that it is off. */
 void bus_hands_stop(Bus *bus, const char *why);
 
-/* The same at once, for whoever listens to the devices from now on. */
+/* The same as bus_hands_stop(), but does not wait for the devices: the caller listens to them from
+ * now on. */
 void bus_hands_end(Bus *bus, const char *why);
 
-/* The same for everything that this client has begun: its connection has closed. */
+/* Ends, in the same way, everything that a client has begun whose connection has closed. */
 void bus_hands_end_client(Bus *bus, GDBusConnection *connection);

@@ -197,7 +197,8 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
     return FALSE;
 }
 
-/* The daemon may read more than its caller, and less: the caller reads it. */
+/* Refuses to read a file for another user, since the daemon may have more rights than its caller,
+ * or fewer: the caller has to send the file's text. */
 static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
                                const char *text, const char *option, GError **error) {
     if (!path || text || !bus_authority_caller(invocation))
@@ -269,7 +270,7 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     return TRUE;
 }
 
-/* The text of a file that is kept with the queue; the empty path has none. NULL: an error. */
+/* Returns the text of a file, which the queue keeps; "" for the empty path. NULL: an error. */
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)
         return g_strdup("");

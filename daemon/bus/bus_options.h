@@ -11,7 +11,7 @@ struct bus_options {
 };
 
 /* options: a{sv}; ret is zeroed before, and cleared by the caller in any case. BUS_ERROR_UNKNOWN:
- * an option that there is not, or of another type. */
+ * an option does not exist, or has the wrong type. */
 gboolean bus_options_read(GVariant *options, struct bus_options *ret, GError **error);
 void bus_options_clear(struct bus_options *options);
 typedef struct bus_options BusOptions;

@@ -1,8 +1,8 @@
 /*
- * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
- * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
- * works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions), bus_queue.c
- * (calls that wait) and bus_authority.c (who may call what) share.
+ * Shared by bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras'
+ * last pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a
+ * child works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions),
+ * bus_queue.c (calls that wait) and bus_authority.c (who may call what).
  */
 #pragma once
 
@@ -60,7 +60,8 @@ gboolean bus_need_capture(Bus *bus, GError **error);
 gboolean bus_need_free(Bus *bus, GError **error);
 gboolean bus_need_absolute(const char *path, GError **error);
 
-/* An event for all clients and the log; of level "error", also as the fault of a device. */
+/* Sends an event to all clients and the log; one of level "error" also becomes the fault of a
+ * device. */
 void bus_report(Bus *bus, const char *level, const char *source, const char *message);
 void bus_show_devices(Bus *bus);
 
@@ -68,7 +69,7 @@ void bus_show_devices(Bus *bus);
  * simulates after some seconds could occur before the first call. */
 void bus_hold_clock(Bus *bus, gboolean hold);
 
-/* As the methods of these names. */
+/* Each does what the method of the same name does. */
 void bus_close_rig(Bus *bus);
 gboolean bus_make_safe(Bus *bus, GError **error);
 
@@ -77,27 +78,29 @@ gboolean bus_make_safe(Bus *bus, GError **error);
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error);
 
-/* As the methods of these names, in a child: the call is answered when that has ended. FALSE: it
- * was refused at once, and is to be answered with the error. session_path NULL: as Resume. */
+/* Each does the work of the method of the same name in a child, and answers the call when the child
+ * has ended. FALSE: refused at once; the caller of this function answers with the error.
+ * session_path NULL: does the work of Resume. */
 gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                       const char *directory, GVariant *options, GError **error);
 gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                    const char *directory, GVariant *options, GError **error);
 
-/* Checks a session and adds it to the queue: as the method QueueAdd. */
+/* Checks a session and adds it to the queue, as the method QueueAdd does. */
 gboolean bus_add_to_queue(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
                           const char *directory, GVariant *options, GError **error);
 
 /* Begins or goes on with a session of the queue in a child, as Start and Resume do. begun is called
- * once, from the main loop or from bus_jobs_stop_…(); error NULL: it is being captured. */
+ * once, from the main loop or from bus_jobs_stop_…(); error NULL: the session is being captured. */
 typedef void (*BusBegun)(Bus *bus, const GError *error);
 void bus_start_queued(Bus *bus, const struct queue_item *item, gboolean resumes, BusBegun begun);
 
 /* The session directory of a Start or Resume that has not been answered yet, or NULL. */
 const char *bus_jobs_beginning(Bus *bus);
 
-/* Each answers some calls with BUS_ERROR_CANCELLED and kills their children: a Start or Resume
- * (FALSE: there is none); all calls; those of a client that has gone. */
+/* Each answers calls with BUS_ERROR_CANCELLED and kills their children. The first ends a Start
+ * or Resume (FALSE: there is none), the second all calls, the third those of a client that has
+ * gone. */
 gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
 void bus_jobs_stop_all(Bus *bus, const char *why);
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);
@@ -111,7 +114,7 @@ void bus_queue_close(struct bus_queue *queue); /* the bus is being closed */
 /* Signals cameras with a new picture, each at most once per second. */
 void bus_show_thumbnails(Bus *bus);
 
-/* The last pictures of a capture that ends stay, until they are dropped. */
+/* Keeps the last pictures of a capture that ends, until they are dropped. */
 void bus_keep_thumbnails(Bus *bus);
 void bus_drop_thumbnails(Bus *bus);
 

@@ -3,13 +3,14 @@
 
 #include <string.h>
 
-/* Calls that wait for the main loop. It takes all of them in one turn, and SafeState, which comes
- * in the next one, has to wait for as many. */
+/* The most calls of one client, and of all clients, that may wait for the main loop. The loop
+ * handles all waiting calls in one turn, and a SafeState that arrives meanwhile waits until they
+ * are done. */
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
-/* SafeState: how often and for how long devices are asked whether they have answered. The classes'
- * own deadlines of lasers and lamps are shorter. */
+/* SafeState looks every LOOK_MS, for ANSWER_US at most, whether the devices have answered. The
+ * drivers of lasers and lamps have shorter deadlines. */
 #define LOOK_MS   2
 #define ANSWER_US (3 * G_USEC_PER_SEC)
 
@@ -128,7 +129,7 @@ static gboolean securing_look(gpointer data) {
     if (!bus || !bus->devices) {
         g_autoptr(GError) error = g_error_new_literal(
             BUS_ERROR, BUS_ERROR_CANCELLED,
-            "the rig was told to be safe, and closed before all devices had answered");
+            "the rig was closed before all devices had answered that they are safe: look at them");
         securing_answer(securing, NULL, error);
         return G_SOURCE_REMOVE;
     }
@@ -216,8 +217,9 @@ static gboolean bus_queue_leave(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* GDBus passes a call on by an idle source of the default priority; so does leave(), just before.
- */
+/* Counts a call until the main loop takes it. GDBus passes each call to the main loop by an idle
+ * source of the default priority; bus_queue_leave() is queued just before, at the same priority,
+ * and so runs just before the call. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
     struct bus_queue *queue = data;

@@ -75,7 +75,7 @@ GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     g_autoptr(GError) why = NULL;
     char *folder = bus_client_announce(address, &why);
     if (why)
-        g_warning("commands will find this daemon by --address alone: %s", why->message);
+        g_warning("commands find this daemon only with --address: %s", why->message);
     g_object_set_data_full(G_OBJECT(server), "announced", folder, g_free);
     return server;
 }

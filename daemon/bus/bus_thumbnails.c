@@ -56,7 +56,8 @@ const struct capture_thumbnail *bus_thumbnail(Bus *bus, const char *camera, GErr
         return NULL;
     const struct capture_thumbnail *found = capture_thumbnail(bus->capture, index);
     if (!found)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_PICTURE, "%s has not taken a picture yet",
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_PICTURE,
+                    "camera %s has not taken a picture in this capture yet: try again later",
                     camera);
     return found;
 }

@@ -9,7 +9,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* Every wait within it has a deadline of its own; this one is for a child that hangs. */
+/* The time limit of the child, for one that hangs: every wait within it has a shorter deadline. */
 #define TRIAL_S 1800
 #define PREFIX  "mesorig: "
 /* The exit code of “mesorig queue try” when a device has failed. */
@@ -23,7 +23,7 @@ struct bus_trial {
     guint deadline_id;
 };
 
-/* Its messages, without the program's name before each line. */
+/* Returns the child's messages, without the program's name before each line. */
 static char *strip_said(const char *text) {
     g_auto(GStrv) lines = g_strsplit(text ? text : "", "\n", -1);
     g_autoptr(GString) to = g_string_new(NULL);
@@ -76,8 +76,9 @@ static char *trial_request(const struct queue_item *item) {
     return g_key_file_to_data(request, NULL, NULL);
 }
 
-/* A file without a name that has the text, at its beginning; −1: there is no memory. With a pipe
- * the answer of a program that ends before it has read all of that would be lost. */
+/* Returns a file without a name that holds the text, positioned at its beginning; −1: there is no
+ * memory. If the text came through a pipe, and the program ended before it had read all of it, the
+ * program's answer would be lost. */
 static int trial_input(const char *text) {
     const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
     const int copy = fd >= 0 ? dup(fd) : -1;

@@ -12,7 +12,7 @@
 /* Sessions in a row that have stopped, after which the rig is suspected. */
 #define MOST_STOPPED 2
 
-/* The moment of a capture of which clients were told last. */
+/* The moment of a capture that was last reported to clients. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
 
 struct unattended {
@@ -139,7 +139,8 @@ static void put_back(struct unattended *at) {
     }
 }
 
-/* The item at hand has ended without its last shot. rig: so would the next one. */
+/* Ends the item at hand, which has stopped before its last shot. rig: the fault is the rig's, and
+ * the next item would stop, too. */
 static void stop_item(struct unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
@@ -166,7 +167,8 @@ static gboolean is_interlocked(const Bus *bus) {
     return FALSE;
 }
 
-/* The rig, not the session, is why it did not begin: it is to be tried again. */
+/* Keeps an item that did not begin because of the rig, not of its session, so that it is tried
+ * again. */
 static void keep_for_later(struct unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
@@ -191,7 +193,7 @@ static gboolean has_begun(const struct queue_item *item) {
     return item->begun_at_s > 0 && g_file_test(database, G_FILE_TEST_EXISTS);
 }
 
-/* Makes the session, or goes on with it. That it begins is on disk before it does. */
+/* Makes the session, or goes on with it. Its state "begun" is on disk before it begins. */
 static void begin_item(struct unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
@@ -277,7 +279,8 @@ static void on_parked(Bus *bus, const GError *error) {
         rest_now(at);
 }
 
-/* The queue is empty: leaves the rig as nobody is to find it burning or in the way. */
+/* Parks the rig when the queue is empty: switches lights off and moves the axes to their rest
+ * positions. */
 static void park(struct unattended *at) {
     Bus *bus = at->bus;
     g_autoptr(GError) error = NULL;

@@ -151,8 +151,8 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
                   GAsyncReadyCallback callback, gpointer data) {
     GTask *task = g_task_new(NULL, cancellable, callback, data);
     GError *error = NULL;
-    /* Descriptors are passed on and closed by the child, so that no copy of this process, which may
-     * be large, has to be made for that. */
+    /* The child inherits all descriptors and closes them itself. Otherwise GLib would fork this
+     * process, which may be large, to close them. */
     const GSubprocessFlags flags = G_SUBPROCESS_FLAGS_STDIN_PIPE | G_SUBPROCESS_FLAGS_STDOUT_PIPE |
                                    G_SUBPROCESS_FLAGS_INHERIT_FDS;
     g_autofree char *program = find_program(&error);

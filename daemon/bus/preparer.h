@@ -23,7 +23,7 @@ struct preparer_limits {
     guint64 memory_bytes; /* of address space, in addition to what the program itself takes */
 };
 
-/* By task. Frames of a whole session may be examined. */
+/* Limits by task. They allow for examining the frames of a whole session. */
 extern const struct preparer_limits preparer_default_limits[PREPARER_TASKS];
 
 struct preparer_request {
@@ -49,5 +49,6 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
  * or BUS_ERROR_LIMIT. */
 GVariant *preparer_finish(GAsyncResult *result, GError **error);
 
-/* The child: from a request at standard input to an answer at standard output. main()'s result. */
+/* Runs as the child: reads a request from standard input and writes an answer to standard output.
+ * Returns main()'s result. */
 int preparer_child(void);

@@ -29,7 +29,7 @@ const char *calibrate_left_out(enum calibration_kind kind) {
     return words[kind];
 }
 
-/* Notes in the calibration which sessions lacked shots; of an earlier run, nothing remains. */
+/* Notes in the calibration which sessions lacked shots; removes the notes of an earlier run. */
 static void keep_incomplete(const struct calibrate_job *job) {
     GKeyFile *to = job->calibration->extra;
     if (job->incomplete->len > 0)
@@ -292,8 +292,10 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, GError **err
         picture = picture_new(frame->path, frame->sha256, part->width, part->height);
         memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
         if (!picture_balance(picture, cfa)) {
-            g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                        "%s: its colour filter “%s” is not known", frame->path, cfa);
+            g_set_error(
+                error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: its colour filter “%s” is not known; mono, rggb, bggr, grbg, gbrg and rgb are",
+                frame->path, cfa);
             g_clear_pointer(&picture, picture_free);
         }
     }

@@ -58,14 +58,16 @@ struct calibrate_job {
     double seconds;  /* which it took */
 };
 
-/* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job
- * and frees what the members above own. Returns an exit code; without -o that of bad usage. */
+/* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job,
+ * and in the end frees what its members own. Returns an exit code: that of bad usage if -o is
+ * missing. */
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
 
 /* Opens one of the job's sessions. One that lacks shots is refused without --incomplete. The first
- * gives the calibration to improve on: that of -c, or of the file that the method adds to, else its
- * own. The others, and the file, are refused if they are of another rig. */
+ * session decides which calibration is improved on: that of -c, else the file that the method adds
+ * to, else the session's own. The other sessions, and the file, are refused if they belong to
+ * another rig. */
 Session *calibrate_open(struct calibrate_job *job, int i, GError **error);
 
 /* Records in the calibration how a part of it was found: from all of the job's frames but the
@@ -73,8 +75,8 @@ Session *calibrate_open(struct calibrate_job *job, int i, GError **error);
 void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, const char *method,
                         double residual_rms, const char *residual_unit, int degrees_of_freedom);
 
-/* The sessions of a calibrated part that lacked shots, as the calibration file keeps them; the
- * part's name is that of the command, "laser". NULL: all were complete. g_strfreev(). */
+/* Returns which of the sessions that a part was calibrated from lacked shots, as the calibration
+ * file says; part has the command's name, "laser". NULL: all were complete. g_strfreev(). */
 char **calibrate_lacking(const struct calibration *calibration, const char *part);
 
 /* The name of the observations that a part leaves out one by one, as in "sights". */
@@ -102,7 +104,7 @@ struct calibrate_column {
 void calibrate_keep(struct calibrate_job *job, const char *group,
                     const struct calibrate_column *columns, guint n_columns, const GArray *rows);
 
-/* Exactly n finite numbers; separator: what stands between them. */
+/* Parses exactly n finite numbers; separator: the text between them. */
 gboolean calibrate_parse(const char *text, const char *separator, int n, double *ret);
 
 /* A frame that the session holds; its pixels are read when they are needed. */
@@ -118,9 +120,9 @@ void calibrate_frame_free(struct calibrate_frame *frame); /* NULL is ignored */
 /* Frames of one kind in planned order, with a free function. */
 GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error);
 
-/* Whether its file is the one that was captured. */
+/* Checks that the frame's file is the one that was captured. */
 gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
 
-/* Lamp frames only: the mosaic in DN a millisecond, above dark, its colours balanced. The checksum
- * of the file is compared. */
+/* Reads a frame of a lamp shot: its mosaic in DN per millisecond above the dark level, with
+ * balanced colours. Compares the file's checksum with the session's. */
 struct picture *calibrate_read(const struct calibrate_frame *frame, GError **error);

@@ -168,8 +168,9 @@ static void turn_to_board(struct job *job) {
     calibration_turn(job->base.calibration, -flat->azimuth_deg * G_PI / 180);
 }
 
-/* All corners of each picture that was used, in the order of board.h; of those that were not found
- * or not used, dashes. That is vnlog, and mrcal's corners.vnl of a chessboard. */
+/* Writes all corners of each picture that was used, in the order of board.h, with dashes for
+ * corners that were not found or not used. The format is vnlog, as mrcal's corners.vnl for a
+ * chessboard. */
 static gboolean write_corners(const struct job *job, GError **error) {
     const GArray *all = job->result->residuals;
     const int n = board_n_corners(&job->board), pictures = (int)job->pictures->len;

@@ -122,7 +122,9 @@ static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
             frame->lamp < job->rig.n_lamps)
             continue;
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: its camera or lamp is not in the calibration", frame->path);
+                    "%s: camera %d or lamp %d is not in the calibration, which has %d cameras and "
+                    "%d lamps, from 0 on; give a calibration of this rig with -c",
+                    frame->path, frame->camera, frame->lamp, job->rig.n_cameras, job->rig.n_lamps);
         return FALSE;
     }
     if (frames->len == 0) {
@@ -157,7 +159,7 @@ static ShadowView *cli_calibrate_lights_load_view(struct job *job, const struct 
     return g_steal_pointer(&shadows);
 }
 
-/* Some views with some of their pictures, to look for the plate in. */
+/* Loads some views with some of their pictures, in which the plate is searched for. */
 static GPtrArray *load_some(struct job *job, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func((GDestroyNotify)shadow_view_free);
     guint every = 1 + job->views->len / LOCATE_VIEWS;
@@ -228,8 +230,8 @@ static gboolean measure_balls(struct job *job, GError **error) {
     return cli_calibrate_lights_adjust(job, error);
 }
 
-/* A mistake in what is known of the pictures: true angles are those noted times these factors, and
- * lamp i was truly lamps[i]. */
+/* A mistake in what is noted of the pictures: the true angles are the noted ones times these
+ * factors, and where lamp i is noted, lamp lamps[i] was lit. */
 struct mistake {
     double turntable, arc;
     int lamps[RIG_MAX_LAMPS];
@@ -242,9 +244,11 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* Signs, radians, pairs of lamps (of many lamps, those with neighbouring numbers: each mistake is
- * tried on all pictures); of lamps, also a numbering from the other end or from a neighbour. Balls
- * show lamps wherever they are: lamps_fit() tells which are exchanged. */
+/* All mistakes that are tried: wrong signs, radians in place of degrees, two lamps exchanged, and
+ * lamps numbered from the other end or from a neighbour. Each mistake is tried on all pictures;
+ * therefore, where there are many lamps, only lamps with neighbouring numbers are exchanged. With
+ * balls no mistake of lamps is tried: balls show lamps wherever they are, and lamps_fit() tells
+ * which are exchanged. */
 #define MOST_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
@@ -284,8 +288,9 @@ static void set_mistake(struct job *job, const struct calibrate_frame *noted,
     sort_into_views(job);
 }
 
-/* How well the pictures agree with what is known of them, 0 to 1: the share of the posts' shadows
- * that is dark, or of the balls that show the lamp where all others have it. Negative: stopped. */
+/* How well the pictures agree with what is noted of them, 0 to 1: the share of the posts' shadows
+ * that is dark, or the share of the balls that show the lamp at the place at which all others show
+ * it. Negative: cancelled. */
 static double agreement(struct job *job) {
     if (job->target.kind == LAMP_POLES) {
         g_autoptr(GPtrArray) views = load_some(job, NULL);
@@ -361,9 +366,9 @@ static gboolean decisive(double is, double would_be) {
            (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
 }
 
-/* After a failure, or where little fits: if one mistake explains the pictures, and decisively
- * better than what is noted of them, the error becomes that. target: as its file has it. FALSE:
- * none does; the job's pictures and results are then as the last attempt left them. */
+/* Called after a failure, or where little fits. If one mistake explains the pictures decisively
+ * better than what is noted of them, sets the error to that mistake. target: as its file has it.
+ * FALSE: no mistake does; the job's pictures and results are then as the last attempt left them. */
 static gboolean find_mistake(struct job *job, const struct lamp_target *target, GError **error) {
     const guint n = job->base.frames->len;
     g_autofree struct calibrate_frame *noted = g_new(struct calibrate_frame, n);

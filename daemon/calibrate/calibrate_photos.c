@@ -91,8 +91,9 @@ static gboolean add_to_mean(struct job *job, const struct picture *picture, GErr
     return TRUE;
 }
 
-/* Where the pictures show an outline, it is nearer to the truth than a circle somebody has drawn;
- * but if they show only one far from it, that circle is a mistake. */
+/* Takes the ball's outline from the pictures, since it is nearer to the truth than a circle that
+ * somebody has drawn. If the only outline in the pictures is far from that circle, the circle is a
+ * mistake. */
 static gboolean outline(struct job *job, const struct picture *mean, int i, GError **error) {
     const struct ball_outline *given = &job->given[i];
     struct ball_outline seen;

@@ -44,7 +44,7 @@ static char *escaped(const char *text) {
     return g_markup_escape_text(text, -1);
 }
 
-/* Appends what of a part should be looked at before it is relied on. */
+/* Appends the doubts about a part that a user should check before relying on it. */
 static void doubt_part(GPtrArray *to, const struct calibration *calibration,
                        enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
@@ -252,7 +252,7 @@ static double *report_column(const struct calibration *calibration, const char *
     return values;
 }
 
-/* Arrows so long that the longest tenth of them are a few pixels of the page. */
+/* Adds arrows, scaled so that the longest tenth of them are a few pixels of the page long. */
 static void add_vectors(GString *to, const struct calibration *calibration, int camera) {
     const struct rig_camera *c = &calibration->rig.cameras[camera];
     const struct calibration_camera *e = &calibration->cameras[camera];

@@ -5,7 +5,7 @@
 
 #include "calibration/calibration.h"
 
-/* Nothing is added of a part that was not calibrated. */
+/* They add nothing for a part that was not calibrated. */
 void calibrate_table_lamps(GString *to, const struct calibration *calibration);
 void calibrate_table_lasers(GString *to, const struct calibration *calibration);
 void calibrate_table_light(GString *to, const struct calibration *calibration);

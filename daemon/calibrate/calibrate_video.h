@@ -2,11 +2,11 @@
  * Photographs of a board from a video: frames that are sharp, that show the board, and in which it
  * lies at places that are far from each other.
  *
- * Where a homography of the corners found puts the board's four outer corners is where it lies. The
- * frame with most corners is chosen first, then each time that whose board is farthest from all
- * chosen ones: the distance is the RMS over the four corners. Boards nearer to each other than a
- * share of the picture's width count as one that was held still, and of its frames the sharpest is
- * taken.
+ * A homography is fitted to the corners found; the place of a board is where it puts the four outer
+ * corners. The frame with the most corners is chosen first, and then, one after the other, the
+ * frame whose board is farthest from the boards of all chosen frames: the distance is the RMS over
+ * the four corners. Boards nearer to each other than a share of the picture's width count as one
+ * board that was held still, and of its frames the sharpest is taken.
  */
 #pragma once
 

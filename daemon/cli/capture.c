@@ -39,8 +39,8 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* session: NULL to resume. chosen: in place of "auto" in the session file; may be NULL. NULL: a
- * file that they name cannot be read. */
+/* session: NULL to resume. chosen: the exposures in place of "auto" in the session file; may be
+ * NULL. Returns NULL if a file that the options name cannot be read. */
 static GVariant *start_options(Link *link, const char *session, const char *chosen,
                                GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -126,8 +126,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* The child of a private daemon has ended with it; products that are up to date are not made
-     * again. */
+    /* A private daemon's child, which makes the products, has ended with the daemon; this makes
+     * those that the child has not finished. */
     return code == CLI_DONE && process && private
                ? process_session(directory, session != NULL, call->record, error)
                : code;

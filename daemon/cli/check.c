@@ -9,7 +9,7 @@
 #include "mdf/mdf_views.h"
 #include "session/session.h"
 
-/* The folder is there without views, too: in a session of sweeps alone. */
+/* Whether the folder holds views: it also exists without any, in a session of sweeps alone. */
 static gboolean check_has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     const char *name;
@@ -119,7 +119,7 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
                    mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
 }
 
-/* Longer exposures do not help where they are too long already. */
+/* Reports the error bars. Suggests longer exposures only where they do not saturate already. */
 static void tell_sigma(Record *to, const char *path, const char *too_long) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(path, &sigma);

@@ -29,10 +29,10 @@ void check_clear(struct check *check);
 gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
                      GError **error);
 
-/* Appends sentences (g_free()) that say which mistake explains what cannot be: values that
+/* Appends sentences (g_free()) that say which mistake explains impossible values: values that
  * contradict reciprocity, too much or too little energy. */
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error);
 
-/* The same where hardly anything of the surface is seen. depth_mm: of the session's grid. */
+/* The same for an MDF with hardly any measured surface. depth_mm: that of the session's grid. */
 void check_suspect_mdf(const struct mdf_views_sums *mdf, double depth_mm, GPtrArray *ret);

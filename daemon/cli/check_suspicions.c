@@ -1,11 +1,11 @@
 /* Finds mistakes in the input of a BTF or an MDF from the product alone: values that no material
  * has.
  *
- * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each mistake is undone, and
- * the asymmetry compared, a being the one and b the other of a pair of exchanged directions: s =
- * √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B − p with the p that minimises Σ (a − b)²;
- * and for B^(1/2.2) and B^2.2, which sRGB is near to. Only pairs of different polar angles show
- * it. */
+ * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each possible mistake is
+ * undone, and the asymmetry s is compared. With a and b the values of two pairs of directions in
+ * which view and light are exchanged, s = √(Σ (a − b)² / Σ ((a + b)/2)²) for the values B; for B −
+ * p with the p that minimises Σ (a − b)²; and for B^(1/2.2) and B^2.2, which sRGB is near to. Only
+ * pairs of different polar angles show it. */
 #include "check.h"
 
 #include "base/direction.h"

@@ -10,5 +10,5 @@ extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_w
 /* All commands; the table ends with NULL. */
 const struct command *const *cli_commands(void);
 
-/* All of mesorig: finds the command and runs it. An exit code. */
+/* The whole program mesorig: finds the command and runs it. Returns an exit code. */
 int cli_main(int argc, char **argv);

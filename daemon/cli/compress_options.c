@@ -161,7 +161,7 @@ const GOptionEntry *compress_entries(void) {
     return entries;
 }
 
-/* With the options that were given, in words that the same command understands. */
+/* The arguments of the command as they were given, so that the same command can run again. */
 static char *compress_made_by(void) {
     g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {

@@ -79,16 +79,16 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Whose session and rig it is that a command has changed. The session is what is being captured, or
- * "". */
+/* Reports what a command has done, on which rig and to which session: the one that is being
+ * captured, or "". */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
     record_string(to, "done", done);
     record_string(to, "rig", rig);
     record_string(to, "session", session);
 }
 
-/* Commands that send one request to the daemon. They print done, session and rig, and, unless they
- * are NULL, how it is done and the command that goes on. */
+/* Commands that send one request to the daemon. They print done, session and rig; then, unless they
+ * are NULL, how, which says how it is done, and next, the command to go on with. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);

@@ -136,8 +136,8 @@ static void draw_progress(const struct history *h, double top, double bottom) {
     cairo_set_line_width(h->cr, 1);
 }
 
-/* Warnings and errors, at the time at which they happened; more of them cannot be distinguished
- * here than in the list that `mesorig info` prints. */
+/* Marks warnings and errors at the times at which they happened; their texts are in the list that
+ * `mesorig info` prints. */
 static void draw_events(const struct history *h, double top, double bottom) {
     for (guint i = 0; i < h->events->len; i++) {
         const struct session_event *event = h->events->pdata[i];
@@ -171,8 +171,8 @@ static void draw_angles(const struct history *h, double top, double bottom) {
     }
 }
 
-/* When the axes had last been homed between two takes; from_s: they were not. What was done before
- * in that time was lost: a shot that a fault or an abort has interrupted. */
+/* Returns when the axes were last homed between two takes; from_s: they were not. The time between
+ * from_s and that homing was lost on a shot that a fault or an abort has interrupted. */
 static double homed_s(const struct history *h, double from_s, double to_s) {
     double at_s = from_s;
     for (guint i = 0; i < h->events->len; i++) {

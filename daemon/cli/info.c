@@ -152,7 +152,7 @@ static void tell_products(Record *to, const char *directory) {
                    marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
-/* Medians alone: which pictures are worse, `mesorig check` tells. */
+/* Tells medians alone; `mesorig check` tells which pictures are worse. */
 static void tell_sigma(Record *to, const char *directory) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(directory, &sigma);

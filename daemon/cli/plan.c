@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* By the daemon that has the rig open. */
+/* Has the daemon that has the rig open make the plan. */
 static GVariant *plan_remotely(Link *link, const char *session, const char *directory,
                                GError **error) {
     gboolean ok = FALSE;
@@ -160,7 +160,7 @@ static int run_plan(const struct call *call, GError **error) {
     }
     if (like && !curve) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "--like %s says what --curve FILE is drawn for: give that, too", like);
+                    "--like %s has an effect with --curve FILE only: give that, too", like);
         return CLI_FAILED;
     }
     if (!plan_check_order(rig, session, error))

@@ -10,7 +10,8 @@
 
 #define PLOT_TEXT 17.0 /* points */
 
-/* White, dark ink, text of PLOT_TEXT. NULL with an error unless path ends in .png or .svg. */
+/* Begins a picture: white ground, dark ink, text of size PLOT_TEXT. NULL with an error unless path
+ * ends in .png or .svg. */
 cairo_t *plot_new(const char *path, GError **error);
 /* A larger line, from (x, y) on, and one below it (may be NULL). */
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text);
@@ -23,7 +24,7 @@ void plot_colour(cairo_t *cr,
 /* align: 0 left, 0.5 centred, 1 right of (x, y). */
 void plot_text(cairo_t *cr, double x, double y, double align, const char *text);
 
-/* Errors of views and of lights on two hemispheres seen from above. */
+/* Draws the errors of views and of lights on two hemispheres seen from above. */
 gboolean plot_comparison(const char *path, const struct material_info *a,
                          const struct material_info *b, const struct comparison *comparison,
                          GError **error);
@@ -33,8 +34,8 @@ struct plot_point {
     double bytes, error;
 };
 
-/* Rate and distortion: error against size, both logarithmic. points: of one series together, in
- * order of size; raw_bytes is what sizes are compared with. */
+/* Draws rate and distortion: error against size, both logarithmic. points: series by series, in
+ * order of size; sizes are shown as ratios to raw_bytes, too. */
 gboolean plot_curve(const char *path, const char *name, double raw_bytes,
                     const struct plot_point *points, int n, GError **error);
 
@@ -43,7 +44,8 @@ struct plot_time {
     double minutes, error_pct;
 };
 
-/* Expected error against time, with the number of shots at each point, and a line where all shots
- * are taken (all_min). The error is logarithmic. points: in order of time. */
+/* Draws the expected error against time, with the number of shots at each point, and a line at
+ * the time at which all shots are taken (all_min). The error is logarithmic. points: in order of
+ * time. */
 gboolean plot_times(const char *path, const char *title, const char *text, double all_min,
                     const struct plot_time *points, int n, GError **error);

@@ -86,8 +86,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* The calibration that the products were made with, after it is told. told: the session's own one
- * has been told. NULL: an error. */
+/* Tells people which calibration the products were made with, and returns it. told: people have
+ * already read about the session's own calibration, which is not told again. NULL: an error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);

@@ -132,8 +132,8 @@ static void cli_verify_tell(Record *to, const struct verify *verify) {
     for (guint i = 0; i < remedies->len; i++)
         record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
     if (verify->not_noted && !cli_json)
-        g_printerr("resume will not hear of the damaged frames, which could not be noted: %s; "
-                   "run verify as somebody who may write the session\n",
+        g_printerr("the damaged frames could not be noted, so that mesorig resume does not take "
+                   "them again: %s; run mesorig verify as a user who may write into the session\n",
                    verify->not_noted->message);
 }
 

@@ -188,7 +188,7 @@ void cli_print_readably(void) {
     g_set_printerr_handler(put_err);
 }
 
-/* stdout keeps that a write has failed, but not why. */
+/* stdout remembers that a write has failed, but not why. */
 static void cli_check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))

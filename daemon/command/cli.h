@@ -41,7 +41,8 @@ struct command {
 #define CLI_TABLES 5
 void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLES]);
 
-/* Parses the options, runs the command, and prints its record or its error. An exit code. */
+/* Parses the options, runs the command, and prints its record or its error. Returns an exit
+ * code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
 /* For run_arguments of a command that has children: runs the one that argv[1] names, or prints
@@ -52,20 +53,21 @@ extern gboolean cli_json;    /* --json was given */
 extern gboolean cli_streams; /* of the command that runs */
 extern gboolean cli_force;   /* --force was given: what is exported may replace what is there */
 
-/* FALSE, with DATA_ERROR_EXISTS: something has the name of the output, be it a link that leads
- * nowhere, and --force was not given. To be asked before long work. */
+/* Checks, before long work, that the output may be written. FALSE, with DATA_ERROR_EXISTS:
+ * something already has its name, even if only a link that leads nowhere, and --force was not
+ * given. */
 gboolean cli_check_target(const char *path, GError **error);
 
 /* --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;
 
-/* Sees to it that g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no
- * such letters, as in a container or over a bare serial line, and that control characters and
- * bidirectional overrides, which files and databases of others may hold, reach no terminal. */
+/* Makes g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no such
+ * letters, as in a container or over a bare serial line. Also keeps control characters and
+ * bidirectional overrides, which files and databases of others may hold, from the terminal. */
 void cli_print_readably(void);
 
 /* Makes a program whose output could not be written, for instance to a full disk, report that as it
- * ends and exits with CLI_FAILED. */
+ * ends and exit with CLI_FAILED. */
 void cli_check_output_at_exit(void);
 
 /* Prints to stderr what is wrong with the call; returns CLI_USAGE. */

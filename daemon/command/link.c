@@ -28,8 +28,8 @@ static gboolean connect_to(Link *link, const char *address, GError **error) {
     return link->connection && make_proxy(link, NULL, error);
 }
 
-/* A proxy is made even for a user who may not call the daemon, and of a daemon that hangs. where:
- * "on the system bus". */
+/* Asks the daemon for its state: GDBus also makes a proxy for a user who may not call the daemon,
+ * or if the daemon hangs. where: "on the system bus". */
 static gboolean may_ask(BusRig1 *rig, const char *where, GError **error) {
     g_autoptr(GError) why = NULL;
     if (bus_rig1_get_state(rig))
@@ -78,8 +78,8 @@ Link *link_on_bus(const char *bus, GError **error) {
     return NULL;
 }
 
-/* Between fork and exec. Ctrl-C must reach this process only: the daemon gets its requests over the
- * bus and notices when this process ends. */
+/* Runs between fork and exec. Ctrl-C must reach only this process, not the daemon: the daemon gets
+ * its requests over the bus and notices when this process ends. */
 static void prepare_daemon(gpointer parent) {
     setsid();
     prctl(PR_SET_PDEATHSIG, SIGTERM);

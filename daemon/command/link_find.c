@@ -1,5 +1,5 @@
-/* Which daemon a command means. Where that is not clear the command is refused, and what there is
- * is listed: it could otherwise act on somebody else's capture. */
+/* Finds the daemon that a command means. Where that is not clear, the command is refused, and the
+ * daemons are listed: it could otherwise act on somebody else's capture. */
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 #include "cli.h"
@@ -26,7 +26,7 @@ static const char *rig_of(Link *link) {
     return rig ? rig : "";
 }
 
-/* Adds it, unless the daemon is in the list already. Takes link, which may be NULL. */
+/* Adds a link, unless its daemon is in the list already. Takes link, which may be NULL. */
 static void add(GPtrArray *links, Link *link) {
     if (!link)
         return;
@@ -41,7 +41,7 @@ static void add(GPtrArray *links, Link *link) {
     g_ptr_array_add(links, link);
 }
 
-/* By a folder of bus_client.h, which is removed if its daemon was killed. */
+/* Connects through a folder of bus_client.h; removes the folder if its daemon was killed. */
 static Link *link_in_folder(const char *folder) {
     g_autofree char *at = g_build_filename(folder, "bus", NULL);
     g_autofree char *target = g_file_read_link(at, NULL);
@@ -141,7 +141,8 @@ static Link *link_by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
-/* None of this user's, so one on a bus that is running but refuses is the one that was meant. */
+/* Sets the error if no daemon was found. This user runs none; a daemon that runs on a bus but
+ * refuses is the one that was meant. */
 static Link *none_at_all(GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         g_autoptr(GError) why = NULL;

@@ -1,4 +1,4 @@
-/* What link.c (a connection to one daemon) and link_find.c (which daemon that is) share. */
+/* Shared by link.c (the connection to a daemon) and link_find.c (the choice of the daemon). */
 #pragma once
 
 #include "link.h"
@@ -12,6 +12,7 @@ struct Link {
     gboolean passing; /* it ends with the program that has started it */
 };
 
-/* That daemon; an error if it does not answer or may not be asked. bus: "system" or "session". */
+/* Connects to this daemon; an error if it does not answer, or this user may not call it. bus:
+ * "system" or "session". */
 Link *link_to(const char *address, GError **error);
 Link *link_on_bus(const char *bus, GError **error);

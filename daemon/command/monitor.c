@@ -196,8 +196,8 @@ static void cli_monitor_check(Monitor *monitor) {
         return;
     }
     const char *state = bus_rig1_get_state(rig);
-    /* Another property may change between the event of a fault and the state that follows it: only
-     * a state that is new says that it goes on again. */
+    /* Another property may change after the event of a fault and before the state that follows it.
+     * Therefore "running" ends the fault only if another state was shown before. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
     cli_monitor_show(monitor);
@@ -261,8 +261,9 @@ static gboolean cli_monitor_check_idle(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Once: after the shot under way. Twice: now. Changes that the daemon sent before its answer may
- * still be queued, even that it has started: the state is read after them. */
+/* The first Ctrl-C pauses after the shot under way, the second aborts at once. Changes that the
+ * daemon sent before it answered may still be queued, even the change to "running": an idle source
+ * reads the state after them. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;

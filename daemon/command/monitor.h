@@ -24,7 +24,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 /* Shows the pose, too, and on request the cameras' last pictures (watching.h). */
 void monitor_watch(Monitor *monitor, gboolean pictures);
 
-/* Information from this source is not shown to people, who know it already. */
+/* Does not show people events of level "info" from this source, which they know already. */
 void monitor_leave_out(Monitor *monitor, const char *source);
 
 enum monitor_answer {
@@ -45,5 +45,5 @@ const char *monitor_reason(const Monitor *monitor);
 /* "3340 shots, 51234 frames, no retakes, 2 h 48 min simulated in 3 min 02 s"; g_free(). */
 char *monitor_summary(const Monitor *monitor);
 
-/* Adds what the daemon shows, without a text. */
+/* Adds the daemon's state as values, without a text. */
 void monitor_status(Record *to, BusRig1 *rig);

@@ -79,8 +79,8 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes the room that the text leaves. Of a text that is too long, what stands behind its
- * last commas is left out, so that the line never wraps and can be drawn over. */
+/* The bar takes the room that the text leaves. A text that is too long loses its last parts, which
+ * commas separate, so that the line never wraps and can be drawn over. */
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =

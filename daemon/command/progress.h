@@ -1,5 +1,5 @@
-/* On standard error, so that standard output has results alone: a progress bar on a terminal;
- * elsewhere a line after a second, then one every ten seconds; nothing with --json. */
+/* Shows progress on standard error, so that standard output has results alone: a progress bar on a
+ * terminal; elsewhere a line after a second, then one every ten seconds; nothing with --json. */
 #pragma once
 
 #include <glib.h>
@@ -16,8 +16,8 @@ void progress_end(Progress *progress);
  * bar. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
-/* What is drawn above the bar from the next time on, on a terminal alone: whole lines, each no
- * longer than the terminal is wide. */
+/* Sets the text that is drawn above the bar from the next drawing on, on a terminal alone: whole
+ * lines, each no longer than the terminal is wide. */
 void progress_set_above(Progress *progress, const char *text, int lines);
 
 /* A line of its own on standard output, above the bar. Not printed with --json. */

@@ -10,10 +10,10 @@ gboolean status_is_capturing(BusRig1 *rig);
 /* Session, shots, frames, elapsed time and predicted end of a capture that has shots. */
 void status_say_progress(Record *to, BusRig1 *rig);
 
-/* A line for each sentence; those behind the first are indented. */
+/* Prints a line for each sentence, and indents those after the first. */
 void status_say_sentences(Record *to, const char *key, const char *text);
 
-/* devices: "a(ssss)", as the property Devices. Its table has a word for each fault; behind it are
- * the faults themselves, once each, but not those that the reason tells. A device that is "ok" was
- * so when it last answered, which may have been before the fault of another. */
+/* devices: "a(ssss)", as the property Devices. Prints a table with one word for the health of each
+ * device, and after it the text of each fault once, unless reason contains it. "ok" is what a
+ * device last answered, which may have been before the fault of another device. */
 void status_say_devices(Record *to, GVariant *devices, const char *reason);

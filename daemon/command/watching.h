@@ -7,8 +7,8 @@
 
 typedef struct Watching Watching;
 
-/* Borrows both. pictures: the cameras', too, in half blocks, where standard error is a terminal
- * that shows them. Each is fetched as it changes, from the main loop. */
+/* Borrows rig and progress. pictures: also shows the cameras' pictures, in half blocks, if standard
+ * error is a terminal that can show them. The main loop fetches each picture when it changes. */
 Watching *watching_new(BusRig1 *rig, Progress *progress, gboolean pictures);
 void watching_free(Watching *watching); /* NULL is ignored */
 

@@ -30,7 +30,7 @@ static void bar_show(struct bar *bar, double left_s, gboolean now) {
     progress_show(bar->progress, (double)bar->done / bar->total, text, now);
 }
 
-/* What stays on the terminal says nothing of time that was left. */
+/* Ends the bar; the line that stays on the terminal does not show the time left. */
 static void bar_end(struct bar *bar) {
     if (bar->progress)
         bar_show(bar, -1, TRUE);
@@ -75,7 +75,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     bar_show(bar, progress->left_s, ended);
 }
 
-/* The work has no main loop: the signals get a thread with one. */
+/* Cancels the work. The work has no main loop, so that a thread with one handles the signals. */
 static gboolean cli_work_on_signal(gpointer cancellable) {
     g_cancellable_cancel(cancellable);
     return G_SOURCE_CONTINUE;

@@ -5,6 +5,6 @@
 
 typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **error);
 
-/* Runs it in the calling thread, with a bar or lines of JSON. ret_seconds (may be NULL): how
- * long it took. */
+/* Runs func in the calling thread, and shows a bar or lines of JSON. ret_seconds (may be NULL): how
+ * long func took. */
 gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error);

@@ -18,8 +18,8 @@ extern const struct command exchange_btf, exchange_points, exchange_height, exch
     exchange_merl, exchange_ptm, exchange_relight;
 
 /* Checks -o: FALSE if it is missing, does not end as files of its format do, or exists without
- * --force. what: the things
- * that are written, as in "BTFs"; format: as in "Bonn's format"; end: with the dot; NULL: any. */
+ * --force. what: the plural of what is written, for instance "BTFs"; format: as in "Bonn's format";
+ * end: with the dot; NULL: any. */
 gboolean exchange_check_output(const char *output, const char *what, const char *format,
                                const char *end, GError **error);
 

@@ -147,7 +147,7 @@ static int export_maps_job(const struct call *call, struct job *job, GError **er
         return cli_usage(call->command, "--memory-mb=%d is out of range: 1 or more", memory_mb);
     if (output == NULL) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "nothing to write is given: give -o %s",
+                    "no output is given: give -o %s",
                     job->kind == EXPORT_GLTF ? "FILE.glb" : "FOLDER");
         return CLI_FAILED;
     }

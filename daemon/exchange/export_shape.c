@@ -42,7 +42,7 @@ static gboolean work_fit(const struct work *work, gpointer data, GError **error)
                        maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &job->fit, error);
 }
 
-/* From how brightness depends on the light, where no laser has measured the surface. */
+/* Exports the surface from how brightness depends on the light, if no laser has measured it. */
 static int export_by_fit(const struct call *call, struct job *job, GError **error) {
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;

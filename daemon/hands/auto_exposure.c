@@ -64,8 +64,9 @@ static gint64 choice_least_us(const struct choice *choice, int camera) {
     return MAX(choice->timing->min_exposure_us[camera], 1);
 }
 
-/* Searches for an exposure that tells, from *us, which it sets. n_high pixels and n_low pixels are
- * what is looked at. FALSE: a device failed. ret->high is 0 if there is no light. */
+/* Searches for an exposure at which the picture is neither saturated nor dark. Begins with *us, and
+ * sets *us to what it finds. ret->high and ret->low are the values that the brightest n_high and
+ * n_low pixels reach, per microsecond; both are 0 if there is no light. FALSE: a device failed. */
 static gboolean choice_measure(const struct choice *choice, int camera, const char *light,
                                gboolean line, double *us, struct measured *ret, GError **error) {
     const struct rig_camera *shape = &choice->trial.rig->cameras[camera];
@@ -208,7 +209,7 @@ static const char *name_of(const struct choice *choice, const struct measured *m
     return choice->trial.rig->cameras[measured->camera].name;
 }
 
-/* The shortest exposure that all cameras can which the session plans with. */
+/* The shortest exposure of which all cameras that the session plans with are capable. */
 static double choice_common_us(const struct choice *choice) {
     gint64 us = 1;
     for (int i = 0; i < choice->trial.n_cameras; i++)
@@ -246,7 +247,7 @@ static gboolean check_ends(const struct choice *choice, const struct measured *b
     return FALSE;
 }
 
-/* The exposure that brings a measured part to what it is to be. */
+/* The exposure that brings a measured part of the range to the wanted one. */
 static double exposure_for(double wanted, double part_a_us) {
     return part_a_us > 0 ? wanted / part_a_us : INFINITY;
 }

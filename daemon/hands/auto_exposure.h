@@ -9,9 +9,10 @@
  * four times apart.
  *
  * laser_exposure_us, laser_short_us: up to two lasers stand still at three places of the sample,
- * without a lamp. As many pixels as half the picture's longer side are the line: in the dimmest
- * picture it is to reach a twentieth of the range, and a shorter exposure is chosen as well (if it
- * may) where the brightest hundredth then saturates. Otherwise what saturates sets the exposure.
+ * without a lamp. The line is taken to cover as many pixels as half the picture's longer side. The
+ * exposure is such that the line reaches a twentieth of the range in the dimmest picture. If a
+ * hundredth of the line then saturates in the brightest picture, a shorter exposure is chosen as
+ * well; if laser_short_us = 0 forbids that, the exposure is reduced until nothing saturates.
  *
  * The same pictures give the same exposures. A laser that is mounted by hand is not tried.
  */

@@ -12,8 +12,8 @@
 /* Part of a camera's pixels that may be saturated at the shortest exposure, such as a few
  * highlights. */
 #define SATURATED_PART 0.05
-/* Part of the range that the 99th percentile reaches at the longest exposure under the brightest
- * lamp, at least; and that a suggested exposure is to reach. */
+/* The 99th percentile must reach at least this part of the range, at the longest exposure under the
+ * brightest lamp; a suggested exposure is to reach it, too. */
 #define BRIGHT_PART 0.1
 #define WANTED_PART 0.5
 /* Part of the range by which a lamp raises the mean of a picture that sees it. */
@@ -149,8 +149,9 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
                     (int)(guard->fiducials->len - from), SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
-/* What the fiducials of a shot, from one of them on, say has moved. A bright sample beside them may
- * make them look displaced under one lamp: two shots have to agree, if there are two. */
+/* Finds what has moved by the fiducials that a shot shows, those with index from and above. A
+ * bright sample beside a fiducial may make it look displaced under one lamp; therefore two shots in
+ * a row have to agree, if there is more than one lamp. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)
@@ -164,7 +165,7 @@ static void compare_shot(struct guard *guard, guint from) {
     guard->moved_before = bits;
 }
 
-/* How long a camera that saturates should expose, by one more picture of the same shot. */
+/* Finds how long a camera that saturates should expose, from one more picture of the same shot. */
 static double guard_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;

@@ -11,9 +11,9 @@ gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *ri
 
 /* Homes turntable and arc, turns the arc to a planned light away from the cameras, and takes test
  * shots, each with every camera that the session plans with: one in the dark, and one under each
- * planned lamp, at the session's shortest and longest exposures. If the first five say that
- * something is wrong, they are all. Lamps beyond the fourth come after them, one a shot: how bright
- * several lamps together are does not tell that one of them is dead.
+ * planned lamp, at the session's shortest and longest exposures. If the first five shots show that
+ * something is wrong, no others are taken. Otherwise one shot of each lamp beyond the fourth
+ * follows: a shot of several lamps together would not show that one of them is dead.
  *
  * Returns sentences (char *), each with what was measured and which key or device to change: a rig
  * that is not calibrated (calibration says which parts are); a camera that saturates or stays dark,

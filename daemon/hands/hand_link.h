@@ -16,7 +16,7 @@ extern char *hand_rig; /* --rig */
  * this process has begun end with its connection. */
 Link *hand_link(GError **error);
 
-/* As the methods of these names; they wait for the answer. */
+/* Each calls the method of the same name and waits for the answer. */
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);

@@ -13,8 +13,8 @@ struct trial {
     const struct session_conf *conf;
     const struct rig *rig;                   /* nominal */
     int cameras[RIG_MAX_CAMERAS], n_cameras; /* those that the session plans with */
-    /* Likewise; the first four are the brightest on the sample by the rig file, the dimmest, and
-     * two between. */
+    /* Those that the session plans with; the first four are, by the rig file, the brightest and the
+     * dimmest on the sample and two between. */
     int lamps[RIG_MAX_LAMPS], n_lamps;
     int lasers[RIG_MAX_LASERS], n_lasers;
 };
@@ -28,12 +28,12 @@ void trial_init(struct trial *trial, Link *link, const struct session_conf *conf
 gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
                     GError **error);
 
-/* A picture of a camera, which the arm is first brought to the stop of; a dark one wherever it is.
- */
+/* Takes a picture, after the arm has moved to the camera's stop; a dark picture is taken wherever
+ * the arm stands. */
 Frame *trial_snap(const struct trial *trial, int camera, double exposure_us, gboolean dark,
                   GError **error);
-/* Switches a lamp, which the probe is first brought to the stop of. */
+/* Switches a lamp, after the probe has moved to the lamp's stop. */
 gboolean trial_light(const struct trial *trial, int lamp, gboolean on, GError **error);
 
-/* To two digits: more of an exposure is not known. */
+/* Rounds an exposure to two digits, since it is not known more exactly. */
 double trial_rounded_us(double us);

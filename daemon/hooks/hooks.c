@@ -56,14 +56,14 @@ static void delivery_free(gpointer data) {
     g_free(delivery);
 }
 
-/* Whether nobody else could have put it there. */
+/* Whether only root, or this program's user, could have put the executable there. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;
     g_warning(
-        "%s is not run: it belongs to user %u and its mode is %04o; it must belong to root and "
-        "be writable by nobody else",
-        path, info->st_uid, (guint)info->st_mode & 07777);
+        "%s is not run: it belongs to user %u and its mode is %04o; it must belong to root or to "
+        "user %u, and only its owner may be able to write it",
+        path, info->st_uid, (guint)info->st_mode & 07777, (guint)geteuid());
     return FALSE;
 }
 
@@ -231,8 +231,8 @@ static void on_posted(GObject *source, GAsyncResult *result, gpointer data) {
     g_autofree char *reason = g_strdup(soup_message_get_reason_phrase(message));
     g_autoptr(GInputStream) answer = soup_session_send_finish(SOUP_SESSION(source), result, &error);
     Hooks *hooks = data;
-    /* With the hooks gone the call was cancelled, too, but the session, the source, has not ended
-     * by its deadline. */
+    /* hooks_free() has cancelled the call, and hooks no longer exists; only the source, the HTTP
+     * session, still does. */
     if (g_object_get_data(source, "gone")) {
         g_clear_error(&error);
         return;

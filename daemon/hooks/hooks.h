@@ -1,8 +1,8 @@
 /*
  * Tells others what happens to captures: runs the executables of a folder, sends mails, posts to
- * web servers, or shows notifications on a desktop. One event after the other, and in each one
- * thing after the other; what fails is told in the log, and the next one follows. A post that
- * fails is tried again later, between others. Main loop's thread.
+ * web servers, or shows notifications on a desktop. Handles events one after the other, and for
+ * each event does one of these after the other. A failure is written to the log, and the next one
+ * follows. A post that fails is tried again later, between others. Main loop's thread.
  */
 #pragma once
 
@@ -17,11 +17,11 @@ typedef struct Hooks Hooks;
 /* Borrows conf. */
 Hooks *hooks_new(const struct hooks_conf *conf);
 
-/* Ends what runs. NULL is ignored. */
+/* Ends programs and posts under way. NULL is ignored. */
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* what and details: as the signal Milestone has them (a{sv}; a floating one is taken). */
+/* what and details: those of the signal Milestone (a{sv}; a floating reference is taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
 /* Nothing runs and nothing waits, posts that are to be tried again included. */
@@ -31,10 +31,9 @@ gboolean hooks_is_idle(const Hooks *hooks);
 char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */
 char *hooks_text(const char *what, GVariant *details);  /* a line or two more; may be empty */
 
-/* What an event is to programs: {"event": …, "time": …, "session": …, …}; g_free(). */
+/* An event as programs read it: {"event": …, "time": …, "session": …, …}; g_free(). */
 char *hooks_json(const char *what, GVariant *details, gint64 time_s);
 
 /* Shows an event with the desktop's notifications (org.freedesktop.Notifications) on this
- * connection to the session bus. FALSE: it could not be sent; that it is shown is not waited for.
- */
+ * connection to the session bus. Does not wait until it is shown. FALSE: it could not be sent. */
 gboolean hooks_show(GDBusConnection *session_bus, const char *what, GVariant *details);

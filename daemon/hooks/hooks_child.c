@@ -8,9 +8,8 @@
 
 #define KILL_S 3
 #define CHUNK  4096
-#define DRAIN_S                                                                                    \
-    1 /* for the last output, where a process that it has left behind holds the pipe               \
-       */
+/* Waits so many seconds for the last output where a process that it has left holds the pipe. */
+#define DRAIN_S 1
 
 struct child {
     GTask *task;

@@ -4,7 +4,7 @@
 
 #include <gio/gio.h>
 
-/* Of the output of one program that is passed on; the rest is read and dropped. */
+/* Bytes of a program's output that are passed on; the rest is read and dropped. */
 #define HOOKS_CHILD_MOST_OUTPUT 16384
 
 /* Runs argv with input at its standard input, and environ (NULL: this program's). What it prints

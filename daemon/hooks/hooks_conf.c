@@ -108,7 +108,8 @@ static void take_section(struct hooks_conf *conf, const struct config_section *s
         for (char **to = conf->mail.to; conf->mails && *to; to++)
             if (**to == '-' || !**to)
                 config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "to",
-                               "“%s” is not an address", *to);
+                               "“%s” is not an address to send mail to: write USER or USER@HOST",
+                               *to);
     } else {
         config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
                        "there is no such section; this file has [hooks] [mail] [webhook NAME]");

@@ -130,8 +130,8 @@ static int mpi_compress_told_rank(void) {
     return -1;
 }
 
-/* 2: bad usage. The first rank reports it for all, and answers --help and --version, in UTF-8 in
- * any locale. MPI need not work for that. */
+/* Returns 2 for bad usage. The first rank reports bad usage for all ranks, and answers --help and
+ * --version, in UTF-8 in any locale and even where MPI does not work. */
 static int mpi_compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =
         g_option_context_new("SESSION -o FILE — compress a BTF by several processes");

@@ -57,13 +57,14 @@ void queue_item_free(struct queue_item *item);
 typedef struct queue_item QueueItem;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(QueueItem, queue_item_free)
 
-/* Reads the file, which need not exist yet; its folder must. What was begun waits again. NULL:
- * another process has it. */
+/* Reads the file, which need not exist yet; its folder must. A session that had begun waits again.
+ * NULL: another process has the file open. */
 Queue *queue_open(const char *path, GError **error);
 void queue_free(Queue *queue); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Queue, queue_free)
 
-/* In their order, of struct queue_item; those that have ended come first. Owned by the queue. */
+/* The sessions in their order, as struct queue_item; those that have ended come first. Owned by the
+ * queue. */
 const GPtrArray *queue_items(const Queue *queue);
 struct queue_item *queue_find(const Queue *queue, guint id, GError **error);
 struct queue_item *queue_next(const Queue *queue); /* the first that waits, or NULL */
@@ -76,10 +77,11 @@ gboolean queue_pause(Queue *queue, const char *why, GError **error); /* why NULL
  * the queue is to be captured into. */
 gboolean queue_add(Queue *queue, struct queue_item *item, GError **error);
 
-/* Not one that has begun or is about to. */
+/* Removes a session; refuses one that has begun or is about to begin. */
 gboolean queue_remove(Queue *queue, guint id, GError **error);
 
-/* To this place among those that wait, from 1; a larger one: to the end. */
+/* Moves a session to this place, from 1 on, among those that wait; a place beyond them is the
+ * end. */
 gboolean queue_move(Queue *queue, guint id, guint place, GError **error);
 
 /* Sets state and message (NULL: none). On failure the list is changed all the same, and the next

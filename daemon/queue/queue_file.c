@@ -130,7 +130,9 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
                            : 0;
     if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MOST) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s] is not a session below %u, or is one too many", group, queue->next_id);
+                    "[%s] is not [session N] with N from 1 to %u, or is more than the %d sessions "
+                    "that there may be",
+                    group, queue->next_id - 1, QUEUE_MOST);
         return FALSE;
     }
     item->id = (guint)id;
@@ -139,10 +141,16 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
             return FALSE;
     if (!take_state(from, group, item, error) || !take_caller(from, group, item, error))
         return FALSE;
-    if (!g_path_is_absolute(item->directory) || !g_path_is_absolute(item->session_path) ||
-        !(item->predicted_s >= 0) || item->starts < 0) {
+    if (!g_path_is_absolute(item->directory) || !g_path_is_absolute(item->session_path)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s]: a path is not absolute, or a number is below 0", group);
+                    "[%s] “%s” or “%s” is not an absolute path", group, item->directory,
+                    item->session_path);
+        return FALSE;
+    }
+    if (!(item->predicted_s >= 0) || item->starts < 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+                    "[%s] the predicted time, %g s, or the number of starts, %d, is below 0", group,
+                    item->predicted_s, item->starts);
         return FALSE;
     }
     g_ptr_array_add(queue->items, g_steal_pointer(&item));

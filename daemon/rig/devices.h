@@ -3,9 +3,9 @@
  * geometry (geometry/rig.h) that the same sections give. The visible arrays of drivers are in
  * devices.c.
  *
- * Sections: [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], which a rig may lack,
- * and one axis a laser sweep; [lamps BANK] and a [lamp NAME] for each lamp in it; [camera NAME];
- * [laser NAME]; [interlock NAME] and [mark NAME], optional.
+ * Sections: [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which a rig
+ * may lack, and one further axis for the sweep of each laser; [lamps BANK] and a [lamp NAME] for
+ * each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], optional.
  *
  * A lamp or laser with phi_deg stands by itself at that azimuth, one without is carried by the arc.
  * An axis that is not there stands at 0.
@@ -88,7 +88,8 @@ static inline double devices_axis_deg(Axis *axis) {
     return axis ? axis_position_deg(axis) : 0;
 }
 
-/* Whether a camera of the geometry is a device of its own: not a further stop of one before. */
+/* Whether a camera of the geometry is a device of its own, and not a further stop of a camera
+ * before it. */
 static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
     return rig->cameras[camera].stop == 0;
 }
@@ -123,17 +124,17 @@ gboolean devices_make_safe(struct devices *devices, GError **error);
  * answered, else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
-/* The same, and waits until every device has confirmed: lasers and lamps that they are off, axes
- * that they stand, also those that another program has started. FALSE: at least one has not
- * confirmed. Runs the main loop, and removes all other listeners from the devices. */
+/* Commands the safe state, and waits until every device has confirmed it: lasers and lamps that
+ * they are off, axes that they stand, also axes that another program has started. FALSE: at least
+ * one has not confirmed. Runs the main loop, and removes all other listeners from the devices. */
 gboolean devices_secure(struct devices *devices, GError **error);
 
 /* Begins a reason or an event that reports that lamps, lasers or axes may not be safe. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
-/* A driver, or the keys of a section of the rig file, with its options, for `mesorig drivers`;
- * NULL: there is none of that name. name NULL: a line each of all; as JSON all options, too.
- * g_free(). */
+/* Describes the driver, or the section of the rig file, of this name, with its options, for
+ * `mesorig drivers`; NULL: there is none of that name. name NULL: one line for each of them; as
+ * JSON with all options. g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
 
 /* The i-th of all drivers, by class; NULL: there are no more. */

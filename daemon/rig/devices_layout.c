@@ -23,8 +23,8 @@ const char **layout_keys(const char *class_name) {
     return devices_layout_names_of(devices_section_options(class_name), NULL);
 }
 
-/* Checks the driver's options without opening it, and reads the rig's own from the same section.
- * Without a driver, those are checked alone. */
+/* Checks the driver's options without opening it, and reads the keys of the rig from the same
+ * section. If the driver is not known, only the keys of the rig are checked. */
 static gboolean devices_layout_read_device(const struct layout *layout,
                                            const struct config_section *section,
                                            struct place_fields *place, Mistakes *mistakes) {
@@ -114,8 +114,8 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Whether a lamp or laser stands by itself: where its azimuth is given, and overhead, where it has
- * none, if there is no arc. */
+/* Sets *ret_fixed: a lamp or laser stands by itself if its azimuth is given, or if there is no arc.
+ * Without an arc only one overhead, which has no azimuth, may leave it out. */
 static gboolean devices_layout_take_carrier(const struct layout *layout,
                                             const struct config_section *section,
                                             const struct place_fields *place, int *ret_fixed,
@@ -166,7 +166,7 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                           deg);
 }
 
-/* Makes its stops, one after the other, of a camera as it stands with the arm at 0. */
+/* Makes the stops of a camera, one after the other, from its place with the arm at 0. */
 static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
                                  const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -451,7 +451,8 @@ static gboolean devices_layout_take_place(struct layout *layout,
     return TRUE;
 }
 
-/* Sections that no rig file has; what they were to be may then seem to be missing. */
+/* Reports sections that no rig file has; the sections that were meant may then seem to be
+ * missing. */
 static gboolean check_class(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
     static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",

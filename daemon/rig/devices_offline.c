@@ -81,7 +81,8 @@ static gboolean offline_axis(const struct config_section *section, struct axis_m
     return TRUE;
 }
 
-/* The warm-up of a bank or laser. Simulated lamps have it from their world, which is at hand. */
+/* The warm-up of a bank or laser. Simulated lamps take it from their world file, which can be read
+ * without devices. */
 static gboolean offline_warm_up(const struct config_section *section, double *ret_s,
                                 GPtrArray *assumed, GError **error) {
     struct offline device;

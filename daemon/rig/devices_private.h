@@ -13,7 +13,7 @@ struct layout {
     int lamps_at_once;
     const struct config_section *turntable, *arc, *arm, *probe;
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
-    /* Stops of one camera or lamp have its section. */
+    /* All stops of one camera or lamp have the same section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
     int unit[RIG_MAX_LASERS]; /* index of the laser unit that is mounted here */
@@ -23,12 +23,12 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* A key of [axis NAME], of whoever parks the axes (struct Axis). */
+/* A key of [axis NAME], which the rig reads and not the driver (park_deg in struct Axis). */
 #define LAYOUT_PARK_KEY "park_deg"
 
-/* Checks everything that can be checked without a device, drivers' own options, too, and where the
- * devices are to be opened (checks_drivers) also what drivers know of options together and of other
- * files that they name. The error tells all mistakes of the file. */
+/* Checks everything that can be checked without a device, also the options of drivers.
+ * checks_drivers, for devices that are to be opened: also lets drivers check which options fit each
+ * other, and other files that these name. The error tells all mistakes of the file. */
 gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
                      GError **error);
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);

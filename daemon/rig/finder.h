@@ -5,7 +5,7 @@
 
 #include <glib.h>
 
-/* A Modbus line to ask; the defaults of drivers for a NULL or 0. */
+/* A Modbus line to search; a member that is NULL or 0 has the drivers' default. */
 struct finder_modbus {
     const char *bus; /* "/dev/ttyUSB0" or "tcp:HOST:PORT"; NULL: none is asked */
     int baud;

@@ -42,7 +42,7 @@ gboolean guardian_is_needed(const struct devices *devices) {
     return real;
 }
 
-/* on_ended() reports a guardian that has ended, not this. */
+/* Sends a byte. Ignores failures, since on_ended() reports a guardian that has ended. */
 static void guardian_send(Guardian *guardian, enum message message) {
     const char byte = (char)message;
     if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
@@ -212,7 +212,8 @@ int guardian_main(const char *rig_path) {
 
     if (!watch_daemon(daemon))
         return 0;
-    g_printerr("mesorigd: guardian: the daemon has left without a goodbye: making %s safe\n",
+    g_printerr("mesorigd: guardian: the daemon has ended and has not said that the rig is safe: "
+               "making %s safe\n",
                rig_path);
     if (!state) {
         g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);

@@ -43,8 +43,9 @@ static char *clock_text(gint64 at_s) {
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
 }
 
-/* When a session begins and ends, or did. *at_s: when the one before it ends; 0: not known, since
- * the queue stands. */
+/* Estimates when a session begins and ends; one that has ended has the times at which it did.
+ * *at_s: when the session before it ends, and then this one; 0: not known, since the queue is
+ * paused. */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {
     const guint64 predicted_end = bus_rig1_get_predicted_end(rig);

@@ -28,7 +28,7 @@ static char *filled(char *text) {
     return NULL;
 }
 
-/* Errors that say nothing of the session. */
+/* Whether an error is the rig's and says nothing about the session. */
 static gboolean is_of_the_rig(const GError *error) {
     static const int codes[] = {DEVICE_ERROR_TIMEOUT, DEVICE_ERROR_DISCONNECTED,
                                 DEVICE_ERROR_STALLED, DEVICE_ERROR_INTERLOCK,

@@ -6,8 +6,9 @@
 
 extern const struct command unattended_queue;
 
-/* Of daemon/bus/bus_trial.c alone: the test shots before a session of the queue, from a request at
- * standard input to the chosen exposures at standard output. Exit code 3: a device has failed. */
+/* Only daemon/bus/bus_trial.c runs this command: it takes the test shots before a session of the
+ * queue, reads a request from standard input and prints the chosen exposures to standard output.
+ * Exit code 3: a device has failed. */
 extern const struct command unattended_try;
 
 /* Adds the queue as the daemon shows it: values, and for people a few words or (list) all sessions,

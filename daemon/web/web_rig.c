@@ -196,7 +196,7 @@ static void tell(const WebRig *rig, const char *name, const char *json) {
         rig->news(name, json, rig->news_data);
 }
 
-/* Another session begins where fewer shots are done than before. */
+/* Samples the progress. If fewer shots are done than before, another session has begun. */
 static void take_sample(WebRig *rig) {
     const struct sample now = {bus_rig1_get_elapsed(rig->rig), bus_rig1_get_shots_done(rig->rig)};
     const guint n = rig->samples->len;
@@ -281,7 +281,8 @@ static void attach(WebRig *rig, BusRig1 *proxy) {
         g_signal_connect(rig->connection, "closed", G_CALLBACK(on_closed), rig);
 }
 
-/* Calls under way end by themselves, with an error. Pictures are of another daemon from now on. */
+/* Forgets the daemon. Calls under way end by themselves, with an error; later pictures come from
+ * another daemon. */
 static void detach(WebRig *rig) {
     GHashTableIter iter;
     gpointer camera;
@@ -300,7 +301,7 @@ static void detach(WebRig *rig) {
 
 static gboolean connect_again(gpointer data);
 
-/* The reason is told once, as it changes. Takes why. */
+/* Reports why the daemon cannot be reached, once for each new reason. Takes why. */
 static void stay_away(WebRig *rig, GError *why) {
     if (g_strcmp0(rig->away, why->message) != 0)
         g_printerr("mesorig-web: %s; it is tried again every %d s\n", why->message, AGAIN_S);
@@ -431,7 +432,7 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
     action->back(error, action->data);
 }
 
-/* An error for who asks a daemon that is away; NULL: it is there. */
+/* The error for a call to a daemon that is away; NULL: the daemon is there. */
 static GError *refuse_away(const WebRig *rig) {
     return rig->rig ? NULL
                     : g_error_new_literal(G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,

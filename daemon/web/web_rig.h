@@ -37,12 +37,11 @@ void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer dat
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {
     GBytes *png;
-    char *json; /* camera, time_s, width, height, share of pixels that are white and black in it,
-                   histogram of
-                   64 steps for each of red, green and blue */
+    char *json; /* camera, time_s, width, height, shares of its pixels that are white and black,
+                   histogram of 64 steps for each of red, green and blue */
 };
-/* picture: NULL with an error; owned by the rig until back returns. It is fetched and encoded once,
- * however many ask for it. */
+/* picture: NULL with an error; owned by the rig until back returns. A picture is fetched and
+ * encoded once, however many clients ask for it. */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
 void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);

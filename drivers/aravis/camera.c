@@ -101,8 +101,8 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
 }
 
-/* Lamps and axes may have moved on: an end of exposure that was reported too early spoils the
- * frame. (The class refuses a frame from the future.) */
+/* Refuses a frame whose exposure ended after its end was reported, since lamps and axes may have
+ * changed by then. (The class refuses a frame from the future.) */
 static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;

@@ -107,8 +107,8 @@ static gboolean aravis_device_asked_for(const AravisDevice *device, const char *
     return FALSE;
 }
 
-/* A measurement needs raw values: switches off what the camera does to frames, sets what the rig
- * file asks for besides, and warns of what is still on. */
+/* Switches off what the camera does to frames, since a measurement needs raw values; sets the
+ * features that the rig file names, and warns of functions that are still on. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);

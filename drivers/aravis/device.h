@@ -44,14 +44,14 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 
-/* The functions that alter its frames and could not be switched off, one text each. Ends with NULL;
- * the device's. */
+/* The functions that alter the camera's frames and could not be switched off, one text each,
+ * NULL-terminated. Owned by the device. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
-/* TRUE: after a frame that did not come it has to be opened again. The endpoint of a USB camera's
- * stream may be halted, and Aravis clears that only then. */
+/* TRUE: the camera has to be opened again after a frame has not come. The endpoint of a USB
+ * camera's stream may be halted then, and Aravis clears that only when it opens the camera. */
 gboolean aravis_device_may_halt(const AravisDevice *device);
 
 /* Fails if the camera rounds the exposure by more than 0.5 % + 1 µs. */
@@ -61,10 +61,10 @@ gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **e
 gboolean aravis_device_start(AravisDevice *device, GError **error);
 gboolean aravis_device_stop(AravisDevice *device, GError **error);
 
-/* By the software command, or by a pulse on the line. */
+/* Triggers the camera by its software command, or by a pulse on its input line. */
 gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 
-/* NULL: none is there. To be given back. */
+/* Takes a buffer that has arrived, which the caller gives back; NULL: there is none. */
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 

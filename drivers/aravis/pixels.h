@@ -24,7 +24,7 @@ struct aravis_format {
 const struct aravis_format *aravis_format_by_name(const char *name);
 const struct aravis_format *aravis_format_by_code(guint32 code);
 
-/* All of them, the best to measure with first; ends with a NULL name. */
+/* All formats that can be measured with, the best first; ends with a NULL name. */
 extern const struct aravis_format aravis_formats[];
 
 gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);

@@ -24,12 +24,13 @@ static const char *const effects[] = {
 };
 
 /*
- * Features of a function are tried in this order until one is neutral; "or" says so, by a space.
- * NAME is a switch: false, or a choice such as Off. NAME=VALUE is a choice or a strength at which
- * the function does nothing. Names are those of the Standard Features Naming Convention and of the
- * makers' description files. What is linear, steady and the sensor's own (correction of columns,
- * clamping to dark pixels) stays as it is, and so does geometry. What alters Mono formats of colour
- * cameras alone (OnBoardColorProcessEnabled) is left out: their Bayer formats are taken.
+ * Features of a function are tried in this order until one is neutral; spaces separate them. NAME
+ * is a switch: false, or a choice such as Off. NAME=VALUE is a choice or a strength at which the
+ * function does nothing. Names are those of the Standard Features Naming Convention and of the
+ * makers' description files. Linear and steady functions that belong to the sensor (correction of
+ * columns, clamping to dark pixels) stay as they are, and so does geometry. Functions that alter
+ * only the Mono formats of colour cameras (OnBoardColorProcessEnabled) are left out, because the
+ * driver takes the Bayer formats of these cameras.
  */
 static const struct {
     const char *what;
@@ -99,8 +100,7 @@ void aravis_raw_free(struct aravis_raw *raw) {
     g_free(raw);
 }
 
-/* A register that a camera protects is refused with the same code as one of a camera that another
- * program controls. */
+/* Tells a protected register from the loss of control: a camera refuses both with the same code. */
 static gboolean raw_lost(const GError *why) {
     return why && why->domain == ARV_DEVICE_ERROR &&
            (why->code == ARV_DEVICE_ERROR_TIMEOUT || why->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||

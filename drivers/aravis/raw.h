@@ -1,7 +1,7 @@
 /*
- * Raw values from a GenICam camera: what cameras do to a frame between their converter and the
- * wire, and how each of these functions is switched off by whatever name a camera has for it. The
- * table of names is in raw.c. Calls block: for the thread that made the device.
+ * Raw values from a GenICam camera: switches off the functions that alter a frame between the
+ * camera's converter and the wire, under all the names that makers give them. The table of names is
+ * in raw.c. Calls block: for the thread that made the device.
  */
 #pragma once
 
@@ -19,10 +19,10 @@ struct aravis_raw {
 };
 void aravis_raw_free(struct aravis_raw *raw);
 
-/* All functions of the table that the camera has and that can be in use as it is set now: as struct
- * aravis_raw, to be freed with g_ptr_array_unref(). switch_off: each is switched off first, and
- * every value is read back. Selectors are left where they were. What a camera refuses is no error;
- * NULL with DEVICE_ERROR if the camera no longer answers. */
+/* Returns all functions of the table that the camera has and that can be in use with its present
+ * settings, as struct aravis_raw, to be freed with g_ptr_array_unref(). switch_off: each is
+ * switched off first, and every value is read back. Selectors are left where they were. A setting
+ * that the camera refuses is no error; NULL with DEVICE_ERROR if the camera no longer answers. */
 GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **error);
 
 /* Switches and choices whose names sound like such a function, but that the table lacks, and that

@@ -153,8 +153,8 @@ static void close_device(AravisWorker *worker) {
     g_clear_pointer(&worker->device, aravis_device_close);
 }
 
-/* Takes the error. Reports it before closing the camera, which may take seconds if it does not
- * answer. */
+/* Takes the error. Reports it before it closes the camera, since closing may take seconds if the
+ * camera does not answer. */
 static void aravis_worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;

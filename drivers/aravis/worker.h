@@ -3,8 +3,8 @@
  * there, in the order of the requests. Their results are reported from the main loop, to which all
  * functions here belong.
  *
- * The thread looks once a second for a camera that is lost. When it is found it is set up as before
- * and may be armed.
+ * If the camera is lost, the thread looks for it once a second. When it is found, the thread sets
+ * it up as before, and it may be armed again.
  */
 #pragma once
 
@@ -16,8 +16,7 @@ struct aravis_hooks {
     /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* takes the reference */
-    /* A frame came that was exposed this long before its trigger; the right one may follow.
-     */
+    /* A frame has come that was exposed this long before its trigger; the right one may follow. */
     void (*stale)(gint64 before_us, gpointer data);
     /* The last request failed, and a waiting trigger has ended. Takes the error. */
     void (*failed)(GError *error, gpointer data);
@@ -29,13 +28,13 @@ struct aravis_hooks {
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
                                 const struct aravis_hooks *hooks, gpointer data);
 
-/* Waits until it is open: before anything else but aravis_worker_free(). */
+/* Waits until the camera is open. Call it before all other functions but aravis_worker_free(). */
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
-/* Once it is open: what aravis_device_warnings() said. The worker's. */
+/* The result of aravis_device_warnings() when the camera was opened. Owned by the worker. */
 const char *const *aravis_worker_warnings(const AravisWorker *worker);
 
-/* No hook is called any more. Waits until the camera is released, but not for one that does not
+/* Calls no hook any more. Waits until the camera is released, but not if the camera does not
  * answer. NULL is ignored. */
 void aravis_worker_free(AravisWorker *worker);
 

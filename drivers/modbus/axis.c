@@ -206,8 +206,8 @@ static void add_writes(struct modbus_job *job, char *const *writes) {
     }
 }
 
-/* The last two requests of a poll: status before position, so that the position of a drive that was
- * seen to stand is final. */
+/* Adds the last two requests of a poll: status before position, so that the position is final if
+ * the status says that the drive stands. */
 static void add_poll(const struct modbus_axis *priv, struct modbus_job *job) {
     enum modbus_kind kind =
         priv->read_with == INPUT ? MODBUS_READ_INPUT_REGISTERS : MODBUS_READ_HOLDING;
@@ -332,8 +332,8 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
                 at, target, priv->stall_ms);
 }
 
-/* Homed means that the drive stands and its homed bit is set by this homing, not by an earlier one.
- */
+/* Ends a homing when the drive stands and this homing, not an earlier one, has set its homed
+ * bit. */
 static void check_homing(Axis *axis, const struct modbus_job *job, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     gboolean homed = priv->homed_bit < 0 ? is_at(priv, 0) : has_bit(job, priv->homed_bit);

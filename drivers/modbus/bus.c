@@ -80,8 +80,8 @@ static gpointer modbus_bus_run(gpointer data) {
     return NULL;
 }
 
-/* Delivers one result an iteration. The main loop's thread dispatches it, which
- * g_main_context_invoke() from another thread does not guarantee. */
+/* Delivers one result in each iteration of the main loop. A source is always dispatched in the main
+ * loop's thread, which g_main_context_invoke() from another thread does not guarantee. */
 static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
     g_mutex_lock(&bus->mutex);

@@ -6,8 +6,9 @@
  * request. So after a time-out the line discards everything until it has been silent for late_ms,
  * repeats the request, and accepts its answer only if no second answer follows within another
  * late_ms. A request may therefore be carried out twice: write only what may be written twice
- * (absolute targets, coils). A try that is followed by such a late answer does not count as one of
- * the request's "retries", because the device lives; the deadline of the job ends the tries.
+ * (absolute targets, coils). An attempt that is followed by such a late answer does not count as
+ * one of the request's "retries", because the device is alive; the deadline of the job ends the
+ * attempts.
  *
  * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
  * unit and the address.

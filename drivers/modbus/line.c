@@ -164,8 +164,8 @@ static gboolean modbus_line_is_readable(struct modbus_line *line, int wait_ms) {
     return poll(&fd, 1, wait_ms) > 0;
 }
 
-/* Throws away what comes until it has been silent for so long. FALSE if anything came. A line that
- * never falls silent, or that has hung up, is left after as long again. */
+/* Discards all input until the line has been silent for silence_ms. FALSE if anything came. Gives
+ * up after three times silence_ms on a line that does not fall silent, or that has hung up. */
 static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     gint64 silence_us = (gint64)(silence_ms * 1000), now = g_get_monotonic_time();
     gint64 silent_from = now, limit = now + 3 * silence_us;
@@ -182,8 +182,8 @@ static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     return silent;
 }
 
-/* libmodbus has no call for it. Its raw requests have the transaction id 0 on TCP. -1 with errno.
- */
+/* Sends a pulse as a raw request, since libmodbus has no call for it; on TCP raw requests have the
+ * transaction id 0. -1 with errno. */
 static int transfer_pulse(modbus_t *context, const struct modbus_request *request) {
     guint8 ask[] = {(guint8)modbus_get_slave(context), 5,
                     (guint8)(request->address >> 8),   (guint8)request->address,
@@ -268,8 +268,8 @@ static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
 
-/* One attempt; 0 or the reason, with the line ready for the next. ret_late: an answer to an earlier
- * request has come. */
+/* Makes one attempt. Returns 0 or the errno of the failure, and leaves the line ready for the next
+ * attempt. ret_late: an answer to an earlier request has come. */
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
                    gint64 deadline_us, gboolean *ret_late) {
     gboolean distrust = line->owed;
@@ -352,8 +352,8 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                             what, modbus_strerror(why));
 }
 
-/* A try that was overtaken by a late answer is not counted: the device lives, and was only held up.
- * The deadline ends them. */
+/* Repeats a request until its deadline. An attempt that is followed by a late answer does not count
+ * as a retry, since the device is alive and was only slow. */
 static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
                        gint64 deadline_us, GError **error) {
     gint64 try_us = (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);

@@ -1,6 +1,6 @@
 /*
- * The blocking half of a Modbus line: one connection, its recovery after faults, and requests one
- * at a time. Belongs to the line's thread.
+ * The blocking half of a Modbus line: it has one connection, recovers it after faults, and makes
+ * one request at a time. Belongs to the line's thread.
  */
 #pragma once
 
@@ -12,8 +12,8 @@ struct modbus_line;
 struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **error);
 void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
 
-/* Connects if it is not connected; waits for its turn in the back-off, but not beyond deadline_us
- * (of g_get_monotonic_time()). */
+/* Connects if the line is not connected; after a failure waits for the back-off first, but not
+ * beyond deadline_us (of g_get_monotonic_time()). */
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
 
 /* One request, with retries, resynchronisation and read-back. */

@@ -83,8 +83,9 @@ static struct relays *relays_of(gpointer device) {
     return ((struct device *)device)->priv;
 }
 
-/* A board that was not reached for its watchdog time has switched off; until then, try again.
- * Last in its caller: the listener may close the device. */
+/* After a failure, the next feeding tries again. If the board was not reached for its watchdog
+ * time, or its answer is wrong, its relays may be off, and this is reported. Call it last: the
+ * listener may close the device. */
 static void on_fed(const struct modbus_job *job, const GError *error, gpointer data) {
     struct relays *relays = relays_of(data);
     gint64 now = clock_now_us(relays->device->clock);

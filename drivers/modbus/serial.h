@@ -10,7 +10,7 @@ int modbus_serial_take(const char *path);
 /* The program that has locked it: "mesorigd (process 708)"; NULL: it cannot be told; g_free(). */
 char *modbus_serial_holder(const char *path);
 
-/* Changes the settings of the line, so that setting the wanted ones succeeds. Debian's C library
- * returns EINVAL for settings that change nothing; a pseudo-terminal has no parity, so one that a
- * killed program left behind could not be opened again. */
+/* Changes the settings of the line, so that setting the wanted ones succeeds afterwards. Debian's C
+ * library returns EINVAL if the wanted settings change nothing, as for parity on a pseudo-terminal,
+ * which has none: a pseudo-terminal that a killed program left behind could not be opened again. */
 void modbus_serial_unsettle(int fd);

@@ -1,8 +1,8 @@
 /*
  * The communication watchdog of a board or drive: it switches off or stops by itself when it gets
  * no request for a while. Either it has a register with the timeout, or each relay is switched on
- * for a limited time only. Requests from the main loop keep on what is on: so it goes off when this
- * program dies, when its main loop hangs and when the cable is cut.
+ * for a limited time only. Regular requests from the main loop keep the device on. It therefore
+ * switches off when this program dies, when its main loop hangs and when the cable is cut.
  */
 #pragma once
 
@@ -34,14 +34,16 @@ double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 /* Time between two feedings: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* For a driver's check(): the time, whichever way the board keeps it; max: what fits. */
+/* For a driver's check(): checks the watchdog's time, in either form; max: the largest value that
+ * the board can hold. */
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes);
 
-/* For a device's open(): sets the register, if there is one, unless it holds the value already,
- * since many boards keep it in memory that wears; reads it back. */
+/* For a device's open(): sets the register, if there is one, and reads it back. Does not write a
+ * value that the register already holds, since many boards keep it in memory that wears. */
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
                              const struct modbus_link *link, GError **error);
 
-/* Adds the check that the register still holds it; the caller sees to it that there is room. */
+/* Adds a request that checks that the register still holds the value; the caller sees to it that
+ * the job has room. */
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job);

@@ -7,9 +7,9 @@
 /*
  * The boards take feature reports of 8 bytes by HID's SET_REPORT: a command, then a relay's number
  * from 1 on. GET_REPORT answers 8 bytes: the board's serial number in 0 to 4, a bit a relay in 7.
- * As in the boards' firmware, https://github.com/pavel-a/usb-relay-hid; it has no watchdog and no
- * times, so that watchdog_s stays 0. Their vendor and product are V-USB's for any HID device, so
- * the product's name decides.
+ * The protocol is that of the boards' firmware, https://github.com/pavel-a/usb-relay-hid, which has
+ * no watchdog, so that watchdog_s stays 0. Vendor and product ids are those of V-USB for any HID
+ * device, so that the product's name decides.
  */
 #define VENDOR      0x16c0
 #define CLASS_HID   3

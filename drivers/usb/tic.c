@@ -194,8 +194,8 @@ static void broke_down(Axis *axis, const char *why) {
                                          "at %.3f°: %s" ERROR_ADVICE "then home it",
                                          tic->position_deg, why));
 }
-/* Whether the command timeout has stopped it because this program was held up. It has braked and
- * knows its position, so the move can go on. */
+/* Whether the Tic has stopped by its command timeout, because this program was too slow. The Tic
+ * has then braked and still knows its position, so that the move can go on. */
 static gboolean stopped_by_timeout(const struct tic *tic, const struct status *status) {
     return tic->was_well && (status->errors & SAFE_START_ERROR) &&
            !(status->errors & ~(COMMAND_TIMEOUT_ERROR | SAFE_START_ERROR)) &&

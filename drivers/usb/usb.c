@@ -90,8 +90,8 @@ static void usb_report_transfer(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
-/* The next lost device to report. Its transfers must have ended; one with transfers under way does
- * not delay the others. */
+/* Finds the next lost device to report: one whose transfers have all ended. A lost device with
+ * transfers under way does not delay the report of others. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
         UsbDevice *usb = l->data;

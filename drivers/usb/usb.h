@@ -3,8 +3,8 @@
  * the default main context polls libusb's descriptors and makes every callback, never from within
  * the call that started the request.
  *
- * All belongs to the main loop's thread. Only usb_open(), usb_control_sync() and usb_close() wait,
- * at most USB_SYNC_MS per request.
+ * All functions belong to the main loop's thread. Only usb_open(), usb_control_sync() and
+ * usb_close() wait, at most USB_SYNC_MS per request.
  */
 #pragma once
 
@@ -27,7 +27,7 @@ struct usb_match {
     char *(*read_serial)(UsbDevice *usb);
 };
 
-/* data holds what an IN request brought, or nothing. With an error, n is 0. Valid in the call. */
+/* data: the n bytes that an IN request has read, valid during the call. With an error, n is 0. */
 typedef void (*UsbFunc)(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                         gpointer user);
 /* The device was unplugged. Called once, after all its requests have ended. Close it then. */

@@ -190,8 +190,8 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Only while a frame is waited for: otherwise the buffers stay full, and the kernel drops what
- * comes. */
+/* Watches the device only while a frame is awaited: otherwise the buffers stay full, and the kernel
+ * drops further frames. */
 static void v4l2_camera_watch(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->source = g_unix_fd_add(v4l2->node.fd, G_IO_IN | G_IO_ERR | G_IO_HUP, on_ready, camera);

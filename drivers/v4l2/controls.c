@@ -17,10 +17,10 @@ static const char neighbours[] = "a value depends on the light at neighbouring p
 static const char coloured[] = "values depend on the light of other colours";
 
 /* These controls alter frames. They are set in this order: those that enable others come first.
- * effect is NULL where a control changes values from frame to frame, so that a camera that refuses
- * to switch it off cannot be used. Gamma has no unit but UVC's, hundredths, which a range that
- * begins above 0 and holds 100 suggests. For contrast and colour only the value that the camera is
- * delivered with is known to be neutral. */
+ * effect is NULL for controls that change values from frame to frame: a camera that refuses to
+ * switch such a control off cannot be used. V4L2 gives gamma no unit; a range that begins above 0
+ * and includes 100 suggests that of UVC, hundredths. For contrast and colour only the value that
+ * the camera is delivered with is known to be neutral. */
 static const struct {
     guint32 id;
     enum neutral neutral;

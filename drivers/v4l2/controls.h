@@ -31,15 +31,15 @@ char *video_controls_lacking(const struct video_controls *controls);
  * error. */
 gboolean video_controls_by_hand(const struct video_node *node, GError **error);
 
-/* What still alters frames and is not among the settings ("gamma=100") that the rig file asks
- * for: a text each. g_strfreev(). */
+/* The controls that still alter frames and are not among the settings ("gamma=100") that the rig
+ * file asks for, one text each. g_strfreev(). */
 char **video_controls_left(const struct video_node *node, char **settings);
 
 /* Sets and reads back; a value that the device changes is an error. */
 gboolean video_control_set(const struct video_node *node, guint32 id, gint64 value, GError **error);
 
-/* "brightness=10" with a control's name in lower case, words joined by _; anything that is not
- * there, or out of range, is an error that lists what there is. */
+/* "brightness=10" with a control's name in lower case, words joined by _; a control that does not
+ * exist, or a value out of range, is an error that lists the possible ones. */
 gboolean video_control_set_named(const struct video_node *node, const char *setting,
                                  GError **error);
 

@@ -1,8 +1,8 @@
 /*
  * Pixel formats of V4L2 that a measurement can use, and how they become samples: mono and Bayer of
- * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. What is compressed (MJPEG,
- * H.264) is not among them. Layouts as in the kernel's "V4L2 pixel formats" documentation. Pure
- * functions.
+ * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. Compressed formats (MJPEG,
+ * H.264) are not among them. The layouts are those of the kernel's "V4L2 pixel formats"
+ * documentation. Pure functions.
  */
 #pragma once
 
@@ -44,6 +44,7 @@ gsize video_format_row_bytes(const struct video_format *format, int width);
 /* Bytes from the start of a frame to its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
-/* From a frame of rows stride bytes apart. Samples beyond the format's bits are its maximum. */
+/* Unpacks a frame whose rows are stride bytes apart. Samples beyond the format's bits become its
+ * maximum. */
 void video_format_unpack(const struct video_format *format, const guint8 *from, gsize stride,
                          int width, int height, guint16 *ret_pixels);

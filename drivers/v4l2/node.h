@@ -1,7 +1,6 @@
 /*
- * A V4L2 device node: finding it, opening it, and its properties. The functions are calls of the
- * kernel and return when it does, which is at once for all but a device that is being unplugged.
- * Main loop's thread.
+ * A V4L2 device node: finding it, opening it, and its properties. The functions call the kernel,
+ * which returns at once unless the device is being unplugged. Main loop's thread.
  *
  * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */

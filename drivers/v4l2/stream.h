@@ -41,12 +41,12 @@ struct video_stream {
 /* Buffers of at least setup's bytes, all queued; frames come from now on. */
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
                             const struct video_setup *setup, GError **error);
-/* A stream of zeroes is allowed. */
+/* Stops the stream. A stream of zeroes, which was never started, is allowed. */
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
-/* A filled buffer, if there is one: 1; 0: not yet; -1: errno. It is given back when its data has
- * been read. Whatever the node's type: bytesused is the frame's, m.offset where in the buffer it
- * begins. */
+/* Takes a filled buffer. Returns 1; 0: there is none yet; -1: errno. The caller gives the buffer
+ * back when it has read the data. For both types of node, bytesused is the length of the frame, and
+ * m.offset its beginning in the buffer. */
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret);
 void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer);

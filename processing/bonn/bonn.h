@@ -4,18 +4,20 @@
  * Little-endian; u32, f32, and halves as EXR has them. After a signature of ten bytes:
  *   metadata  u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
  *             (set-up, sensor, light source); f32 texels per mm; f32[3] scale of R, G, B; from
- *             version 2 u32 whether values hold n·l; 3: u32 length and text (XML);
- *             4: u32 channels, of each u32 length and name
- *   sampling  u32 views; of each f32 θ, φ (radians), u32 lights, and θ, φ of each
+ *             version 2 on u32 whether values hold n·l; from 3 on u32 length and text (XML);
+ *             from 4 on u32 channels, for each u32 length and name
+ *   sampling  u32 views; for each view f32 θ, φ (radians), u32 lights, and θ, φ of each light
  *   size      u32 width, height
  * and then one of these:
  *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines per chunk; u8 0: full, 2: sparse (1, bzip2,
- * is not read); a mask, one byte per texel, row by row; u32 n and n rotations of 9 f32; then
- *          chunks, each u32 bytes and one ABRDF of halves per texel (of sparse ones those in the
- * mask alone), channel fastest, then light, then view FMF    "!FMF06FCR"; "!FMF12FCER", which has a
- * version and its further fields. A matrix of rows (view, light, channel) and columns (texel), or
- * of rows (texel, channel) and columns (view, light), in factors U and S·V DFMF   "!DFMF08FCR". One
- * matrix per channel, the channels made independent by one of several models
+ *          is not read); a mask, one byte per texel, row by row; u32 n and n rotations of 9 f32;
+ *          then chunks, each u32 bytes and one ABRDF of halves per texel (in a sparse file, only
+ *          of the texels in the mask), channel fastest, then light, then view
+ *   FMF    "!FMF06FCR", or "!FMF12FCER", which has a version and further fields. A matrix of rows
+ *          (view, light, channel) and columns (texel), or of rows (texel, channel) and columns
+ *          (view, light), in factors U and S·V
+ *   DFMF   "!DFMF08FCR". One matrix per channel; one of several models has made the channels
+ *          independent
  *
  * Rows of all matrices, and texels, lie row by row, the first row of texels at +y. Hostile files
  * are refused: everything is checked against the file's length before it is allocated. One BonnFile
@@ -58,8 +60,8 @@ gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
 
 typedef struct BonnFile BonnFile;
 
-/* Values of a BDI are read when they are asked for, so that one of many gigabytes takes no memory;
- * matrices of FMF and DFMF are held as floats. */
+/* Values of a BDI are read from the file when a view is read, so that a BDI of many gigabytes takes
+ * no memory; matrices of FMF and DFMF are held as floats. */
 BonnFile *bonn_open(const char *path, GError **error);
 void bonn_close(BonnFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
@@ -67,8 +69,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 const struct bonn_header *bonn_header(const BonnFile *file);
 
 /* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
- * the mask leaves out, or of which a value is not finite, are 0; ret_holes (n_lights) counts them
- * for each light. FALSE: the file has been cut off since it was opened. */
+ * the mask leaves out, or that have a value that is not finite, are 0; ret_holes (n_lights) counts
+ * them for each light. FALSE: the file has been cut off since it was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
@@ -82,7 +84,7 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
 void bonn_writer_free(BonnWriter *writer); /* what is not finished is removed; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 
-/* rgb as bonn_read_view() gives it. Beyond ±65504 is written as ±65504. */
+/* rgb as bonn_read_view() gives it. Values beyond ±65504 are written as ±65504. */
 gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
 
@@ -94,7 +96,8 @@ struct bonn_factors {
     const float *sv; /* n_columns × n_components */
 };
 
-/* kind BONN_FMF: one matrix of rows (view, light, channel) and columns (texel); BONN_DFMF: three,
- * of R, G and B as they are, of rows (view, light). Halves. */
+/* kind BONN_FMF: one matrix with rows (view, light, channel) and columns (texel); BONN_DFMF: three
+ * matrices with rows (view, light), one each for R, G and B, which are not transformed. Writes
+ * halves. */
 gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
                             const struct bonn_factors *factors, GError **error);

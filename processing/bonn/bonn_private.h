@@ -7,8 +7,8 @@
 
 #define BONN_SIGNATURE 10 /* bytes */
 
-/* A cursor over the bytes of a file. They are read, not mapped: a file truncated while it is read
- * is an error, not a signal. */
+/* A cursor over the bytes of a file. They are read, not mapped, so that a file that is truncated
+ * meanwhile causes an error and not a signal. */
 struct bonn_bytes {
     int fd;
     gsize size, at;

@@ -1,5 +1,5 @@
 /*
- * BRDFs that others have measured, opened from their files, with one interface for all:
+ * BRDFs that others have measured, read from their files through one interface:
  *   rgl    RGL's .bsdf (Dupuy & Jakob 2018), see rgl.h
  *   merl   MERL's .binary (Matusik et al. 2003), see merl.h
  *   utia   UTIA's .bin or .exr (Filip & Vávra 2014), see utia.h

@@ -20,9 +20,8 @@ struct merl {
     float *values; /* 3 × THETA_H × THETA_D × n_phi, f_r or below 0 */
 };
 
-/* The numbers of one colour are converted at once, so that the doubles of the others take no
- * memory.
- */
+/* Converts the numbers of one colour before it reads the next, so that doubles of only one colour
+ * are in memory. */
 static gboolean merl_read_colours(struct merl *merl, int fd, const char *path, GError **error) {
     const gsize n = (gsize)THETA_H * THETA_D * (gsize)merl->n_phi;
     g_autofree double *row = g_new(double, n);

@@ -5,10 +5,10 @@
  *   3 × i32                        numbers of θ_h, θ_d and φ_d: 90, 90 and 180 (or 360, if the BRDF
  *                                  is not reciprocal)
  *   3 × f64[n_θh · n_θd · n_φd]    red, green and blue; φ_d varies fastest, then θ_d
- * all little-endian. Bin i of θ_h holds (i/90)² … ((i+1)/90)² of 90°; those of θ_d and φ_d are
- * equal, of 90° and of 180° (360°; f(φ_d + 180°) = f(φ_d) where it is reciprocal). A number times
- * 1/1500, 1.15/1500, 1.66/1500 (red, green, blue) is f_r; a negative one says that the bin was not
- * measured or that one of its directions lies below the surface.
+ * all little-endian. Bin i of θ_h holds (i/90)² … ((i+1)/90)² of 90°; the bins of θ_d divide 90°
+ * equally, those of φ_d 180° (or 360°; f(φ_d + 180°) = f(φ_d) if the BRDF is reciprocal). A number
+ * times 1/1500, 1.15/1500, 1.66/1500 (red, green, blue) is f_r; a negative one says that the bin
+ * was not measured or that one of its directions lies below the surface.
  */
 #pragma once
 
@@ -26,12 +26,12 @@ void merl_evaluate(const struct merl *merl, const float light[3], const float vi
                    float ret[3]);
 
 struct merl_result {
-    /* RMS over all bins of how far f_r, turned about the normal and with light and view exchanged,
-     * is from the mean that is written, relative to the RMS of that mean. */
+    /* How much f_r depends on a turn about the normal and on an exchange of light and view: the RMS
+     * difference over all bins from the mean that is written, relative to the RMS of that mean. */
     double spread;
 };
 
-/* Writes the mean, at the centre of each bin, of f turned by n_turns equal angles about the normal
- * and of both orders of the directions. Stage "export". */
+/* Writes for the centre of each bin the mean of f over n_turns equally spaced turns about the
+ * normal and over both orders of light and view. Stage "export". */
 gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns,
                     const struct work *work, struct merl_result *ret, GError **error);

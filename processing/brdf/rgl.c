@@ -96,16 +96,18 @@ static gboolean rgl_read_colours(struct rgl *rgl, const char *path,
         for (int c = 0; c < 3 && rgl->n_channels == 3; c++)
             rgl->colours[3 * c + c] = 1;
         return rgl->n_channels == 3 ||
-               data_error_fail(path, 0, error, "its field “rgb” has %d channels", rgl->n_channels);
+               data_error_fail(path, 0, error, "its field “rgb” has %d channels instead of 3",
+                               rgl->n_channels);
     }
     const float *wavelengths;
     int n;
     if (!rgl_read_nodes(rgl, path, "wavelengths", &wavelengths, &n, error))
         return FALSE;
     if (n != rgl->n_channels)
-        return data_error_fail(path, 0, error,
-                               "its field “spectra” has %d wavelengths, “wavelengths” %d",
-                               rgl->n_channels, n);
+        return data_error_fail(
+            path, 0, error,
+            "its field “spectra” has %d wavelengths, but its field “wavelengths” has %d",
+            rgl->n_channels, n);
     rgl_colour_weights(wavelengths, n, rgl->colours);
     return TRUE;
 }

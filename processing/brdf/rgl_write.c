@@ -148,7 +148,8 @@ static void rgl_fill_vndf(const struct rgl_writing *writing, const double in[3],
         }
 }
 
-/* Where light from in goes that the microfacet m reflects; held above the surface. */
+/* The direction into which the microfacet m reflects light from `in`, clamped to lie above the
+ * surface. */
 static void rgl_reflect(const double in[3], const double m[3], double ret[3]) {
     const double twice = 2 * rgl_dot(in, m);
     for (int k = 0; k < 3; k++)

@@ -97,15 +97,16 @@ static gboolean tensor_read_field(struct reader *reader, struct tensor_file *fil
     if (!tensor_take(reader, &length, sizeof length, error))
         return FALSE;
     if (length > MAX_NAME)
-        return data_error_fail(reader->path, 0, error, "the name of field %u has %u bytes",
-                               file->fields->len + 1, length);
+        return data_error_fail(reader->path, 0, error,
+                               "the name of field %u has %u bytes; at most %d are read",
+                               file->fields->len + 1, length, MAX_NAME);
     if (!tensor_take(reader, name, length, error) ||
         !tensor_take(reader, &n_dimensions, sizeof n_dimensions, error) ||
         !tensor_take(reader, &type, sizeof type, error) ||
         !tensor_take(reader, &offset, sizeof offset, error))
         return FALSE;
     if (strlen(name) != length || !g_utf8_validate(name, -1, NULL))
-        return data_error_fail(reader->path, 0, error, "the name of field %u is no text",
+        return data_error_fail(reader->path, 0, error, "the name of field %u is not UTF-8",
                                file->fields->len + 1);
     if (type < TENSOR_UINT8 || type > TENSOR_FLOAT64 || n_dimensions > TENSOR_FILE_DIMENSIONS)
         return data_error_fail(reader->path, 0, error,

@@ -50,7 +50,7 @@ static gboolean utia_read_bin(struct utia *utia, const char *path, GError **erro
     return TRUE;
 }
 
-/* How much neighbours among 48 rows from first on differ. */
+/* Measures how much neighbouring rows differ among the 48 rows from first on. */
 static double utia_unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
@@ -104,7 +104,8 @@ static float utia_decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Makes the 48 directions of θ = 0 one: rows, where step is UTIA_SIDE, or columns. */
+/* Makes the 48 directions of θ = 0 one, by their mean: rows if step is UTIA_SIDE, otherwise
+ * columns. */
 static void utia_join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
         double sum = 0;

@@ -50,5 +50,5 @@ void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, d
                  double ret[2]);
 
 /* Finds where a value lies among n ascending nodes: index, index + 1 and the weight of the latter,
- * 0 … 1; beyond the ends the end counts. */
+ * 0 … 1; a value beyond the ends counts as the end. */
 void warp_interval(const float *nodes, int n, double value, int *ret_index, double *ret_weight);

@@ -11,8 +11,8 @@ extern const struct codec *const codecs[]; /* NULL-ended; the first is the defau
 
 const struct codec *codecs_find(const char *name); /* NULL: there is none */
 
-/* The codec of a file, by mesorig.kind of its first part that has one. Checks first that a file of
- * a session is as it was committed. */
+/* Returns the codec of a file: that of the attribute mesorig.kind, in the first part that has it.
+ * If the file belongs to a session, checks first that it is as it was committed. */
 const struct codec *codecs_of_file(const char *path, GError **error);
 
 /* A session directory, its products/btf, or an EXR that “mesorig compress” or “mesorig process”

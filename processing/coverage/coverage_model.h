@@ -9,9 +9,9 @@
  * of a point weighs the cones (Bayes), with a chance that a sweep was misled.
  *
  * A sweep that lights a point settles its distance with a chance s that grows with the depth
- * resolution of the pair of camera and laser: s = 0.03 + 0.5 q, q being what a sweep tells of a
- * distance over the most that one of them tells, 0 … 1 (plan_sweep_model()). Several sweeps L
- * settle it with 1 − Π (1 − s): less and less is added by each.
+ * resolution of the pair of camera and laser: s = 0.03 + 0.5 q, where q, 0 … 1, is how precisely
+ * the sweep measures a distance relative to the most precise sweep (plan_sweep_model()). Several
+ * sweeps settle it with the chance 1 − Π (1 − s), so that each further sweep adds less.
  *
  * Pure functions, any thread.
  */
@@ -32,10 +32,10 @@ CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
 void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
-/* The share of what the camera sees that one more sweep is expected to settle after the sweeps of
- * a set were taken, before anything was observed. */
+/* The share of what the camera sees that one more sweep is expected to settle after the taken
+ * sweeps, if nothing is known of what they observed. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
-/* The chance that a sweep lights a point that the camera sees, of which the taken sweeps in lit saw
- * something and the other taken ones nothing. */
+/* The chance that a sweep lights a point that the camera sees. Among the taken sweeps, those in lit
+ * saw something at this point, and the others nothing. */
 double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep);

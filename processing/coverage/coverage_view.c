@@ -210,7 +210,7 @@ static int coverage_view_compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Sorted, so that sums over the patterns are the same whenever they are made. */
+/* Sums over the patterns in sorted order, so that the sums do not depend on when they are made. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view) {
     struct coverage_sums sums = {.texels = (int)view->samples->len};
     g_array_set_size(view->open, 0);

@@ -3,11 +3,11 @@
  * measured ones and their weights. Weights are non-negative, sum to 1, are continuous in the
  * direction, and are (1, 0, 0, 0) at a measured direction.
  *
- * Sets of rings (a rig's: polar angles times azimuths, with any number and offset of azimuths in
- * each ring, a little uneven at most) are interpolated bilinearly in θ and φ; above the topmost
- * ring towards the pole, whose value is the mean of that ring unless a direction was measured
- * there. Any other set is triangulated (Delaunay, in the stereographic plane). Beyond the measured
- * directions the nearest value is kept.
+ * Sets of rings (those of a rig: polar angles, each with any number and offset of azimuths, which
+ * are at most a little uneven) are interpolated bilinearly in θ and φ; above the topmost ring
+ * towards the pole, whose value is the mean of that ring unless a direction was measured there. Any
+ * other set is triangulated (Delaunay, in the stereographic plane). Beyond the measured directions
+ * the nearest value is kept.
  *
  * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the
  * direction scaled to |x| + |y| + z = 1.
@@ -33,7 +33,8 @@ struct direction_weights {
 typedef struct Directions Directions; /* any number of threads may ask one at once */
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
-/* Triangulated even where they are rings: three of them stand for any direction, not four. */
+/* Triangulates the directions even if they form rings, so that three of them stand for any
+ * direction, not four. */
 Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
                                         GError **error);
 void directions_free(Directions *directions); /* NULL is ignored */
@@ -41,8 +42,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 
 gboolean directions_are_rings(const Directions *directions);
 
-/* The directions of which the pole (index n) is the mean; *ret_n is 0 if no weights name the pole.
- * Owned by the object. */
+/* The directions whose mean is the value at the pole (index n); *ret_n is 0 if no weights refer to
+ * the pole. Owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
 /* direction: a unit vector; below the horizon it is clamped to it. */

@@ -12,8 +12,8 @@ typedef struct Triangulation Triangulation; /* any number of threads may ask one
 Triangulation *triangulation_new(const double *points /* n × 2 */, int n);
 void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
 
-/* Barycentric weights within a triangle. Outside of all triangles those of the nearest point of
- * the border, which ret_nearest gives; inside, ret_nearest is the point itself. */
+/* Barycentric weights within a triangle. Outside of all triangles, the weights are those of the
+ * nearest point of the border, which ret_nearest gives; inside, ret_nearest is the point itself. */
 void triangulation_weights(const Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
 

@@ -75,16 +75,18 @@ void exr_file_free(struct exr_file *file);                       /* NULL is igno
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrFile, exr_file_free)
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
 
-/* Writes a file. Halves beyond ±65504 are written as ±65504, NaN as it is. sync: the file and its
- * directory entry are on disk when it returns. The bytes depend on the arguments only. */
+/* Writes a file. Values beyond ±65504 are written to half parts as ±65504, NaN as NaN. sync: the
+ * file and its directory entry are on disk when the function returns. The bytes depend on the
+ * arguments only. */
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
 /* Callback: fills the planes of a part, which are all 0 before. FALSE ends the writing. */
 typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
 
-/* The same for parts that do not fit into memory together: the planes of a part whose planes are
- * NULL are made when its turn comes, filled, and freed after it; a part may be filled twice. */
+/* The same as exr_write() for parts that do not fit into memory together: if the planes of a part
+ * are NULL, they are allocated when its turn comes, filled by the callback, and freed when it is
+ * written. A part may be filled twice. */
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);

@@ -17,7 +17,8 @@ struct exr_scratch {
     size_t bytes[2];
 };
 
-/* Exchanges them with those of a pipeline: before its first chunk, and before it is destroyed. */
+/* Exchanges these buffers with those of a pipeline: to be called before its first chunk, and before
+ * it is destroyed. */
 void exr_scratch_swap(struct exr_scratch *scratch, void **first, size_t *first_bytes, void **second,
                       size_t *second_bytes);
 void exr_scratch_clear(struct exr_scratch *scratch);

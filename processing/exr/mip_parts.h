@@ -7,8 +7,9 @@
 /* Moves all parts of a level to the end of the file; frees the level. */
 void mip_parts_add(struct exr_file *file, struct exr_file *level, int number);
 
-/* Number of levels; part: one that each level has. Headers suffice. 0 with an error that names
- * the path, if a level with other parts, or before others, lacks it. */
+/* Returns the number of levels. part: the name of a part that each level has. file may hold headers
+ * alone. 0 with an error that names the path: a level before the last one, or a level that has
+ * other parts, lacks this part. */
 int mip_parts_count(const struct exr_file *file, const char *part, const char *path,
                     GError **error);
 

@@ -43,7 +43,7 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     return TRUE;
 }
 
-/* Only of directories that this process has made. */
+/* Removes a directory and its content; only for directories that this process has made. */
 static void remove_tree(const char *path) {
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
     const char *name;
@@ -316,8 +316,10 @@ static gboolean write_views(struct import *import, GError **error) {
     g_autofree float *rgb = g_try_new(float, 3 * n);
     g_autofree int *holes = g_new0(int, m->n_lights);
     if (!rgb)
-        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
-                               3 * (double)n * sizeof(float) / (1 << 30));
+        return data_error_fail(
+            m->source, 0, error,
+            "there is no memory for a view of %.1f GiB; import fewer texels or lights",
+            3 * (double)n * sizeof(float) / (1 << 30));
     for (int view = 0; view < m->n_views; view++)
         if (!write_view(import, view, rgb, holes, error) ||
             !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))

@@ -1,4 +1,4 @@
-/* How the pictures of a table are coded: from the numbers in a file to linear light,
+/* Converts the numbers in the files of a table to linear light,
  *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
  * n: a pixel's number, T: the transfer function, f: its flat field, coded likewise, m: the flat
  * field's mean around the middle of the picture. Floating-point numbers have white at 1. */
@@ -168,7 +168,8 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
         g_hash_table_insert(set->flats, g_steal_pointer(&key), flat);
     }
     if (picture->grey && !flat->grey)
-        return data_error_fail(set->table, row->line, error, "%s is grey, its flat field %s is not",
+        return data_error_fail(set->table, row->line, error,
+                               "%s is grey, its flat field %s is not; give a flat field in grey",
                                row->name, coding->flat_path);
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
     for (gsize i = 0; i < n; i++)

@@ -163,8 +163,8 @@ struct run {
     double from_deg, step_deg;
     int steps;
     gboolean *missing; /* of each step */
-    /* The session's sweep. offset: the difference of two pictures lies half a step after the first
-     * one. */
+    /* The session's sweep. offset: if a step's frame is the difference of two pictures, it stands
+     * half a step after the first one. */
     double offset, sweep_from_deg, sweep_to_deg;
     int sweep_steps;
 };
@@ -187,9 +187,10 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
     if (!(steps < 2.0 * run->n))
-        return data_error_fail(set->table, last->line, error,
-                               "the sweep that begins at line %d is not evenly spaced",
-                               first->line);
+        return data_error_fail(
+            set->table, last->line, error,
+            "the sweep that begins at line %d is not evenly spaced; give sweep_deg in even steps",
+            first->line);
     run->steps = (int)lround(steps);
     run->step_deg = (last->sweep_deg - first->sweep_deg) / (run->steps - 1);
     run->offset = set->wish->edge == IMPORT_LINE ? 0 : 0.5;
@@ -218,8 +219,8 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
         if (run->missing[k] && (run->missing[k - 1] || missing > MOST_MISSING * run->steps))
             return data_error_fail(
                 set->table, run->rows[0].line, error,
-                "of the sweep that begins here %d of %d pictures are missing, such "
-                "as that at %g°",
+                "the sweep that begins here lacks %d of its %d pictures, for instance that at %g°; "
+                "one in ten may be missing, never two in a row",
                 missing, run->steps, run->from_deg + k * run->step_deg);
     set->ret->n_missing += missing;
     return TRUE;
@@ -252,8 +253,8 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
 }
 
 /* Reads the pictures; one that is missing is replaced by the previous one, and values that are not
- * numbers become 0. Of a pixel in colour the brightest of the three values counts: a laser lights
- * one colour, and the brightest saturates first. */
+ * numbers become 0. In colour pictures the brightest of a pixel's three values counts, since a
+ * laser lights one colour, and the brightest value saturates first. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);

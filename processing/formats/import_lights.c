@@ -46,7 +46,8 @@ static gboolean is_number(const char *word) {
     return end > word && !*end;
 }
 
-/* The name is taken. A path may be of another machine, with either kind of slash. */
+/* Adds a light, and takes its name, which may be a path on another machine, with either kind of
+ * slash. */
 static gboolean import_lights_add(struct list *list, int line, char *name, const double d[3],
                                   GError **error) {
     const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);

@@ -124,8 +124,8 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
         const struct named *other = *at;
         if (other)
             return data_error_fail(pictures->source, named->line, error,
-                                   "%s is of the same view and light as %s", named->path,
-                                   other->path);
+                                   "%s is of the same view and light as %s; remove one of them",
+                                   named->path, other->path);
         *at = named;
     }
     return report_missing(pictures, error);

@@ -220,9 +220,10 @@ static gboolean check_double(const struct import_set *set, GError **error) {
         const struct import_row *b = &g_array_index(set->rows, struct import_row, i);
         if (a->shot == b->shot && a->camera == b->camera &&
             (!a->sweep || a->sweep_deg == b->sweep_deg))
-            return data_error_fail(set->table, b->line, error,
-                                   "%s has the same camera, angles and light as line %d, %s",
-                                   b->name, a->line, a->name);
+            return data_error_fail(
+                set->table, b->line, error,
+                "%s has the same camera, angles and light as line %d, %s; remove one of them",
+                b->name, a->line, a->name);
     }
     return TRUE;
 }

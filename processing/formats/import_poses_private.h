@@ -52,8 +52,8 @@ struct import_set {
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error);
 
-/* Reads a row's picture; 1 is white, linear, without its flat field. It has the size of its
- * camera's pictures. */
+/* Reads a row's picture: linear, with white at 1, not yet divided by its flat field. It has the
+ * size of its camera's pictures. */
 struct import_picture *import_coding_picture(const struct import_set *set,
                                              const struct import_row *row, GError **error);
 

@@ -32,7 +32,7 @@ struct import_light {
 /* Reads a list as import_rti() does. Returns an array of struct import_light, with at least one. */
 GArray *import_lights_read(const char *path, GError **error);
 
-/* A new session under a hidden name while it is filled. */
+/* A new session, which has a hidden name until it is filled. */
 struct import_place {
     char *path, *folder, *session;
     char *name; /* of the session */

@@ -1,8 +1,8 @@
 /*
  * A file of nominal values: a rig as its builder measures it with a rule, for pictures of a rig
- * that others have built. A section [camera NAME], [lamp NAME] or [laser NAME] each, with points x;
- * y; z in the rig frame (rig.h); nominal_template() writes all keys with what they mean. Any
- * thread.
+ * that others have built. Each device has a section [camera NAME], [lamp NAME] or [laser NAME],
+ * with points x; y; z in the rig frame (rig.h); nominal_template() writes all keys and their
+ * meanings. Any thread.
  */
 #pragma once
 

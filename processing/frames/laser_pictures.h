@@ -20,7 +20,8 @@ LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_
 void laser_pictures_free(LaserPictures *pictures); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPictures, laser_pictures_free)
 
-/* The next frame, width × height values; colour filters are not known of. */
+/* Adds the next frame, width × height values; all pixels are taken as grey, whatever their colour
+ * filter. */
 void laser_pictures_add(LaserPictures *pictures, const guint16 *pixels);
 
 /* turn_rad of frames without a line is that of the nearest one with a line, the roll the mean of

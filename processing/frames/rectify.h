@@ -24,9 +24,9 @@ typedef struct Rectify Rectify;
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
-/* The same for some of the grid's texels (row · width + column), in the order of the list; NULL:
- * all of them, n_texels. Not for rectify_errors(), which looks at a texel's neighbours in the grid.
- */
+/* The same as rectify_new() for the n_texels texels (row · width + column) of a list, in its order;
+ * NULL: for all texels of the grid. Not for rectify_errors(), which looks at a texel's neighbours
+ * in the grid. */
 Rectify *rectify_new_at(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                         const char *cfa, double turntable_rad, const struct session_grid *grid,
                         const int *texels, int n_texels, GError **error);
@@ -50,14 +50,14 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
  * pixel that has a share of 2 % or more in it. */
 void rectify_flags(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
-/* Squared errors of what rectify_apply() finds in this mosaic; n_texels × 3 each, of R, G, B, and 0
- * for texels outside. pixels (as many as the mosaic, in (DN/ms)²; finite): the variances of its
- * pixels, which are independent of each other. The guide, if there is one, is taken as exact.
- * ret_noise: variance that pixels cause.
- * ret_detail: variance from what the picture does not show: where in a pixel an edge lies, and the
- * colours that pixels do not see. Noise is not in it, nor pixels on the picture's border.
- * ret_shift: square of the value's change for a shift of the picture by one pixel, summed over two
- * directions at right angles; without pixels on the border. */
+/* Squared errors of what rectify_apply() finds in this mosaic; n_texels × 3 each, of R, G, B,
+ * and 0 for texels outside. pixels (as many as the mosaic, in (DN/ms)²; finite): the variances
+ * of its pixels, which are independent of each other. The guide, if there is one, is taken as
+ * exact. ret_noise: variance that pixels cause. ret_detail: variance from what the picture does
+ * not show: where in a pixel an edge lies, and the colours that pixels do not see. It includes
+ * neither noise nor pixels on the picture's border. ret_shift: square of the value's change for
+ * a shift of the picture by one pixel, summed over two directions at right angles; without
+ * pixels on the border. */
 void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                     float *ret_noise, float *ret_detail, float *ret_shift);
 

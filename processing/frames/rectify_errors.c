@@ -92,9 +92,9 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
     }
 }
 
-/* How much a pixel's colour differs from those of the four next pixels that see the same: with l
- * the logarithm of green over it, (l − mean of theirs)² / 1.25. That is the variance of l where it
- * differs from pixel to pixel at random. */
+/* How much a pixel's colour differs from that of the four nearest pixels behind the same colour
+ * filter: (l − the mean of their l)² / 1.25, with l the logarithm of green over the pixel's own
+ * colour. This is the variance of l if l varies at random from pixel to pixel. */
 static float rectify_vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
@@ -108,9 +108,10 @@ static float rectify_vary_of(const Rectify *rectify, const float *green, int x, 
     return off * off / 1.25f;
 }
 
-/* Red and blue are seen by one pixel in four. Where they change relative to green from one of those
- * to the next, no picture shows what the pixels between them have: their ratios are off by as much.
- * For red and blue this is the mean over the pixels of a texel that see them; for green 0. */
+/* One pixel in four measures red, and one in four blue. Where red or blue changes relative to green
+ * from one such pixel to the next, no picture shows its value at the pixels between them, whose
+ * ratios are off by about as much. For red and blue this is the mean over the pixels of a texel
+ * that see them; for green 0. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -196,10 +197,10 @@ struct rectify_sums {
 };
 
 /* LANES pixels of one row in one colour: m is the plane times a factor, which is 1 for the colour's
- * own pixels and the texel's excess for others: here, beside it in the row, and above and below.
- * Λ_p = m_p − mean of the four neighbours is the part of p that they do not predict; half the
- * differences between them are the slopes. other: 0 for the colour's own pixels, otherwise 1. ret:
- * u_p = w_p Λ_p. */
+ * own pixels and the texel's excess for others; it is taken at the pixels themselves, at their
+ * neighbours in the row, and above and below. Λ_p = m_p − mean of the four neighbours is the part
+ * of p that they do not predict; half the differences between them are the slopes. other: 0 for the
+ * colour's own pixels, otherwise 1. ret: u_p = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {

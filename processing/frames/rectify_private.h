@@ -1,6 +1,6 @@
 /*
- * What rectification (rectify.c) and its errors (rectify_errors.c) share: the weights, and sums of
- * pixels with them.
+ * Shared by rectification (rectify.c) and its errors (rectify_errors.c): the weights, and weighted
+ * sums of pixels.
  */
 #pragma once
 

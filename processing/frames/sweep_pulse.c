@@ -81,10 +81,11 @@ static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double
 }
 
 /* Fits the samples of a pulse. old == NULL: the parabola through the logarithms of the samples
- * above the margin. Else one Gauss-Newton step: the logarithm is linearised about the first fit f,
- * y' = ln f + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count, too;
- * those of which noise rather than the pulse decides whether they have been recorded do not, since
- * including the recorded ones would bias the fit. FALSE: no fit, or its time is outside of part. */
+ * above the margin. Else one Gauss-Newton step: the logarithm is linearised about the first fit
+ * f, y' = ln f + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count,
+ * too. Samples so dark that noise decides whether they are recorded do not count: only those
+ * that noise makes brighter would be there, and bias the fit. FALSE: no fit, or its time is
+ * outside of part. */
 static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
                                 double middle, const struct gaussian *old, struct gaussian *ret) {
     const double height =

@@ -43,19 +43,20 @@ struct mesorig_error {
 typedef struct mesorig_material mesorig_material;
 
 /* Opens a material in any form: a file that “mesorig compress” or “mesorig process” wrote, a
- * session directory, or its products/btf. mdf: a file of its distances (MDF), or NULL: no relief,
- * but a session directory stands for its MDF, too, if it has one. From a session's products the BTF
- * itself is taken if it is there, else the compressed one with the least error; all of its values
- * are held in memory, four bytes each. NULL with ret_error, which may be NULL, filled. */
+ * session directory, or its products/btf. mdf: a file of its distances (MDF). NULL: the MDF of the
+ * session directory, if path is one and has an MDF; otherwise the material has no relief. From a
+ * session's products the BTF itself is taken if it is there, else the compressed one with the least
+ * error. All values of a BTF are held in memory, four bytes each. NULL with ret_error, which may be
+ * NULL, filled. */
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
-/* The same from the bytes of such files, which are not needed afterwards. mdf: NULL: no relief. */
+/* The same from the bytes of such files, which may be freed afterwards. mdf NULL: no relief. */
 mesorig_material *mesorig_material_open_memory(const void *material, size_t material_bytes,
                                                const void *mdf, size_t mdf_bytes,
                                                struct mesorig_error *ret_error);
 
-/* No other call may be at work with the material. NULL is ignored. */
+/* No other call may use the material meanwhile. NULL is ignored. */
 void mesorig_material_close(mesorig_material *material);
 
 struct mesorig_material_info {
@@ -72,18 +73,18 @@ struct mesorig_material_info {
 /* Sets as many members as info->size has room for. */
 int mesorig_material_info(const mesorig_material *material, struct mesorig_material_info *info);
 
-/* The directions in which it was measured, unit vectors: n_views × 3 and n_lights × 3. Either may
- * be NULL. */
+/* Gives the directions of the views and lights that were measured, as unit vectors: n_views × 3 and
+ * n_lights × 3. Either may be NULL. */
 int mesorig_material_directions(const mesorig_material *material, float *ret_views,
                                 float *ret_lights);
 
 /* Values of n points. uv: n × 2; view, light: n × 3; footprint: n, the diameter of a pixel's
  * footprint in tiles, 0: a point; NULL: all 0. ret_rgb: n × 3 (R, G, B), not negative.
  *
- * Between texels values are bilinear. Over a footprint they are averaged: a square of that width,
- * in which at most 16 × 16 points count; or, where the file has mip levels, these, the two nearest
- * ones mixed. Between measured directions they are interpolated (bilinear in θ and φ, or in a
- * triangle); lights below the lowest measured one fall in proportion to cos θ. Models with a
+ * Between texels values are bilinear. Over a footprint they are averaged over a square of that
+ * width, in which at most 16 × 16 points count; if the file has mip levels, the two nearest levels
+ * are mixed instead. Between measured directions they are interpolated (bilinear in θ and φ, or in
+ * a triangle); lights below the lowest measured one fall in proportion to cos θ. Models with a
  * formula evaluate it. A view or light below the horizon, or an argument that is not finite, gives
  * 0. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
@@ -106,9 +107,10 @@ struct mesorig_hit {
 int mesorig_material_intersect(const mesorig_material *material, size_t n, const float *uv,
                                const float *view, struct mesorig_hit *ret);
 
-/* Draws n light directions in proportion to about what the material reflects to the view. random:
- * n × 2 in [0, 1); ret_light: n × 3; ret_pdf: n, the density per solid angle, 0 where there is no
- * direction. Arguments as of mesorig_material_evaluate(). The first call prepares tables. */
+/* Draws n light directions with a density about proportional to what the material reflects to the
+ * view. random: n × 2 in [0, 1); ret_light: n × 3; ret_pdf: n, the density per solid angle, 0 where
+ * there is no direction. Arguments as of mesorig_material_evaluate(). The first call prepares
+ * tables. */
 int mesorig_material_sample(const mesorig_material *material, size_t n, const float *uv,
                             const float *view, const float *footprint, const float *random,
                             float *ret_light, float *ret_pdf);

@@ -33,9 +33,9 @@ static double material_tent(double t) {
     return t < 0 ? 0.5 * (t + 1) * (t + 1) : 1 - 0.5 * (1 - t) * (1 - t);
 }
 
-/* The mean of the linear interpolant over at − width/2 … at + width/2, texel i having its centre at
- * i + ½. Wider than ACROSS texels: ACROSS of them, evenly spread. A width beyond the tile is all of
- * it. */
+/* The weights that give the mean of the linear interpolant over at − width/2 … at + width/2, where
+ * texel i has its centre at i + ½. If that is wider than ACROSS texels, ACROSS evenly spread texels
+ * count. A width of more than the tile counts as the whole tile. */
 static void material_axis_find(double at, double width, int n, struct material_axis *ret) {
     ret->n = 0;
     width = MIN(width, n);
@@ -64,8 +64,8 @@ static void material_axis_find(double at, double width, int n, struct material_a
     }
 }
 
-/* Adds share times what the texels around (u, v) of a level reflect. width: of the footprint, in
- * tiles. */
+/* Adds what the texels of a level around (u, v) reflect, times share. width: that of the footprint,
+ * in tiles. */
 static void material_evaluate_level(const mesorig_material *m, guint level, double u, double v,
                                     double width, float share, const struct codec_query *query,
                                     float ret[COLOURS]) {
@@ -86,8 +86,8 @@ static void material_evaluate_level(const mesorig_material *m, guint level, doub
     m->codec->evaluate(model, query, &(struct codec_texels){n, index, shares}, ret);
 }
 
-/* Mip levels, where there are any, as the viewer takes them: log2 of the footprint in texels of
- * level 0, the two nearest mixed. */
+/* Evaluates the mip levels, if there are any, as the viewer does: mixes the two levels nearest to
+ * log2 of the footprint in texels of level 0. */
 static void material_evaluate_texels(const mesorig_material *m, double u, double v, double width,
                                      const struct codec_query *query, float ret[COLOURS]) {
     const double texels = width * (double)MAX(m->layout->width, m->layout->height);

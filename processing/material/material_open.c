@@ -32,8 +32,8 @@ static void material_tell_error(GError *error, struct mesorig_error *ret_error) 
     g_error_free(error);
 }
 
-/* The compressed material with the least error among a folder's files, those of unknown error last;
- * NULL: there is none. */
+/* Finds the compressed material with the least error among a folder's files; one whose error is
+ * unknown is taken only if there is no other. NULL: there is none. */
 static char *material_best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;
@@ -169,7 +169,7 @@ static int material_file_of(const void *bytes, size_t n, GError **error) {
     return -1;
 }
 
-/* The readers name the file; the caller knows it as what it gave. */
+/* Replaces the file's name in an error of the readers by the path that the caller gave. */
 static void material_rename(GError *error, const char *path, const char *name) {
     g_auto(GStrv) parts = g_strsplit(error->message, path, -1);
     g_free(error->message);

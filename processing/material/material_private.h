@@ -8,7 +8,7 @@
 
 #include <pthread.h>
 
-/* Nothing changes after opening, but for sampling. */
+/* After opening, only the members for sampling change. */
 struct mesorig_material {
     const struct codec *codec;
     GPtrArray *levels;               /* models of mip levels, at least the first */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-/* What a formula is asked with: a measured view alone. */
+/* The arguments with which a formula is evaluated: only a measured view. */
 struct sample_formula {
     const struct codec *codec;
     gconstpointer model;
@@ -57,7 +57,8 @@ static MaterialSampler *sample_make(const mesorig_material *m) {
     return material_sampler_new(&source);
 }
 
-/* The tables are made at the first call, as not every renderer asks for them. */
+/* Returns the sampler. Its tables are made at the first call, since not every renderer needs
+ * them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
     MaterialSampler *ready = g_atomic_pointer_get(&m->sampling);

@@ -14,8 +14,7 @@
  * the cluster, because formulas need not fall towards the horizon as interpolated values do.
  *
  * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
- * measured view and light). A footprint that is wider than a cluster's texel takes the table of
- * all.
+ * measured view and light). A footprint wider than 1.5 texels takes the table of all texels.
  */
 #pragma once
 
@@ -24,7 +23,7 @@
 
 #define MATERIAL_SAMPLER_CELLS 32
 
-/* What a sampler is made from. All outlives it. */
+/* The source of a sampler; it and all that it refers to outlive the sampler. */
 struct material_sampler_source {
     const struct btf_layout *layout;
     const Directions *views, *lights; /* of the layout; NULL if n_grid */
@@ -32,8 +31,8 @@ struct material_sampler_source {
     /* One texel: n_views × n_lights × 3, as struct codec has it. */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     gconstpointer model;
-    /* A texel at a measured view and any light above the horizon, where the model has a formula;
-     * NULL: values between the measured lights are interpolated. */
+    /* If the model is a formula: evaluates a texel in a measured view under any light above the
+     * horizon. NULL: values between the measured lights are interpolated. */
     void (*evaluate)(gconstpointer context, int view, int texel, const float light[3],
                      float ret[3]);
     gconstpointer context;
@@ -41,7 +40,7 @@ struct material_sampler_source {
 
 typedef struct MaterialSampler MaterialSampler;
 
-/* Deterministic: the same source gives the same tables. Seconds for the largest materials. */
+/* The same source gives the same tables. Takes seconds for the largest materials. */
 MaterialSampler *material_sampler_new(const struct material_sampler_source *source);
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
@@ -50,6 +49,7 @@ void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
  * horizon. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
-/* The same density of any light; 0 where it or the view is below the horizon. */
+/* The density with which material_sampler_draw() draws this light; 0 if the light or the view is
+ * below the horizon. */
 float material_sampler_density(const MaterialSampler *sampler, const float uv[2],
                                const float view[3], const float light[3], float footprint);

@@ -125,8 +125,8 @@ static struct vec3 maximum(const double *c, gboolean *ret_clipped) {
     return *ret_clipped ? vec3(0, 0, 0) : vec3(x, y, sqrt(1 - x * x - y * y));
 }
 
-/* b of min Σ (f − b·l)² over lights that count, by Cramer's rule; all 0: they do not determine it.
- */
+/* Finds b of min Σ (f − b·l)² over the lights that count, by Cramer's rule; returns 0 if they do
+ * not determine it. */
 static struct vec3 least_squares(const struct fit *fit, const double *f, const gboolean *counts) {
     struct vec3 x = vec3(0, 0, 0), y = x, z = x, sum = x; /* columns of Σ l lᵀ, and Σ f l */
     for (int i = 0; i < LIGHTS; i++)

@@ -10,11 +10,12 @@
 
 enum fit_normals_method {
     /* The fit is evaluated under lights that are spread evenly down to the lowest one measured, and
-     * the normal b / |b| is that of Lambert's law, min Σ (f(l) − b·l)², over lights that the
+     * the normal b / |b| is that of Lambert's law, min Σ (f(l) − b·l)², over the lights that the
      * surface faces and under which it is neither in shadow nor shines: b·l > 0.15 |b| and |f(l) −
-     * b·l| < 0.1 |b|, found by repeating it (Woodham 1980). Median errors for Lambert's law: 0.6°
-     * of a PTM, 1.1° of 4 terms of HSH, 0.3° of 9 and 16. Shadows that others cast, or a highlight:
-     * 8° of a PTM, which smears them over all lights, 1° of 16 terms. */
+     * b·l| < 0.1 |b|; these lights are found by repeating the fit (Woodham 1980). Median errors on
+     * Lambertian surfaces: 0.6° for a PTM, 1.1° for HSH of 4 terms, 0.3° for 9 and 16 terms. With
+     * cast shadows or a highlight: 8° for a PTM, which spreads them over all lights, 1° for HSH of
+     * 16 terms. */
     FIT_NORMALS_LAMBERT,
     /* PTM only: the light under which the polynomial is greatest (Malzbender et al. 2001), with
      * C0 … C5 as in lobes.h

@@ -9,9 +9,10 @@
  * (directions.h); beyond the measured ones they fall with the cosine. Lights count as in their
  * nominal directions for all texels.
  *
- * The MDF's channels (pipeline.h): D the distance predicted, −1 where no view sees anything; M, O
- * and S −1, N 0: nothing was measured; P 3 or 0. Values of texels of which no view sees the surface
- * are mixed of those at the same texel, and have the flag BTF_FLAG_PREDICTED (btf.h).
+ * The MDF's channels (pipeline.h): D is the predicted distance, −1 where no view sees anything; M,
+ * O and S are −1 and N is 0, since nothing was measured; P is 3 or 0. If no view sees the surface
+ * of a texel, its values are mixed from the views' values at the same texel, and have the flag
+ * BTF_FLAG_PREDICTED (btf.h).
  *
  * Attributes of each part of the BTF besides those of pipeline.h: resample.directions and
  * resample.from (string: name of the set, path of the session), resample.along_surface (int: 1).

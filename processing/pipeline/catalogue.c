@@ -226,8 +226,8 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
-/* input: NULL for a light that the plan left out for this view; another shot of it gives the lamp's
- * position. */
+/* input: NULL for a light that the plan left out for this view; the lamp's position then follows
+ * from shot, another shot of this light. */
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {

@@ -124,7 +124,7 @@ static void explain_mdf(Session *session, const struct texts *texts,
                                 : "reference_mm and depth_mm in [sample] of the session file"));
 }
 
-/* Of a view's file; FALSE: it is not there. */
+/* Reads what a view's file shows; FALSE: there is no file. */
 static gboolean see_view(const char *path, struct seen_view *ret, GError **error) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;

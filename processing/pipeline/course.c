@@ -4,7 +4,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-/* Of work that takes longer than it was thought to, this part is taken to be left. */
+/* If work takes longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT 0.05
 #define LITTLE_S   0.5 /* CPU time of what follows the views that says little of the rest of it */
 
@@ -85,8 +85,8 @@ void course_free(Course *course) {
 
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
     course_drop_tasks(course);
-    if (course->speed.wall_s <= 0) { /* what was before the first views says nothing of them: files
-                                        were looked for, often on a disk */
+    if (course->speed.wall_s <= 0) { /* the speed before the first views says nothing about them:
+                                        files were searched for, often on a disk */
         course->begun_us = course->looked_us = g_get_monotonic_time();
         course->looked_cpu_s = process_cpu_s();
         course->n_busy = CLAMP(n, 1, course->n_threads);
@@ -134,7 +134,8 @@ void course_end(Course *course, enum time_left_work work, gboolean whole) {
     course->working = -1;
 }
 
-/* What the process got since the last look, by as many threads as were busy then. */
+/* Adds the CPU time that the process got since the last look, during which course->n_busy threads
+ * were busy. n_busy: the number of busy threads from now on. */
 static void course_look(Course *course, int n_busy) {
     const gint64 now_us = g_get_monotonic_time();
     const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
@@ -147,7 +148,7 @@ static void course_look(Course *course, int n_busy) {
     course->n_busy = n_busy;
 }
 
-/* How many times as long something took as its rates say. */
+/* The ratio of the time that work took to the time that the rates predict. */
 struct course_pace {
     double cpu_s, said_s;
 };
@@ -162,8 +163,9 @@ static double course_slower(const struct course_pace *pace) {
     return pace->said_s > 0 ? pace->cpu_s / pace->said_s : 1;
 }
 
-/* Of views: processors differ, and one whose caches and units others use, too, takes longer for the
- * same work. What is not measured yet will be as slow. */
+/* The pace of views: the CPU time that they took, relative to what the rates predict. Processors
+ * differ, and one that shares its caches and units with other work is slower. Work that has not
+ * been measured yet is expected to be as slow. */
 static struct course_pace course_views_pace(const Course *course,
                                             const struct time_left_task *tasks) {
     struct course_pace pace = {0};
@@ -175,13 +177,13 @@ static struct course_pace course_views_pace(const Course *course,
     return pace;
 }
 
-/* What follows the views has its own pace as soon as there is some of it: one thread does not share
- * its processor with a second one. */
+/* The work after the views has a pace of its own as soon as some of it is done, since its single
+ * thread does not share a processor with a second one. */
 static double course_after_s(const Course *course, const struct course_pace *views) {
     struct course_pace pace = {0};
     const double slower = course_slower(views);
-    /* Its first parts need not be like its last ones: views of an elevation are read one after the
-     * other. */
+    /* The first part of this work may be slower or faster than the last, because the views of one
+     * elevation are read one after the other; therefore a small share counts little. */
     const double weight = course->share * course->share;
     double done_s = 0, after_s = 0;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
@@ -191,7 +193,7 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         course_pace_add(&pace, course, course->working, weight * done_s,
                         weight * course->share * course->expected[course->working]);
     }
-    /* As if some more of it had gone as views did. */
+    /* Counts as if LITTLE_S more of this work had run at the pace of views. */
     pace.cpu_s += LITTLE_S * slower;
     pace.said_s += LITTLE_S;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {

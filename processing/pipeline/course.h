@@ -11,29 +11,29 @@ typedef struct Course Course;
 
 /* n_threads make views. */
 Course *course_new(int n_threads);
-/* What this run has measured is kept for the next ones (time_left_rates_save()). NULL is ignored.
- */
+/* Keeps what this run has measured for the next ones (time_left_rates_save()). NULL is ignored. */
 void course_free(Course *course);
 
-/* The views to be made from now on, in the order in which threads take them; copied. Those of
- * before still count as measured. */
+/* Sets the views to be made from now on, in the order in which threads take them; copied. Views
+ * made earlier still count as measured. */
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n);
-/* In the thread that makes the task: its number in that order. */
+/* To be called in the thread that makes the task. task: its number in that order. */
 void course_task_begin(Course *course, int task);
 void course_task_end(Course *course, int task);
 
-/* What is to follow the views in one thread, and how much of it; 0 units: nothing. */
+/* Announces work that is to follow the views in one thread; 0 units: none of this kind. */
 void course_expect(Course *course, enum time_left_work work, double units);
-/* What share of the work under way after the views is done, 0 … 1: then its own pace counts, too.
- */
+/* share, 0 … 1: how much of the work now under way after the views is done. From then on the pace
+ * of this work counts, too. */
 void course_advance(Course *course, double share);
-/* It begins, and has ended: then no more of it is expected. whole: it was not cut short, so that it
- * says how long such work takes. */
+/* Work after the views begins, or has ended; no more of this kind is expected then. whole: it was
+ * not cut short, so that its time says how long such work takes. */
 void course_begin(Course *course, enum time_left_work work);
 void course_end(Course *course, enum time_left_work work, gboolean whole);
 
-/* Of everything, s, with the share of the processors that the process got lately. −1: not known
- * yet, since neither this run nor an earlier one has measured what is left. With
- * MESORIG_TIME_LEFT=idle in the environment, as if each thread had a processor for itself: that can
- * be held against CPU time where other programs are at work, too (tests/bench/time_left). */
+/* The seconds that all the remaining work will take, with the share of the processors that the
+ * process got lately. −1: not known yet, since neither this run nor an earlier one has measured
+ * such work. With MESORIG_TIME_LEFT=idle in the environment, the time if each thread had a
+ * processor for itself, which can be compared with CPU time on a busy machine
+ * (tests/bench/time_left). */
 double course_left_s(Course *course);

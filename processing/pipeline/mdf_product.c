@@ -57,10 +57,12 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
                            input->steps);
 }
 
-/* Above the median of the reference region; as laser_threshold_dn is by default. */
+/* A line's least height above the median of the reference region; the default of
+ * laser_threshold_dn. */
 #define LINE_DN 12
 
-/* The published way: reads the frames that the session has kept beside the sweep's file. */
+/* Finds lines as in the paper: reads the frames that the session has kept beside the sweep's
+ * file. */
 static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_input *input,
                                  const struct laser_sweep *sweep, const struct exr_part *size,
                                  struct laser_lines *ret, GError **error) {

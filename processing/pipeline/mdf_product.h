@@ -22,8 +22,9 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
 
 /* Here and below: results of n views, NULL where there is none. */
 
-/* Sets D and P of all views from their measurements (mdf_views.h), unless the same views settled
- * them before. settled is called after each view. Returns whether anything may have changed. */
+/* Sets D and P of all views from their measurements (mdf_views.h), unless they were set from the
+ * same views before. settled is called after each view. Returns whether anything may have
+ * changed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data);
 
@@ -35,6 +36,6 @@ gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
 gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results);
 
-/* Share of the texels of existing views that they measured; ret_predicted: the share that other
- * views predicted. */
+/* Returns the share of all texels of the existing views that was measured; ret_predicted: the share
+ * that other views predicted. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted);

@@ -178,8 +178,8 @@ static enum catalogue_state pipeline_state(const struct run *run, enum stage sta
                               : catalogue_mdf(run->catalogue, view, NULL);
 }
 
-/* The views that a stage can make: the plan leaves out frames of others, and after the end of the
- * capture what is missing stays so. */
+/* Counts the views that a stage can make. It cannot make views whose frames the plan leaves out
+ * and, after the capture has ended, views whose frames are missing. */
 static int count_possible(const struct run *run, enum stage stage, gboolean ended) {
     int n = 0;
     for (int view = 0; view < run->n_views; view++) {
@@ -243,7 +243,8 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
         course_expect(run->course, TIME_LEFT_CAUSES, n[STAGE_BTF]);
 }
 
-/* One stage after the other, for people. told: what was done when it was told last. */
+/* Reports one stage after the other, for people. told: the views done at the last report of each
+ * stage. */
 static void pipeline_tell_stages(struct run *run, const int *possible, int *told) {
     const double left_s = course_left_s(run->course);
     for (int stage = 0; stage < N_STAGES; stage++) {
@@ -257,8 +258,8 @@ static void pipeline_tell_stages(struct run *run, const int *possible, int *told
     }
 }
 
-/* Makes all views that are ready, BTF and MDF by turns: the time left is known from the first ones
- * on. ended: no more will be. */
+/* Makes all views that are ready, BTF and MDF by turns, so that the first ones already tell how
+ * long both will take. ended: no further frames will come. */
 static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **error) {
     GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, pipeline_threads(run), FALSE, error);
     if (!pool)
@@ -272,8 +273,8 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
     GError *first = NULL;
     GQueue ready = G_QUEUE_INIT;
     pipeline_list_views(run, possible, ended, &ready);
-    /* One thread makes a view when the row of the one before is there: files and rows then are
-     * written in the same order every time. */
+    /* With one thread, a view is begun only when the row of the view before is written, so that
+     * files and rows are written in the same order every time. */
     const guint most = pipeline_threads(run) == 1 ? 1 : ready.length;
     guint under_way = 0;
     while (under_way + ready.length > 0) {
@@ -438,7 +439,7 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     return ok;
 }
 
-/* Pictures left out on purpose, from those of all views. */
+/* Predicts the pictures that were left out on purpose from those of all views. */
 static gboolean pipeline_predict(struct run *run, struct pipeline_result *ret, GError **error) {
     struct work work = run->options->work;
     struct prediction_product product;
@@ -603,7 +604,7 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Of all products of the session, also those that an earlier run made. */
+/* Finds causes in all products of the session, also in those of an earlier run. */
 static gboolean pipeline_find_causes(struct run *run, const struct pipeline_result *result,
                                      GError **error) {
     const struct pipeline_options *options = run->options;
@@ -659,8 +660,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found) &&
                   pipeline_find_causes(&run, ret, &found);
-    /* A damaged frame may have been refused: notes all, so that one resume takes them all. Errors
-     * here matter less than the first one. */
+    /* A damaged frame may have been refused. Notes all damaged frames, so that one resume takes all
+     * of them again. Errors here matter less than the first one. */
     g_autoptr(GPtrArray) damages =
         g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
             ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)

@@ -1,15 +1,20 @@
 /*
  * From the frames of a session to its products; follows a capture that is still running.
  *
- *   products/btf/view_0000.exr   one per view, with a part "light_0000" per light: B G R half,
- * reflectance (see below) on the texel grid; attributes of every part: view.theta_deg view.phi_deg
- * light.theta_deg light.phi_deg (double) (nominal); view.centre_mm light.position_mm (v3d: camera
- * and lamp as calibrated, sample frame: a texel's exact directions are those towards them);
- * mesorig.saturated (int: pixels of the frame that even the shortest exposure saturated); channel
- * "mark" where any texel has one, and how many have each: see btf.h; channel
- * "sigma" and its attributes where the camera's noise is calibrated: see btf_sigma.h
+ *   products/btf/view_0000.exr   one per view, with a part "light_0000" per light: channels B G R,
+ *                                half: reflectance (see below) on the texel grid; "mark" where any
+ *                                texel has a flag, and how many have each: see btf.h; "sigma" and
+ *                                its attributes where the camera's noise is calibrated: see
+ *                                btf_sigma.h. Attributes of every part:
+ *                                  view.theta_deg view.phi_deg light.theta_deg light.phi_deg
+ *                                  (double): nominal directions
+ *                                  view.centre_mm light.position_mm (v3d): camera and lamp as
+ *                                  calibrated, sample frame; the exact directions of a texel are
+ *                                  those towards them
+ *                                  mesorig.saturated (int): pixels of the frame that even the
+ *                                  shortest exposure saturated
  *
- *   products/mdf.exr             a part "view_0000" a view, float channels:
+ *   products/mdf.exr             a part "view_0000" per view, float channels:
  *                                  "D" the distance, mm; −1: not known
  *                                  "M" what the view itself has measured; −1: nothing
  *                                  "N" number of laser positions that M is the mean of
@@ -17,9 +22,11 @@
  *                                  "P" where D is from: 0 nowhere, 1 it is M, 2 it is O, 3
  *                                  predicted by other views, not measured (mdf_views_settle())
  *                                  "S" standard error of M, mm (mdf_view_merge()); −1: M is not
- * known attributes view.theta_deg view.phi_deg view.centre_mm (v3d: the camera, sample frame)
- * reference_mm texel_mm, and lines.*: what the laser's line around the sample says of the
- * calibration (mdf_lines.h)
+ *                                  known
+ *                                Attributes: view.theta_deg view.phi_deg, view.centre_mm (v3d: the
+ *                                camera, sample frame), reference_mm, texel_mm, and lines.*: what
+ *                                the laser's line around the sample says of the calibration
+ *                                (mdf_lines.h)
  *
  *   products/eigenmaps.exr       see eigenmaps.h
  *
@@ -43,7 +50,7 @@ struct pipeline_options {
      * marks measured during the capture is not used. calibration_path: where it is from, or
      * "nominal"; recorded with the products (session/made_with.h). */
     const char *calibration, *calibration_path;
-    /* Laser lines are found in each picture, as published (frames/laser_pictures.h): to compare.
+    /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
     GPtrArray *causes; /* char *: pipeline_causes() are added; NULL: they are not looked for */

@@ -104,7 +104,8 @@ static gboolean product_take_view(struct product_job *job, int view, GError **er
     return TRUE;
 }
 
-/* Pairs are taken at once by the cameras at an angle of the turntable under a light. */
+/* Groups the pairs that the cameras take at once: those with one angle of the turntable and one
+ * light. */
 static void product_set_groups(struct product_job *job, const int *views) {
     for (int v = 0; v < job->n_views; v++) {
         const struct session_direction *view = job->catalogue->views->pdata[views[v]];

@@ -1,8 +1,8 @@
 /*
  * Pictures of a BTF that were left out on purpose ([lights] sampling = adaptive), predicted from
  * all that were taken (prediction/prediction.h): their parts of the views' files are made again
- * once all views are there. Until then they are what btf_make_view() makes of the lights around
- * them.
+ * once all views are there. Until then they hold the values that btf_make_view() interpolates from
+ * the lights around them.
  *
  * Such a part has the flag BTF_FLAG_PREDICTED in all texels, error bars (btf_sigma.h), the int
  * mesorig.left_out and the string mesorig.prediction: the hash of all views' inputs.
@@ -11,7 +11,7 @@
 
 #include "catalogue.h"
 
-/* Version of the method, as BTF_METHOD is that of the values. */
+/* Version of the method of prediction, as BTF_METHOD is the version of the measured values. */
 #define PREDICTION_METHOD 1
 
 struct prediction_product {
@@ -21,7 +21,7 @@ struct prediction_product {
 };
 void prediction_product_clear(struct prediction_product *product);
 
-/* What the session's values say of its predicted pictures. left_out 0: there are none. */
+/* What the session records about its predicted pictures. left_out 0: there are none. */
 struct prediction_known {
     int left_out, pictures;
     double error;          /* expected, relative to the whole BTF (prediction_error()) */
@@ -33,8 +33,8 @@ void prediction_product_read(Session *session, struct prediction_known *ret);
 /* views: indices of views whose files are there. Sets the session's values "prediction_error"
  * (expected, relative: prediction_error()), "prediction_left_out_error",
  * "prediction_left_out_share" and "prediction_pictures" (“2700 of 3600”). The texels' values are
- * kept in a scratch file if they take more than PREDICTION_PRODUCT_MEMORY bytes; what is predicted
- * is kept in memory, 12 bytes a texel and picture. Progress stage "prediction". */
+ * kept in a scratch file if they take more than PREDICTION_PRODUCT_MEMORY bytes; predicted values
+ * are kept in memory, 12 bytes per texel and picture. Progress stage "prediction". */
 #define PREDICTION_PRODUCT_MEMORY ((gint64)1 << 30)
 gboolean prediction_product_make(Session *session, const struct catalogue *catalogue,
                                  const int *views, int n_views, const struct work *work,

@@ -8,7 +8,7 @@
 #define OVERDUE     1.25
 #define ENOUGH_S    10.0 /* CPU time of a run that says what its kinds of work take */
 #define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
-/* Of a task that has run for longer than it was thought to, this part is taken to be left. */
+/* If a task has run for longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT  0.05
 #define SCATTER     1.5 /* rates of runs of the same session differ by less */
 #define LEAST_SPEED 0.01
@@ -28,9 +28,9 @@ static char *rates_path(void) {
 }
 
 gboolean time_left_rates_load(struct time_left_rates *ret) {
-    /* Of one core of an AMD EPYC beside other work, with the demo's session: what the first run of
-     * tests/bench/time_left --cpu prints. Their ratios are what matters: views tell how much faster
-     * or slower another processor is. */
+    /* Rates of one core of an AMD EPYC beside other work, with the demo's session, as the first run
+     * of tests/bench/time_left --cpu prints them. Only their ratios matter, since the first views
+     * of a run show how much faster or slower its processor is. */
     *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.105,
                                                [TIME_LEFT_MDF] = 0.59,
                                                [TIME_LEFT_SETTLE] = 0.028,
@@ -107,8 +107,8 @@ static void time_left_spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
         }
 }
 
-/* By the tasks made; and then by those, too, that run for longer already than the others say: each
- * will take a quarter more. */
+/* Estimates costs from the tasks that are made, and then also from tasks that already run longer
+ * than this estimate: each of these is expected to take a quarter longer than it has. */
 static void time_left_costs(const struct time_left_task *tasks, int n,
                             const struct time_left_rates *rates, struct unit_costs *ret) {
     struct unit_sums of[TIME_LEFT_STAGES][DEGREES] = {0};

@@ -14,7 +14,7 @@
 #define GRID    DIRECTION_GRID_MAX
 #define SAMPLES (GRID * GRID)
 
-/* A light so low counts as if it stood there: f_r = B / (π cos θ) would be noise. */
+/* A lower light counts as if its cosine were this one: f_r = B / (π cos θ) would be noise. */
 #define LEAST_COSINE 0.05
 
 struct Abrdf {
@@ -208,7 +208,7 @@ void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpo
     }
 }
 
-/* How far the interpolant is from what was measured, of B. */
+/* Compares the interpolated B with the measured one. */
 static void abrdf_compare(Abrdf *abrdf, const float *f) {
     struct abrdf_info *info = &abrdf->info;
     const gsize n = info->lights.n, pairs = info->views.n * n;

@@ -25,9 +25,9 @@ struct abrdf_info {
     double lowest_deg; /* of a measured direction: beyond it nothing is known */
 };
 
-/* Reads a session, or what “mesorig compress” made of one. region: all 0: all texels. Needs the
- * memory of one view at most (of a file, of its model). Stage "read". DATA_ERROR_INVALID: too few
- * directions, a region that is not in the material, or no value at all. */
+/* Reads a session, or what “mesorig compress” made of one. region: all 0: all texels. Needs at most
+ * the memory of one view of a session, or of a file's model. Stage "read". DATA_ERROR_INVALID: too
+ * few directions, a region that is not in the material, or no value at all. */
 Abrdf *abrdf_read(const char *path, const struct import_region *region, const struct work *work,
                   GError **error);
 void abrdf_free(Abrdf *abrdf); /* NULL is ignored */

@@ -1,7 +1,7 @@
 /*
- * Exports of a material as the files of others: its mean BRDF as RGL's .bsdf or MERL's .binary, one
- * of its views as a PTM or for Relight. Files appear complete or not at all. Any thread; a session
- * may be captured and processed meanwhile.
+ * Exports a material in the formats of other programs: its mean BRDF as RGL's .bsdf or MERL's
+ * .binary, one of its views as a PTM or for Relight. Files appear complete or not at all. Any
+ * thread; a session may be captured and processed meanwhile.
  */
 #pragma once
 

@@ -1,6 +1,6 @@
 /*
- * Sessions from files of measured BRDFs and RTI, as those of import.h: their products are a BTF and
- * eigen-maps, their value "imported" names the file. Any thread.
+ * Makes sessions from files of measured BRDFs and of RTI. Like those of import.h, they have a BTF
+ * and eigen-maps as products, and their value "imported" names the file. Any thread.
  */
 #pragma once
 

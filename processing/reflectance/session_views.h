@@ -21,6 +21,7 @@ typedef gboolean (*SessionPicture)(int view, int light, const float *const plane
                                    GError **error);
 
 /* Calls func for each light of a view, in order. Reads the whole file where that takes at most 512
- * MiB, else picture by picture. DATA_ERROR_INVALID: it does not fit the first view. */
+ * MiB, else picture by picture. DATA_ERROR_INVALID: the view's lights or size differ from those of
+ * the first view. */
 gboolean session_view_files_read(const struct session_view_files *files, int view,
                                  SessionPicture func, gpointer data, GError **error);

@@ -18,8 +18,8 @@
 #define ONE_SURFACE                                                                                \
     0.75 /* of a texel, over the cosine of the view's polar angle: neighbours with a larger step   \
             in distance lie on different surfaces */
-/* The same of texels whose values are mixed: a value is that of a texel's whole area, and at a step
- * two values are nearer to what is there than one. */
+/* The same limit for texels whose values are mixed. It is larger, because a value belongs to a
+ * texel's whole area, and at a step a mix of two values is nearer to the truth than one alone. */
 #define ONE_COLOUR 1.6
 #define CUBIC      (-0.6F) /* of Keys' kernel */
 #define HALVINGS   6       /* of STEP, once the surface lies within it */
@@ -78,7 +78,7 @@ static gboolean reprojection_add_eye(Reprojection *s, int k, const struct reproj
 Reprojection *reprojection_new(const struct mdf_plane *plane, const struct reprojection_view *views,
                                int n, gboolean tiled, GError **error) {
     if (n < 1) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "there are no views to predict from");
         return NULL;
     }
     g_autoptr(Reprojection) s = g_new0(Reprojection, 1);
@@ -96,7 +96,8 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
         phi_deg[k] = (float)(atan2(v.y, v.x) * 180 / G_PI);
     }
     if (s->deepest_mm < 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "no view knows any distance");
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "no view has any distance; process the session again");
         return NULL;
     }
     s->directions = directions_new_triangulated(theta_deg, phi_deg, n, error);
@@ -208,7 +209,8 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     }
 }
 
-/* Moves a texel onto the plane: repeated, or where it is beyond the border that at the border. */
+/* Moves a texel onto the plane: repeats it if the sample is tiled, otherwise takes the nearest
+ * texel of the border. */
 static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
@@ -256,7 +258,7 @@ static void reprojection_cubic(float u, float ret[4]) {
     }
 }
 
-/* What a view knows of a point. */
+/* What a view shows of a point. */
 struct look {
     double q; /* INFINITY: nothing */
     struct place at;

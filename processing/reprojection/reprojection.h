@@ -1,8 +1,8 @@
 /*
  * Interpolation between views along the surface. Where there is relief, a texel x of the reference
  * plane shows another surface point in each view, so that a mix of its values has ghosts. The MDF
- * of each view says which point that is: a new view is predicted by moving the measured views'
- * pictures along the surface first, each as far as it sees that surface, and mixing them then.
+ * of each view says which point that is. To predict a new view, the measured views' pictures are
+ * first moved along the surface, each where it sees that surface, and then mixed.
  *
  * Symbols. v: the unit vector from x towards a new camera; v_i, c_i: direction and camera of the
  * measured view i; D_i its MDF (pipeline.h: the distance of the surface behind x_i, along the ray).
@@ -21,13 +21,13 @@
  *
  * w_i = b_i' + ε h_i with b_i' = b_i (cos θ_i)^a / Σ_j b_j (cos θ_j)^a, and u_i = b_i + h_i. b are
  * barycentric weights of v in the triangulation of the measured directions (directions.h); outside
- * of them those of the nearest point of their border. h are weights of the nearest views,
- * continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the distance of the
- * directions, R that of the first view without weight; their sum is 1). They count for values where
- * no view of the triangle sees p. The cosine lets a slanted view, whose pixels are larger on the
- * sample, count less. All weights are continuous in v, so that no seam appears where the
- * triangle changes, and at a measured direction the view itself alone counts. Values still change
- * at once where a view loses sight of a surface that it grazes.
+ * of the triangulation, the weights of the nearest point of its border. h are weights of the
+ * nearest views, continuous in v (Franke & Little 1980: ((R − r_i) / (R r_i))² with r_i the
+ * distance of the directions, R that of the first view without weight; their sum is 1). h decide
+ * the values where no view of the triangle sees p. The cosine lets a slanted view, whose pixels are
+ * larger on the sample, count less. All weights are continuous in v, so that no seam appears where
+ * the triangle changes, and at a measured direction the view itself alone counts. Values still
+ * change at once where a view loses sight of a surface that it grazes.
  *
  * D_i is bilinear among those of the four texels around x_i that lie on one surface with the
  * nearest: edges are not bridged. B(x_i, …) is bicubic (Keys 1981) where the 16 texels around x_i
@@ -111,7 +111,7 @@ struct reprojection_target {
     gboolean near;
     struct vec3 at; /* near: the camera's centre, mm, sample frame; else a unit vector */
 };
-/* Towards it from a point of the reference plane. */
+/* The unit vector from a point of the reference plane towards a target. */
 struct vec3 reprojection_towards(const Reprojection *reprojection,
                                  const struct reprojection_target *target, const double at_mm[2]);
 

@@ -172,8 +172,10 @@ static gboolean rti_read_hsh(struct head *head, struct rti *rti, GError **error)
         return FALSE;
     for (int i = 0; i < rti->n_terms; i++) {
         if (!isfinite(scale[i]) || !isfinite(bias[i]) || scale[i] == 0)
-            return data_error_fail(head->path, 0, error, "scale %d is %g and bias %g", i + 1,
-                                   (double)scale[i], (double)bias[i]);
+            return data_error_fail(head->path, 0, error,
+                                   "scale %d is %g and its bias %g; finite numbers are expected, "
+                                   "and a scale that is not 0",
+                                   i + 1, (double)scale[i], (double)bias[i]);
         rti->scale[i] = (double)scale[i] / 255;
         rti->bias[i] = -(double)bias[i] / rti->scale[i];
     }

@@ -47,7 +47,7 @@ void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]);
  * the file. PTMs of JPEGs, LUTs and luminance are refused with a sentence. */
 struct rti *rti_read(const char *path, GError **error);
 
-/* R, G, B (sRGB, not limited to 0 … 1) of a texel where the basis has these values. */
+/* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */
 void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float ret[3]);
 
 /* Writes a PTM. */
@@ -59,9 +59,9 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
                            const float *lights, int n, double texel_mm, GError **error);
 
 /*
- * Fitting a PTM to pictures under n lights (Malzbender et al. 2001): least squares of each texel,
- * of each colour, or, lrgb, of the brightness that goes with the texel's mean colour. Values that
- * are NaN do not count; a texel with too few of them is black.
+ * Fitting a PTM to pictures under n lights (Malzbender et al. 2001): least squares for each texel
+ * and each colour or, with lrgb, for the brightness that multiplies the texel's mean colour. Values
+ * that are NaN do not count; a texel with too few of them is black.
  */
 struct rti_fit_result {
     double error;   /* RMS of what the file gives back against the pictures, sRGB, of all values */

@@ -86,8 +86,8 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* The numbers to be fitted of channel c, or of the brightness that goes with a colour: that which
- * explains R, G and B best, Σ C s / Σ C². */
+/* The values to be fitted: those of channel c, or the brightness that explains R, G and B best as a
+ * multiple of the colour C: Σ C s / Σ C². */
 static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                          double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
@@ -101,8 +101,8 @@ static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, co
     }
 }
 
-/* Scale and bias of each term, so that the bytes reach from its least value to its greatest. 0 lies
- * within, since a bias is a byte. */
+/* Chooses scale and bias of each term so that the bytes reach from its least value to its greatest.
+ * The range always includes 0, because a bias is a byte. */
 static void rti_quantise(struct rti *rti, const float *terms, gsize n) {
     for (int j = 0; j < TERMS; j++) {
         double least = 0, most = 0;

@@ -15,7 +15,7 @@
 /* Relight's order of the terms, 1, lx, ly, lx², lx ly, ly², in that of .ptm files. */
 static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
 
-/* Where channel k of all planes comes from: −1: the texel's colour; else a term. */
+/* The source of channel k among all planes: −1: the texel's colour; otherwise a term. */
 static int rti_term(const struct rti *rti, int k) {
     if (!rti->lrgb)
         return (int)order[k / 3];
@@ -47,8 +47,8 @@ static void rti_append(GString *text, gboolean first, double value) {
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
 }
 
-/* c = (byte / 255 − bias) · scale, so that both are 255 times, or a 255th of, those of struct rti.
- */
+/* OpenLIME computes c = (byte / 255 − bias) · scale, so that its scale is 255 times that of struct
+ * rti, and its bias a 255th. */
 static gboolean rti_write_info(const char *folder, const struct rti *rti, const float *lights,
                                int n, double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;

@@ -40,8 +40,8 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Whoever made the session may have ended, or failed, before the session's own name was synced: a
- * power cut would take all frames with it. */
+/* Syncs the directory entry of the session. The program that made the session may have ended before
+ * it did so, and a power cut would then lose the session with all its frames. */
 static gboolean sync_name(const Session *session, GError **error) {
     g_autofree char *parent = g_path_get_dirname(session->path);
     const int fd = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -76,7 +76,8 @@ static gboolean session_start(Session *session, GError **error) {
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
                             error) >= 0 &&
         !session->name)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s: the session has no name", session->path);
+        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: the session has no name",
+                     session->path);
     if (!session->name)
         return FALSE;
     /* Refuses symbolic links in place of folders: writing into a session must not write elsewhere.
@@ -162,7 +163,8 @@ char *session_text(Session *session, const char *name, GError **error) {
     if (session_db_one_text(session, "SELECT content FROM text WHERE name = ?1", name, &content,
                             error) >= 0 &&
         !content)
-        session_fail(error, SESSION_ERROR_FORMAT, "%s: no text \"%s\" in it", session->path, name);
+        session_fail(error, SESSION_ERROR_FORMAT, "%s/session.db: there is no text “%s”",
+                     session->path, name);
     return content;
 }
 

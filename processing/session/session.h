@@ -91,8 +91,8 @@ struct session_shot {
     struct session_together together;
 };
 
-/* How the note of a shot begins that was skipped because others suffice: of a sweep that is
- * expected to add nothing, or of a lamp whose pictures can be predicted. */
+/* The note of a shot begins so if the shot was skipped because others suffice: a sweep that is
+ * expected to add nothing, or a lamp shot whose pictures can be predicted. */
 #define SESSION_LEFT_OUT "left out:"
 
 struct session_frame {
@@ -182,8 +182,9 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
  */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
-/* The same for a file by its path; files outside of a session's products are ignored. "compress
- * …" or "export …": arguments with which mesorig makes it again. */
+/* The same as session_add_product() for a file by its path; files outside of a session's products
+ * are ignored. made_by: "compress …" or "export …", the arguments with which mesorig makes the file
+ * again. */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
 GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
 
@@ -192,7 +193,8 @@ struct session_product {
     char *made_by, *sha256;
     gint64 bytes;
 };
-/* All of them by path: an array of struct session_product, with a free function set. */
+/* All products in order of their paths: an array of struct session_product, with a free function
+ * set. */
 GPtrArray *session_list_products(Session *session, GError **error);
 
 /* A committed file that differs from its row in the database. */
@@ -239,9 +241,9 @@ GPtrArray *session_btf_files(Session *session, GError **error);
 /* Notes a damaged frame for the next session_verify(); what: NULL if it is intact again. */
 gboolean session_note_damage(Session *session, const char *frame, const char *what, GError **error);
 
-/* Compares every committed frame's size with its file, and the checksum if thorough, of dark
- * frames, which others depend on, and of noted frames. Frames that fail are removed from the
- * database and their shots planned again, with all their frames; each is an event. Unfinished
- * files of killed captures are deleted. For capture only. ret_lost: number of failed frames; may
- * be NULL. */
+/* Compares every committed frame's size with its file. Compares the checksum, too, for dark frames,
+ * which other frames depend on, for noted frames, and for all frames if thorough. Frames that fail
+ * are removed from the database and their shots planned again, with all their frames; each is an
+ * event. Unfinished files of killed captures are deleted. For capture only. ret_lost: number of
+ * failed frames; may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

@@ -102,8 +102,8 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
     return session_set_value(session, key, what, error);
 }
 
-/* Removes all frames of the shots of which a frame is lost: a shot is captured as a whole. why: of
- * each frame, or NULL. One short transaction: the files were checked before. */
+/* Removes all frames of every shot that has lost a frame, since a shot is captured as a whole. why:
+ * the reason for each frame, or NULL. One short transaction: the files were checked before. */
 static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
                              GError **error) {
     g_autofree char *clock = session_value(session, "clock_s");

@@ -38,8 +38,8 @@ static gboolean session_db_damaged(const Session *session, const char *what, GEr
                         session->path, valid);
 }
 
-/* Whether all of a file that SQLite has open can be read. Through SQLite: to open and close the
- * file anew would release this process's locks of it. */
+/* Whether a file that SQLite has open can be read to its end. Reads through SQLite, because closing
+ * another descriptor of the file would release this process's locks on it. */
 static gboolean can_read_all(sqlite3 *db, int which) {
     sqlite3_file *file = NULL;
     sqlite3_int64 size = 0;
@@ -57,9 +57,9 @@ static gboolean can_read_all(sqlite3 *db, int which) {
     return TRUE;
 }
 
-/* SQLite calls a page damaged, too, that the disk fails to read (SQLITE_IOERR_CORRUPTFS becomes
- * SQLITE_CORRUPT while a statement runs). TRUE: the disk reads all of the database now, and a
- * connection that has seen nothing of it so far finds it damaged. */
+/* Tells a damaged database from a disk that fails: SQLite also calls a page damaged if the disk
+ * fails to read it (SQLITE_IOERR_CORRUPTFS becomes SQLITE_CORRUPT while a statement runs). TRUE:
+ * the whole database can be read now, and a new connection finds it damaged. */
 static gboolean is_truly_damaged(const Session *session) {
     if (!can_read_all(session->db, SQLITE_FCNTL_FILE_POINTER) ||
         !can_read_all(session->db, SQLITE_FCNTL_JOURNAL_POINTER))
@@ -214,8 +214,9 @@ static gboolean session_db_unsound(const Session *session, const char *says, GEr
                         session->path, says);
 }
 
-/* A table's text without its comments, which differ between versions. A text that hides code behind
- * a quoted or bracketed “--” keeps its quote or bracket, which no table has. */
+/* Returns a table's text without its comments, which differ between versions. If a text hides code
+ * behind a quoted or bracketed “--”, its quote or bracket stays in the result; no table of the
+ * schema has one, so that the texts differ. */
 static char *session_db_without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);

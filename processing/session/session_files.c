@@ -153,8 +153,8 @@ static GPtrArray *session_files_read_rows(Session *session, gboolean frames, con
         g_ptr_array_add(rows, row);
         if (!session_is_relative(row->path)) {
             session_fail(error, SESSION_ERROR_FORMAT,
-                         "%s/session.db: the path of a %s is not inside the session", session->path,
-                         frames ? "frame" : "product");
+                         "%s/session.db: “%s”, the path of a %s, is not inside the session",
+                         session->path, row->path, frames ? "frame" : "product");
             return NULL;
         }
     }

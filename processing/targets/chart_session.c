@@ -96,8 +96,8 @@ static gboolean chart_session_load(struct chart *chart, Session *session, GError
                          &chart->grid, chart->rgb, error);
 }
 
-/* Averages the texels within the patch's disc, each over the lights: the value seen, and that of a
- * perfect white, cos θ_l. FALSE: there is none. */
+/* Averages over the texels within the patch's disc and over the lights: the measured value, and
+ * that of a perfect white, cos θ_l. FALSE: the disc holds no texel. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     const int width = chart->grid.width, n = width * chart->grid.height;

@@ -10,7 +10,7 @@ struct chart_field {              /* a disc within one patch */
 };
 
 /* Lines "x_mm,y_mm,radius_mm,X,Y,Z", Y = 1 for a perfect white; '#' begins a comment. Elements are
- * struct chart_field. NULL: COLOUR_ERROR_FILE, with path and line. */
+ * struct chart_field. NULL: COLOUR_ERROR_FILE, which names path and line. */
 GArray *chart_parse(const char *text, const char *path, GError **error);
 
 /* Measures in the view nearest to the normal under the lights nearest to 45°, the geometry of

@@ -1,5 +1,4 @@
-/* Photon transfer (radiometry/photon_transfer.h) from the single exposures that a session has kept.
- */
+/* Photon transfer (radiometry/photon_transfer.h) from the raw exposures that a session has kept. */
 #pragma once
 
 #include "calibration/calibration.h"

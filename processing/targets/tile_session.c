@@ -77,7 +77,8 @@ static gboolean find_frames(struct run *run, GError **error) {
     if (run->frames->len > 0)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                "%s: no frame under a lamp is there", session_path(run->session));
+                "%s: no frame of a lamp shot has been captured; mesorig resume captures the rest",
+                session_path(run->session));
     return FALSE;
 }
 
@@ -138,7 +139,7 @@ static double light_at(const struct rig *rig, int lamp, double arc_rad, struct v
     return MAX(path.z / vec3_length(path), 1e-3) * rig_lamp_irradiance(&rig->arc, l, arc_rad, p);
 }
 
-/* A fit, and how far its lamps point beside where the rig file says that they do: RMS over the
+/* A fit, and the angles between the lamps' fitted aims and those of the rig file: the RMS over the
  * shots, and the largest. */
 struct light_fit {
     double residual, aside_rad, most_aside_rad;
@@ -158,9 +159,9 @@ static void light_fit_set(const struct run *run, const struct rig *found, double
     ret->aside_rad = sqrt(sum / MAX(run->tile_shots->len, 1));
 }
 
-/* The fit if lamp i were truly lamps[i], and the arc at arc times the angles that were noted. A
- * cell is small: what is expected of it changes as the light at its middle does. FALSE: nothing
- * fits. */
+/* Fits under the assumption that the lamp noted as i was in truth lamps[i], and that the arc stood
+ * at `arc` times the noted angles. A cell is small, so that its expected value changes like the
+ * light at its centre. FALSE: the fit fails. */
 static gboolean try_light(const struct run *run, const int *lamps, double arc,
                           struct light_fit *ret) {
     const guint n_shots = run->tile_shots->len, n_cells = run->cells->len;
@@ -187,9 +188,9 @@ static gboolean try_light(const struct run *run, const int *lamps, double arc,
     return TRUE;
 }
 
-/* Whether lamps are noted as others: their light then falls on the tile from another side, which a
- * fit takes for lamps that point aside. is: the fit of what is noted; NULL: there is none. FALSE:
- * exchanged lamps are the error. */
+/* Checks whether two lamps are exchanged in the notes: their light then falls on the tile from
+ * another side, and a fit finds lamps that point elsewhere. is: the fit of the noted lamps; NULL:
+ * it failed. FALSE: the error says which lamps are exchanged. */
 static gboolean check_lamps(struct run *run, const struct light_fit *is, GError **error) {
     const struct rig *rig = &run->calibration->rig;
     const int n = rig->n_lamps;
@@ -231,7 +232,8 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     return FALSE;
 }
 
-/* If the tile's pictures fit with one mistake in lamps or angles undone, the error becomes that. */
+/* If the tile's pictures fit with one mistake in lamps or angles undone, sets the error to that
+ * mistake. */
 static void find_mistake(struct run *run, GError **error) {
     static const struct {
         double turntable, arc;
@@ -271,9 +273,9 @@ static void find_mistake(struct run *run, GError **error) {
             continue;
         g_clear_error(error);
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                    "%s: %s: only then do the pictures fit a tile, to %.2g %%; correct %s in the "
-                    "rig file, or for imported pictures the angles in the table, and capture or "
-                    "import again",
+                    "%s: %s: the pictures fit a tile, to %.2g %%, only if that is taken into "
+                    "account; correct %s in the rig file, or for imported pictures the angles in "
+                    "the table, and capture or import again",
                     session_path(run->session), all[i].what, 100 * fit.residual, all[i].fix);
         return;
     }

@@ -20,8 +20,8 @@ struct webgl_export_result {
     gint64 bytes;
 };
 
-/* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. An output that
- * exists is left alone unless it may be replaced: DATA_ERROR_EXISTS. It appears when it is
- * complete, or not at all. Stages of webgl_source.h and webgl_pack.h. */
+/* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. An existing
+ * output is not replaced unless asked->replace allows it: DATA_ERROR_EXISTS. The output appears
+ * complete or not at all. Stages of webgl_source.h and webgl_pack.h. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

@@ -4,8 +4,7 @@
  *   bytes 0 … 7     "mesoweb1"
  *   bytes 8 … 11    length of the header, little-endian
  *   header          JSON in UTF-8: what the caller says of the material, and "sections", an array
- * of
- *                   {"name", "bytes", "size"}: bytes in the file, size once inflated
+ *                   of {"name", "bytes", "size"}: bytes in the file, size once inflated
  *   sections        one after the other, each a zlib stream; numbers in them are little-endian
  *
  * One thread at a time.
@@ -24,6 +23,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* The whole file; info (a dictionary with string keys, floating: taken) becomes its header, to
- * which "sections" is added. g_bytes_unref() */
+/* Returns the whole file. info, a dictionary with string keys, becomes its header, to which
+ * "sections" is added; a floating reference is taken. g_bytes_unref() */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

@@ -25,7 +25,7 @@
 #define WEBGL_PACK_GRID_MIN 4
 #define WEBGL_PACK_GRID_MAX 16
 
-/* What is packed; borrowed. */
+/* The parts that are packed; borrowed. */
 struct webgl_pack {
     const char *name;
     struct lpca *const *levels; /* LPCA_RGB, of more than one cluster if packed */
@@ -36,7 +36,8 @@ struct webgl_pack {
 /* Bytes of all sections before compression, on a grid of n. */
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
 
-/* Packs with eigen-BRDFs on a grid of n_grid. What is on a grid already keeps that. Stage "pack".
- * DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture counts. */
+/* Packs with eigen-BRDFs on a grid of n_grid; a local PCA that is already on a grid keeps its own.
+ * Stage "pack". DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture
+ * counts. */
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error);

@@ -30,8 +30,8 @@ gint64 webgl_page_bytes(gint64 material) {
            webgl_page_chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
 }
 
-/* Each piece is a script of its own, so that the browser runs it, and shows how far it has come,
- * while it still reads the next. */
+/* Each piece of the data is a script of its own: the browser runs one while it still reads the
+ * next, so that the page can show its progress. */
 static void webgl_page_append_data(GString *page, GBytes *material) {
     gsize size;
     const guint8 *data = g_bytes_get_data(material, &size);

@@ -94,7 +94,7 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     return source->n_levels > 0;
 }
 
-/* The MDF as factors, whatever it is. */
+/* Reads an MDF in any form as factors. */
 static gboolean webgl_source_read_mdf(struct webgl_source *source, const char *file,
                                       const struct work *work, GError **error) {
     const enum mdf_kind kind = mdf_kind(file);

@@ -2,6 +2,6 @@
 #pragma once
 
 /* Asks the desktop's notification service (org.freedesktop.Notifications on the session bus) to
- * show it, and returns when that has, or after seconds at most. Where there is no service, nothing
- * happens. */
+ * show a notice, and returns when the service has answered, after some seconds at most. Without
+ * such a service, nothing happens. */
 void notice_show(const char *title, const char *sentence);

@@ -131,8 +131,8 @@ static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct
     return TRUE;
 }
 
-/* The level of one texel, which drivers make of fewer texels than all where a side is no power of
- * two. */
+/* Uploads the mip level of one texel: drivers make it from fewer than all texels if a side is not a
+ * power of two. */
 static void eigenmaps_view_put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
     const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,

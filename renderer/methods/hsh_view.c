@@ -23,8 +23,8 @@ static void hsh_view_sky(gconstpointer model, gsize view, float *ret_layer) {
     }
 }
 
-/* Layers of a view: one per colour for each four terms, then one layer of R G B for the term that
- * is left. Values of a texel are term × COLOURS + colour. */
+/* Sets the layers of a view: one per colour for every four terms, then one layer of R, G, B for the
+ * term that is left over. Values of a texel are term × COLOURS + colour. */
 static void hsh_view_set_pages(struct slices *slices, int n_terms) {
     const int whole = n_terms / PAGE;
     slices->n_pages = COLOURS * whole + n_terms % PAGE;

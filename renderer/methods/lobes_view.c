@@ -18,8 +18,8 @@ struct LobesView {
     int n_lobes;
 };
 
-/* Which values of lobes.h lie in a page: the colour (of lafortune with its diffuse part), then four
- * per page; of ward and ashikhmin U and V beside the colours. */
+/* Sets which values of lobes.h lie in each page: first the colour (for lafortune with its diffuse
+ * part), then four values per page; for ward and ashikhmin, U and V lie beside the colours. */
 static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobes) {
     static const int facets[4][PAGE] = {
         {0, 1, 2, 12}, {3, 4, 5, 13}, {6, 7, 8, -1}, {9, 10, 11, -1}};

@@ -10,9 +10,9 @@
  * is the perturbed one, so that METHOD_ROTATION_EXACT is exactly the model that was fitted, and the
  * other rotations are those that Kang & Cho 2011 compares with it.
  *
- * Parameters cannot be mixed: four texels are evaluated and mixed, and of two mip levels both.
- * Mip levels are models of their own (lobes_levels.h), which a file may lack. An even sky is 16
- * lights that see equal areas of it, evaluated beforehand for each measured view.
+ * Parameters cannot be mixed: four texels are evaluated, in each of two mip levels, and their
+ * values are mixed. Mip levels are models of their own (lobes_levels.h), which a file may lack. An
+ * even sky is 16 lights that see equal areas of it, evaluated beforehand for each measured view.
  */
 #pragma once
 

@@ -47,9 +47,8 @@ struct share {
     float weight;
 };
 
-/* The measured directions that each cell of the grid is mixed from, a GArray of struct share each;
- * the pole is divided among its members.
- */
+/* Returns, for each cell of the grid, the measured directions from which it is mixed, as a GArray
+ * of struct share; the weight of the pole is divided among the directions whose mean it is. */
 static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions, int n,
                                         gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);

@@ -5,17 +5,18 @@
  * simplex of the four coordinates around (v, l): five samples, while pairs of measured directions
  * take nine, and a 3D texture with one manual step takes sixteen in two filtered fetches.
  *
- * All of a sample lies together: 16 bytes hold the mean (nine bits per colour and an exponent) and
- * four components (signed bytes, whose scales are in the texels' weights), 16 more the next four.
- * With p = ⌈c/4⌉ a pixel takes, where its four texels are of one cluster,
+ * All values of a sample lie together: 16 bytes hold the mean (nine bits per colour and an
+ * exponent) and four components (signed bytes, whose scales are in the texels' weights), 16 more
+ * bytes the next four. If its four texels belong to one cluster, a pixel takes these fetches, with
+ * p = ⌈c/4⌉:
  *
  *   c           directions    texels      eigen-BRDFs                  of these at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
  *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
  *   this        none          1 + 4 p     5 p                          5, 5, 10
  *
- * None of these fetches is filtered. The samples are in a buffer, so that an address is a sum. How
- * far pictures are from those of lpca_view.h is measured by bench_lpca_rendering.
+ * None of these fetches is filtered. The samples are in a buffer, so that an address is a sum.
+ * bench_lpca_rendering measures how much pictures differ from those of lpca_view.h.
  */
 #pragma once
 

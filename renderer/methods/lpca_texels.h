@@ -7,8 +7,8 @@
 #include "lpca/lpca_levels.h"
 #include "method.h"
 
-/* A local PCA and its mip levels as one: level 0, with the eigen-BRDFs of all levels'
- * clusters one after the other. */
+/* A local PCA and its mip levels joined into one: level 0, with the eigen-BRDFs of the clusters of
+ * all levels one after the other. */
 struct lpca_pyramid {
     struct lpca *lpca;
     gboolean owned; /* not levels[0] itself */
@@ -27,8 +27,8 @@ void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
  * not that of reflectances. */
 gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
 
-/* The method's open: reads all levels of a file and has make (of the method) put them on the card,
- * which gets them borrowed. */
+/* The method's function open: reads all levels of a file, and calls the method's make, which
+ * borrows them and puts them on the card. */
 typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
 gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
@@ -39,8 +39,8 @@ struct lpca_texels {
     guint weights, clusters;
 };
 
-/* scales: NULL, or what the weights of each cluster are multiplied by, n_clusters ×
- * (n_components + 1) as in struct lpca. */
+/* scales: NULL, or the factors of the weights of each cluster, n_clusters × (n_components + 1) as
+ * in struct lpca. */
 gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
                           const float *scales, GError **error);
 void lpca_texels_clear(struct lpca_texels *texels);
@@ -54,7 +54,7 @@ gint64 lpca_texels_bytes(const struct lpca_texels *texels);
 /* Binds them to texture units 1 and 2 of a program in use. */
 void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 
-/* How n_clusters blocks of rows are stacked in the layers of an array texture. */
+/* Says how n_clusters blocks of rows are stacked in the layers of an array texture. */
 struct lpca_stack {
     int n_columns, n_rows; /* of a block */
     int clusters_a_layer, n_layers;
@@ -65,7 +65,7 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
                          const char *advice, GError **error);
 /* Storage of halves. */
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
-/* Clamps to what halves hold, in place. */
+/* Clamps the values, in place, to the range of halves, and uploads them. */
 void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);
 
 struct lpca_directions {

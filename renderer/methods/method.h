@@ -42,13 +42,14 @@ struct method {
      * float lit) and vec3 btf_texel(vec2 x), too, which do the two halves. */
     const char *const *shaders;
     /* The following belong to the thread of the GL context. open reads a file and puts it on the
-     * card; for a method without a material file, path is that of a normal map, or NULL. */
+     * card; for a method without a material file, path names a normal map, or is NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
     /* The constants of the shaders, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
     gint64 (*bytes)(gconstpointer material); /* GPU memory */
-    /* Texels of the sample: columns and rows. NULL of a method without a material file. */
+    /* Gives the texels of the sample: columns and rows. NULL for a method without a material
+     * file. */
     gboolean (*texels)(gconstpointer material, int ret[2]);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
@@ -70,6 +71,6 @@ const struct method *method_find(const char *name); /* NULL: there is none */
  * NULL if the method needs none. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there; errors name the file. path, for a method that
- * needs no file: NULL, its own name, or a normal map. */
+/* Calls the method's open; if the file does not exist, the error says so. Errors name the file.
+ * path, for a method that needs no file: NULL, the method's name, or a normal map. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

@@ -17,10 +17,10 @@ struct microfacet {
     float rough[2];                /* U, V */
 };
 
-/* A unit vector h as the facets around the unit normal n see it. Exact: Rᵀ h of eq. 4 … 6, of which
- * u' = y × n, normalised; where n = ±y, u' = x. Approximate: R̃ᵀ h of eq. 9 with the sign that makes
- * its rows orthogonal, v' = (−n_x n_y, 1 − n_y², −n_y n_z); two of its rows have the length
- * √(1 − n_y²). None: (h_x, h_y, n·h), eq. 2. */
+/* Returns the unit vector h in the frame of the unit normal n. Exact: Rᵀ h of eq. 4 … 6, with u' =
+ * y × n, normalised, or u' = x if n = ±y. Approximate: R̃ᵀ h of eq. 9 with the sign that makes its
+ * rows orthogonal, v' = (−n_x n_y, 1 − n_y², −n_y n_z); two of its rows have the length √(1 −
+ * n_y²). None: (h_x, h_y, n·h), eq. 2. */
 struct vec3 microfacet_half(struct vec3 h, struct vec3 n, enum method_rotation rotation);
 
 /* Reflectance for unit vectors to view and light; holds n·l. */

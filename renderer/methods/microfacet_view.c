@@ -14,8 +14,8 @@
 #define BUMP_RADIUS 0.36
 #define BUMP_SLOPE  0.75
 
-/* Warp first; a weft yarn has U and V exchanged. U of metal is along its brushing, where facets
- * lean least. */
+/* The surfaces' parameters, for fabric those of the warp; a weft yarn has U and V exchanged. U of
+ * metal is along its brushing, the direction in which facets lean least. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
@@ -36,8 +36,8 @@ static struct vec3 microfacet_view_normal_of(double x, double y) {
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
-/* Bosses on a lattice, whose sides are as steep as BUMP_SLOPE half way down; the same all over a
- * texel of the normal map. */
+/* Normals of bosses on a lattice, whose slope half way down their sides is BUMP_SLOPE. The normal
+ * is constant within each texel of the normal map. */
 static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const int i = (int)floor((at[0] - floor(at[0])) * SIZE);
     const int j = (int)floor((at[1] - floor(at[1])) * SIZE);

@@ -35,8 +35,8 @@ struct slices {
     struct direction_textures views;
 };
 
-/* Whether the card takes the slices, and all values of the level are finite. advice: how to make
- * them smaller. */
+/* Checks that the card can hold the slices, and that all values of the level are finite. advice:
+ * how to make them smaller. */
 gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
                            const char *advice, GError **error);
 gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,

@@ -11,8 +11,8 @@ struct axes {
     vec3 right, up, back;
 };
 
-/* The vertical axis of the picture is never along the line of sight: it leans with the elevation.
- */
+/* Finds the axes of the picture. Its vertical axis leans with the elevation, so that it is never
+ * along the line of sight. */
 static void camera_find_axes(const struct viewer_settings *s, struct axes *ret) {
     direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
     direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
@@ -57,9 +57,9 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
-/* Refines the pan so that the projected points are centred: perspective shrinks what is far away,
- * so along the axis that does not fill the picture the middle of the points is not that of the
- * picture. */
+/* Refines the pan so that the projected points are centred: perspective shrinks distant parts, so
+ * that along the axis that does not fill the picture, the middle of the points would not lie in the
+ * middle of the picture. */
 static double camera_centre(const float *points, guint n, const vec3 axis, const vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {

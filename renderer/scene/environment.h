@@ -28,7 +28,8 @@ void environment_free(struct environment *environment); /* NULL is ignored */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds its lamps to the settings, environment_lamps at most, turned by environment_turn_deg. Fails,
- * and changes nothing, if the environment is black or no lamp is left. */
+/* Adds the environment's lamps to the settings, at most settings' environment_lamps, turned by
+ * environment_turn_deg. Fails, and changes nothing, if the environment is black or no lamp is
+ * left. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

@@ -23,6 +23,6 @@ struct file_opened {
 gboolean file_kind_find(const char *path, struct file_opened *ret, GError **error);
 void file_opened_clear(struct file_opened *opened);
 
-/* Whether a list of files shows it, by its name. */
+/* Whether a list of files shows a file of this name. */
 gboolean file_kind_is_shown(const char *name);
 gboolean file_kind_is_session(const char *folder);

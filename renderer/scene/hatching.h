@@ -26,7 +26,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hatching, hatching_free)
 void hatching_set(Hatching *hatching, const struct planned_view *views, guint n);
 gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
 
-/* directions: a texture as viewer_render_geometry() has it for VIEWER_GEOMETRY_VIEW, as large as
- * the framebuffer. */
+/* directions: a texture with the values of VIEWER_GEOMETRY_VIEW (viewer_render_geometry()), as
+ * large as the framebuffer. */
 void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
                    int height);

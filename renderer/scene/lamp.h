@@ -4,8 +4,9 @@
 
 #include "viewer.h"
 
-/* Settings whose first lamp is far away or off: one that is near becomes the first of the further
- * ones, which may all be near. Needs room for it: viewer_settings_check(). */
+/* Returns settings whose first lamp is far away or off: a first lamp that is near becomes the first
+ * of the further lamps, all of which may be near. viewer_settings_check() sees to it that there is
+ * room for it. */
 struct viewer_settings lamp_settings(const struct viewer_settings *settings);
 
 gboolean lamp_any_near(const struct viewer_settings *settings); /* of the further ones */

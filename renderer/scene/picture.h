@@ -18,7 +18,7 @@ gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int h
 gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
                            const char *const *texts, GError **error);
 
-/* Between the two, printf() and its like write numbers with a decimal point in this thread,
+/* Between these two calls, printf() and its like write numbers with a decimal point in this thread,
  * whatever the user's locale: for the texts above. */
 locale_t picture_numbers_begin(void);
 void picture_numbers_end(locale_t before);

@@ -509,8 +509,7 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     return TRUE;
 }
 
-/* What a material reflects, for one part of the samples; sky: each light's share under an even one.
- */
+/* Shades one part of the samples by a material; sky: the weight of each light under an even sky. */
 struct material_shading {
     const struct shading *shading;
     const mesorig_material *material;
@@ -587,8 +586,8 @@ static gboolean shade_by_material(struct shading *s, const mesorig_material *mat
     return TRUE;
 }
 
-/* Replaces the pixels that the viewer drew by the samples; adds to the squares of their values and
- * of the differences. */
+/* Replaces the pixels that the viewer drew by the samples; adds the squares of their values and of
+ * the differences to the sums. */
 static void put_samples(const struct shading *s, float *picture, double *squares,
                         double *differences) {
     for (guint k = 0; k < s->n_samples; k++)

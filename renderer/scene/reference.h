@@ -1,14 +1,14 @@
 /*
  * Pictures from the uncompressed BTF (products/btf of a session), as the reference for compressed
- * materials; or from a compressed one by libmesorig-material, as the reference for what the
- * graphics card makes of it. Directions are interpolated the same way as on the graphics card,
- * texels bilinearly without mip levels, all on the CPU.
+ * materials; or from a compressed one by libmesorig-material, as the reference for the graphics
+ * card's picture of it. Directions are interpolated the same way as on the graphics card, texels
+ * bilinearly without mip levels, all on the CPU.
  *
- * All lamps of the settings are added up, each as the viewer's geometry has it.
+ * Light of all lamps of the settings is added up, each lamp as in the viewer's geometry.
  *
- * Views are read one after the other, once for each lamp. Memory: one of them, and some 100 bytes
- * for each sample of the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at
- * most.
+ * Views are read one after the other, once for each lamp. Memory: one view, and some 100 bytes for
+ * each sample of the picture that shows the mesh; a picture has at most REFERENCE_MAX_SAMPLES
+ * samples.
  */
 #pragma once
 
@@ -27,10 +27,11 @@ typedef struct Reference Reference;
 
 /* btf: a folder of files view_….exr as pipeline.h says. Reads their headers. */
 Reference *reference_open(const char *btf, GError **error);
-/* path: a file that “mesorig compress” or “mesorig process” wrote. It serves pictures alone. */
+/* path: a file that “mesorig compress” or “mesorig process” wrote. Such a reference renders
+ * pictures, but cannot read views. */
 Reference *reference_open_material(const char *path, GError **error);
 /* From now on pictures of the whole BTF mix views along the surface of its MDF
- * (reprojection/reprojection.h), of a sample that repeats, without index map. mdf:
+ * (reprojection/reprojection.h). The sample must repeat, without an index map. mdf:
  * products/mdf.exr. Texels are always interpolated. Memory: some 150 bytes more per sample, and the
  * MDF. */
 gboolean reference_move_along_surface(Reference *reference, const char *mdf, GError **error);
@@ -56,8 +57,8 @@ float *reference_render_linear(Reference *reference, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);
 
-/* The same of a scene: references[k] is of the viewer's material number k, n of them; NULL: what
- * the viewer draws of it stays, and is not in the error. */
+/* The same for a scene: references[k], of n, belongs to the viewer's material number k; NULL: the
+ * viewer's picture of this material stays, and the error leaves it out. */
 guint8 *reference_render_scene(Reference *const *references, int n, Viewer *viewer,
                                const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);

@@ -443,7 +443,7 @@ static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings
         viewer_whole_tiles(viewer, &ret[0], &ret[1]);
 }
 
-/* Before a picture with hexagons: chooses their centres by how the sample looks under some views
+/* Prepares a picture with hexagons: chooses their centres from the sample's pictures in some views
  * and lights. */
 static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
                                     GError **error) {

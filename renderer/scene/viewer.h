@@ -13,9 +13,10 @@
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
 
-/* Infinitely far away, or near: then light falls with the square of the distance, and its direction
- * differs from point to point. Brightness 1, as of the first lamp, gives a white diffuser lit from
- * its normal the radiance 1; with a near lamp, a diffuser at the origin. */
+/* A further lamp, infinitely far away or near. Light of a near lamp falls with the square of the
+ * distance, and its direction differs from point to point. Brightness 1, as of the first lamp,
+ * gives a white diffuser lit from its normal the radiance 1; with a near lamp, a diffuser at the
+ * origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction from the origin */
@@ -51,9 +52,9 @@ struct viewer_settings {
     double ambient;
     int samples; /* supersampling each way */
     struct method_style style;
-    /* These three take viewer_set_mdf(). Silhouettes: where a ray misses the structure, what is
-     * behind is seen (Wang et al. 2005 §4.1). Shadows: those that the mesh casts, with silhouettes
-     * of the structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */
+    /* These three take viewer_set_mdf(). Silhouettes: a ray that misses the structure shows the
+     * surface behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows; with silhouettes,
+     * the structure casts and receives them, too (§4.2). */
     gboolean silhouettes, shadows; /* shadows: of every lamp */
     struct visibility_options visibility;
     int shadow_size; /* width and height of the first lamp's shadow map; see relief.h for others */
@@ -92,14 +93,14 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
 /* Copies. A part whose material was not added is of the main one. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
-/* A scene has several materials: the functions above set the main one, number 0, and the following
- * adds another, with so many tiles for one unit of the texture coordinates. Returns its number, −1
- * on error. The index map, viewer_render_flat() and plain pictures are of the main material alone.
- */
+/* A scene has several materials: the functions above set the main one, number 0, and this one
+ * adds another, which repeats `tiles` times in one unit of the texture coordinates. Returns its
+ * number, −1 on error. The index map, viewer_render_flat() and plain pictures use the main
+ * material alone. */
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
-/* As viewer_set_mdf() and viewer_open_mdf(), of the material of a number. */
+/* The same as viewer_set_mdf() and viewer_open_mdf(), for the material with this number. */
 gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
                                  GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
@@ -110,13 +111,13 @@ gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
 /* The index map through which the material and its MDF are seen (gl/index_texture.h); NULL: the
  * sample is repeated. Copies what it needs. The material's sample must be the map's; methods
- * without a material file, viewer_render_flat() and plain pictures ignore it. Where
- * settings leave the tiles to the mesh, they become a multiple of those that the map is long. */
+ * without a material file, viewer_render_flat() and plain pictures ignore it. If settings leave the
+ * tiles to the mesh, their number becomes a multiple of the map's length in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* FALSE also for a map of a sample of another size than the material that is open. */
+/* FALSE also if the map's sample has another size than the open material. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
-/* Rounds tiles to those that a map repeats in, as near as may be in size along v; without a map
- * they stay. */
+/* Rounds the numbers of tiles to multiples of the map's size, so that their size along v changes
+ * least; without a map they stay. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
 /* The map, owned by the viewer; NULL: none. */
 const struct index_map *viewer_index(const Viewer *viewer);
@@ -143,8 +144,8 @@ struct viewer_memory viewer_memory(const Viewer *viewer);
  * is not measured yet (hatching.h). n = 0: no hatching. Copies. */
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
-/* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
- * height); drawing does that by itself, but again for every picture. */
+/* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills a picture of aspect width
+ * / height. Drawing does so by itself if this was not called, but again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
 /* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
@@ -165,12 +166,13 @@ float *viewer_render_light(Viewer *viewer, const struct viewer_settings *setting
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
                             int height, GError **error);
 
-/* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
- * are in tiles, +y along the texture's rows downwards, and third 1 + the number of the material, or
- * 0 on a back face; directions are unit, in the local frame; "lit" is how much of the lamp's light
- * arrives (0 … 1; times the irradiance of a near lamp on what faces it, relative to that at the
- * origin), the way from the mesh along the ray to the structure, and that from the eye to the mesh.
- * The lamp is the first, or where that is off the first of the further ones, if there are any. */
+/* The values with which a sample of such a picture can be shaded elsewhere; the fourth float is as
+ * above. Texels: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the
+ * number of the material, or 0 on a back face. Directions: unit vectors in the local frame. "lit":
+ * the share of the lamp's light that arrives (0 … 1; for a near lamp times its irradiance on a
+ * surface that faces it, relative to that at the origin); the distance from the mesh along the ray
+ * to the structure; and the distance from the eye to the mesh. The lamp is the first, or where that
+ * is off the first of the further ones, if there are any. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,

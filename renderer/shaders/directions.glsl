@@ -5,8 +5,9 @@ vec2 square(vec3 d) {
     return clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
 }
 
-// The up to four measured directions that stand for d, and their weights; see direction_table.h.
-// Weights are interpolated bilinearly between those cells of the table that name the same four.
+// Finds the up to four measured directions that stand for d, and their weights; see
+// direction_table.h. Weights are interpolated bilinearly between those cells of the table that name
+// the same four.
 vec4 direction_shares(usampler2D indices, sampler2D weights, vec3 d, out uvec4 index) {
     ivec2 cells = textureSize(indices, 0);
     vec2 place = square(d) * vec2(cells) - 0.5, part = fract(place);

@@ -36,8 +36,9 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 
 #if LAMP_SHADOWS
 uniform sampler2DArrayShadow further_maps; // as shadow_map, a layer per lamp
-// Far lamps: as shadow_right. Near ones: tangent of half the angle of a map; bias, relative to the
-// distance; the layer of the second of six faces of a cube, or −1 for a single map around the axis.
+// For far lamps the same as shadow_right. For near lamps: the tangent of half the angle of a map;
+// the bias, relative to the distance; and the layer of the second of a cube's six faces, or −1 for
+// a single map around the axis.
 uniform vec3 further_right[MAX_LAMPS];
 uniform vec3 further_range; // of far lamps
 

@@ -1,5 +1,5 @@
-// Where between a material's mip levels a pixel lies, 0 … n_levels − 1: not finer than its longer
-// side. x in tiles, each of size texels.
+// The mip level of a pixel, 0 … n_levels − 1, with a fraction between two levels: its texels are
+// not smaller than the pixel's longer side. x in tiles, each of size texels.
 float mip_level(vec2 x, ivec2 size, int n_levels) {
     vec2 dx = PLACE_DX(x) * vec2(size), dy = PLACE_DY(x) * vec2(size);
     float longest = max(max(dot(dx, dx), dot(dy, dy)), 1e-12);

@@ -1,5 +1,5 @@
-// Does over a pixel's list of faces what peel_back.frag and peel_front.frag do layer by layer (Wang et
-// al. 2005 §4.1): finds the nearest front face behind which the ray meets the structure.
+// Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
+// a pixel's list of faces; peel_back.frag and peel_front.frag find it layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 uniform bool straight;

@@ -1,6 +1,6 @@
-// The texels of a local PCA: which cluster each belongs to, and its weights. How a cluster's eigen-BRDFs
-// are mixed by these weights is the method's own. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and LOG
-// (what is mixed are logarithms, see lpca.h) are constants; see lpca_texels.h.
+// The texels of a local PCA: the cluster and the weights of each. Each method has its own way to
+// mix the eigen-BRDFs of a cluster by these weights. N_COMPONENTS (without the mean), N_LEVELS,
+// NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights;  // four components per layer
 uniform usampler2D clusters;     // of a texel, and those right of it, below it and of both
 

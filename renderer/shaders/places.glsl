@@ -16,8 +16,9 @@ vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
 #if PLACES_LEVEL
-// For llvmpipe, on which look-ups with explicit derivatives take longer. Half of all levels are rounded to whole
-// ones, so that one level is read instead of two, as llvmpipe does by itself where it computes derivatives.
+// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. Levels
+// within a quarter of a whole one are rounded to it, so that one level is read instead of two, as
+// llvmpipe does by itself where it computes derivatives.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
@@ -49,8 +50,8 @@ uniform ivec2 index_size;
 uniform int index_levels;
 uniform vec2 index_sample; // texels of the sample
 
-// By how many texels the sample's texel is away from the texel of the map that it stands at; the map
-// repeats.
+// The shift, in texels, from a texel of the map to the texel of the sample that stands there; the
+// map repeats.
 vec2 index_shift(ivec2 texel, int level) {
     ivec2 inside = texel - index_size * ivec2(floor(vec2(texel) / vec2(index_size)));
     inside += index_size * ivec2(lessThan(inside, ivec2(0))); // where the division was rounded

@@ -155,9 +155,10 @@ below below_mesh(vec3 v, float level) {
     return below(hit, mdf_deepest > 0.0 ? base : 1e30);
 }
 
-// Whether a ray that enters at a front face and leaves through a back face after the distance way meets
-// the structure between them; front and back are the MDF distances from either end. straight: the test
-// of Wang et al. 2005 §4.1, front + back ≤ way. Else each half of the way has its own chord.
+// Whether a ray that enters at a front face and leaves through a back face after the distance way
+// meets the structure between them; front and back are the MDF distances from either end. straight:
+// the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each half of the way has a chord
+// of its own.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }

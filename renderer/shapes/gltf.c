@@ -1,5 +1,5 @@
-/* The triangles of a glTF 2.0 file, where its scene puts them; skins and morph targets stay in
- * their rest state. */
+/* Reads the triangles of a glTF 2.0 file, at the places that its scene gives them; skins and morph
+ * targets stay in their rest state. */
 #include "gltf_nodes.h"
 
 #include <math.h>

@@ -19,20 +19,20 @@ gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **erro
 
 #define gltf_bad(gltf, error, ...) gltf_fail(gltf, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
 
-/* clear also after an error. */
+/* Call gltf_clear() also after an error. */
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
 void gltf_clear(struct gltf *gltf);
 
 /* Member k of the root's array of that name, or NULL with an error. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
-/* A member that is a whole number; fallback where there is none, or another thing. */
+/* A member that is a whole number; fallback if it is missing or something else. */
 gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
 const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
-/* The bytes of entry k of its images, from a buffer view, within the URI, or of a file below the
+/* Returns the bytes of image k, from a buffer view, from the URI itself, or from a file below the
  * folder of the glTF file. NULL with an error. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 

@@ -15,15 +15,15 @@ void gltf_move_normal(const struct gltf_transform *p, const float v[3], float re
 /* Negative: it mirrors. */
 double gltf_determinant(const struct gltf_transform *p);
 
-/* A member that is an array of n numbers; FALSE, and values are as they were: it is another thing.
- */
+/* Reads a member that is an array of n numbers. FALSE: it is not; values are unchanged. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
 /* p: from the node to the world. node: NULL for meshes of a file without scenes. mesh: its index,
  * −1: none. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
-/* Calls visit for every node of its scene, or without one for all meshes, until one fails. */
+/* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a
+ * call fails. */
 gboolean gltf_visit(struct gltf *gltf, GltfVisit visit, gpointer data, GError **error);
 
 /* Calls use for every primitive of a mesh, until one fails. */
@@ -32,8 +32,8 @@ typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer d
 gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
                              GError **error);
 
-/* Adds the triangles of a primitive where p puts them; points and lines have none. bare: it may
- * lack texture coordinates, which are 0 then. */
+/* Adds the triangles of a primitive, transformed by p; points and lines have none. bare: the
+ * primitive may lack texture coordinates, which are 0 then. */
 gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
                             JsonObject *primitive, enum scene_up up, gboolean bare,
                             struct soup *soup, GError **error);

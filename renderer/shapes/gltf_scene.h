@@ -13,7 +13,7 @@
 
 #define GLTF_SCENE_MAX_LENGTH 1e6 /* of a coordinate */
 
-/* What is beyond the edges of a texture. */
+/* How a texture continues beyond its edges. */
 enum gltf_wrap { GLTF_WRAP_REPEAT, GLTF_WRAP_CLAMP, GLTF_WRAP_MIRROR };
 
 /* pbrMetallicRoughness, with KHR_materials_specular and KHR_materials_emissive_strength. */

@@ -7,8 +7,8 @@
 #include "scene.h"
 
 struct vertex_shape {
-    float scale[2]; /* |dP/du| and |dP/dv|: length that a step of 1 in u or v covers (Wang et al.
-                       2005 s) */
+    float scale[2]; /* |dP/du| and |dP/dv|: the length that a step of 1 in u or v covers (s of Wang
+                       et al. 2005) */
     /* Second fundamental form (L, M, N) along tangent and bitangent: the normal curvature along the
      * unit direction (a, b) is L a² + 2 M a b + N b², positive where the surface bends away. */
     float bend[3];

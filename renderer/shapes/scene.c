@@ -57,8 +57,8 @@ static void knot_curve(double t, double ret[3]) {
     ret[2] = sin(3.0 * t);
 }
 
-/* A tube's normal at angle b around it, from its upper side, is at right angles to its middle line,
- * which is nowhere vertical. */
+/* The normal of a tube is perpendicular to its centre line, which is nowhere vertical; b is the
+ * angle around the tube, from its upper side. */
 static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
                     double ret_normal[3]) {
     double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
@@ -191,8 +191,8 @@ static double twice_area(const double a[3], const double b[3]) {
                 pow(a[0] * b[1] - a[1] * b[0], 2));
 }
 
-/* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
- * on the mesh the floor's are square and as large as the mesh's on average. */
+/* Lays a plane of half_width radii under the mesh, where it is lowest. If the mesh has tiles_u ×
+ * tiles_v tiles, the floor's tiles are square and on average as large as the mesh's. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
     double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums on the mesh, and in u and v */

@@ -43,11 +43,11 @@ struct mesh {
     guint n_indices;
     float radius;            /* of the sphere around the origin that holds it */
     double tiles_u, tiles_v; /* suggested number of tiles */
-    /* The last of vertices and indices are a floor, which receives shadows and casts none, and need
-     * neither lie within the radius nor fit into the picture. */
+    /* The last vertices and indices belong to a floor, which receives shadows and casts none. It
+     * need not lie within the radius nor fit into the picture. */
     guint n_floor_vertices, n_floor_indices;
-    /* In the order of the indices, of which they hold each once; a part is of the floor or not.
-     * 0: all is of material 0. */
+    /* In the order of the indices; each index belongs to exactly one part. A part lies wholly in
+     * the floor or wholly outside it. n_parts 0: the whole mesh has material 0. */
     struct mesh_part *parts;
     guint n_parts;
 };
@@ -84,8 +84,9 @@ struct mesh *scene_sphere(void); /* radius 1 */
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
 
 /* glTF 2.0, text or binary: triangles of its scene, with tangents of the file where there are any.
- * up is that of the file, y by its standard. Buffers are within it or files beside it. The rest is
- * passed over; what needs an extension (compression) is refused. */
+ * up is that of the file, y by its standard. Buffers are within the file, or files beside it.
+ * Everything else in the file is ignored; a file that requires an extension (compression) is
+ * refused. */
 struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error);
 
 /* text is ended by NUL; name is for messages. */

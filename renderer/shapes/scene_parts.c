@@ -107,8 +107,7 @@ static void parts_box(struct parts *p, gboolean with_floor) {
     }
 }
 
-/* Whether a mesh is flat, faces up, and reaches as far as the box around everything on all sides.
- */
+/* Whether a mesh is flat, faces up, and reaches to the sides of the bounding box of all meshes. */
 static gboolean part_is_floor(const struct parts *p, const struct mesh *mesh) {
     const float even = (float)FLAT * hypotf(p->high[0] - p->low[0], p->high[1] - p->low[1]);
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};

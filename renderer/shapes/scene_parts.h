@@ -16,8 +16,8 @@ struct scene_binding {
     double tiles; /* for one unit of the texture coordinates */
 };
 
-/* NAME=PATH or NAME=PATH,TILES; what follows the last comma is a number or part of the path.
- * Without tiles: 1. */
+/* NAME=PATH or NAME=PATH,TILES; if the text after the last comma is no number, it belongs to the
+ * path. Without TILES: 1. */
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error);
 void scene_binding_clear(struct scene_binding *binding);
 

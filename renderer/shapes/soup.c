@@ -159,8 +159,9 @@ static float corner_angle(struct vertex *const v[3], int c) {
     return acosf(CLAMP(float3_dot(edges[0], edges[1]), -1.0f, 1.0f));
 }
 
-/* dP/du of the triangle, added to its corners as MikkTSpace has it, so that normal maps and fibres
- * made elsewhere fit: along the surface of each, weighted by the angle there. */
+/* Adds dP/du of the triangle to its corners as MikkTSpace does, so that normal maps and fibres made
+ * by other programs fit: projected onto the surface at each corner, and weighted by the angle
+ * there. */
 static void add_tangent(struct builder *b, const guint32 index[3]) {
     struct vertex *v[3];
     for (int k = 0; k < 3; k++)

@@ -19,6 +19,7 @@ Live *live_new(const char *session);
 void live_free(Live *live); /* NULL is ignored; ends the thread where it next reads */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
 
-/* Returns at once: NULL, or newer eigen-maps than before, which are the caller's. Computes again
- * when there are more views than last time. NULL with an error once a computation has failed. */
+/* Returns at once: NULL, or newer eigen-maps than before, which the caller then owns. Computes
+ * again when there are more views than last time. NULL with an error once a computation has
+ * failed. */
 struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error);

@@ -28,19 +28,19 @@ struct GLFWwindow;
 
 /* The window's context is current before and after. */
 Opener *opener_new(struct GLFWwindow *window, GError **error);
-/* Ends what is under way, as soon as the next piece of its file is read; NULL is ignored. */
+/* Ends the job under way as soon as the next piece of its file is read; NULL is ignored. */
 void opener_free(Opener *opener);
 
-/* Replaces an earlier request for this place, which is cancelled. method: NULL for the others
- * than OPENER_FIRST and OPENER_SECOND. */
+/* Cancels and replaces an earlier request for this place. method: NULL for places other than
+ * OPENER_FIRST and OPENER_SECOND. */
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
 
-/* Nothing is wanted at this place any more. */
+/* Cancels the request for this place. */
 void opener_cancel(Opener *opener, enum opener_place place);
 
-/* Returns at once: NULL, or the next that is finished, owned by the caller, who sets to NULL what
- * it takes out of it. The window's loop is woken when there is one. */
+/* Returns at once: NULL, or the next finished job, owned by the caller, who sets to NULL each
+ * member that it takes out of it. A finished job wakes the window's loop. */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 

@@ -8,8 +8,8 @@
 struct mesh *scene_files_mesh(const struct viewer_options *options, const char *shape,
                               const struct scene_options *how, GError **error);
 
-/* Adds the materials of --material to a viewer; sessions by the method, if that draws them. relief:
- * their MDFs, too, where there are any. */
+/* Adds the materials of --material to a viewer; a session is drawn by the method, if it can draw
+ * sessions. relief: adds the materials' MDFs, too, if they have any. */
 gboolean scene_files_open(const struct viewer_options *options, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error);
 

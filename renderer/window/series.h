@@ -15,8 +15,9 @@ enum series_error {
 /* "20,40,100": rising percentages, 1 … 100. Returns their number; 0 if text is not such a list. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Waits until that share of the planned views is there: struct planned_view of all. The session
- * need not be there at first. wait_s: time without a new view after which it is an error. */
+/* Waits until this share of the planned views is there; returns struct planned_view for all of
+ * them. The session need not exist at first. wait_s: time without a new view after which it is an
+ * error. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

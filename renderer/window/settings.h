@@ -1,6 +1,6 @@
 /*
- * The settings of a picture, in one table: the options of the command line and the controls of the
- * window's panel are made of it, and so is the command that draws the window's picture again.
+ * The settings of a picture, in one table. From it follow the options of the command line, the
+ * controls of the window's panel, and the command that draws the window's picture again.
  */
 #pragma once
 

@@ -2,8 +2,8 @@
 
 #include "scene/picture.h"
 
-/* As people name it, "weave.session/products/eigenmaps.exr": a recipient of the picture must not
- * learn its path on this machine. */
+/* Shortens a path to the part that people use as a name, "weave.session/products/eigenmaps.exr",
+ * because a recipient of the picture must not learn the full path on this machine. */
 static char *shown_name(const char *path) {
     g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
     g_autofree char *folder_name = g_path_get_basename(folder);

@@ -14,7 +14,7 @@ struct snapshot {
     int n_views, n_planned;                 /* of a session that is being captured; else 0 */
 };
 
-/* rgb: of viewer_render(), as PNG; or light: of viewer_render_light(), as EXR. The other is NULL.
- */
+/* Writes rgb, from viewer_render(), as PNG, or light, from viewer_render_light(), as EXR. The other
+ * one is NULL. */
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                         const float *light, int width, int height, GError **error);

@@ -1,7 +1,7 @@
 /*
  * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All belongs to the
- * thread of the window's GL context; text is UTF-8. Between ui_begin() and ui_end(), every frame
- * again, each call adds a control; it returns TRUE if the user has just changed that.
+ * thread of the window's GL context; text is UTF-8. In every frame, each call between ui_begin()
+ * and ui_end() adds a control; it returns TRUE if the user has just changed this control.
  */
 #pragma once
 
@@ -10,14 +10,15 @@
 typedef struct Ui Ui;
 struct GLFWwindow;
 
-/* After the window's own callbacks are set: they are still called, see ui_wants_…(). */
+/* To be called after the window's own callbacks are set, which are still called; see
+ * ui_wants_…(). */
 Ui *ui_new(struct GLFWwindow *window);
 void ui_free(Ui *ui); /* NULL is ignored */
 
 void ui_begin(Ui *ui);
 void ui_end(Ui *ui); /* draws into the window's framebuffer */
 
-/* Whether what the mouse or keyboard does is meant for a control. */
+/* Whether the actions of the mouse, or of the keyboard, are meant for a control. */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
@@ -61,8 +62,8 @@ void ui_list_begin(const char *name, float height);
 gboolean ui_row(const char *text, gboolean marked);
 void ui_list_end(void);
 
-/* A line to type into, as wide as its dialog. focus: it takes the keyboard. Enter is the window's
- * to notice: a key that is pressed and let go between two pictures is lost on a control. */
+/* A line to type into, as wide as its dialog. focus: it takes the keyboard. The window handles
+ * Enter, because a control misses a key that is pressed and released between two pictures. */
 void ui_line(const char *name, char *text, gsize size, gboolean focus);
 
 void ui_picture(guint texture, float width, float height);
@@ -76,7 +77,7 @@ struct ui_dot {
     double theta_deg, phi_deg;
     enum ui_dot_kind kind;
 };
-/* Returns the number of the lamp's dot that the mouse holds, and where it drags it to, on the upper
- * hemisphere; −1: none. */
+/* Returns the number of the dot that the mouse holds, and the place on the upper hemisphere to
+ * which the mouse has dragged it; −1: none. */
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg);

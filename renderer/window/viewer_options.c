@@ -304,8 +304,8 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* --live and --plain are of the default alone, and so is a window on a session that is
-             * being captured, which makes eigen-maps of the views that are there. */
+            /* Only the default method can do --live and --plain, and show a session that is being
+             * captured, for which it makes eigen-maps of the views that are there. */
             if (!o->live && !o->settings.plain &&
                 (o->render != NULL || !viewer_options_has_views(o->argument)))
                 o->method = method_of_session(o->argument);

@@ -44,7 +44,8 @@ void viewer_options_default_light(struct viewer_settings *settings, gboolean env
 /* For an option group whose data are the options; g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* After parsing: sets defaults, and fails with a sentence where options exclude each other. */
+/* To be called after parsing: sets defaults; if options exclude each other, the error says
+ * which. */
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 

@@ -98,8 +98,8 @@ static void window_count_levels(struct window *w, const guint8 *rgb) {
 }
 
 /* The camera's distance fits a shape once, so that it keeps its size while the user turns it. When
- * the picture gets another shape (the panel, the window's frame), the distance follows by the
- * factor by which that of a camera that fits would change. */
+ * the picture's aspect changes (by the panel or the window's frame), the distance changes by the
+ * same factor as the distance of a camera that fits. */
 static void window_fit(struct window *w, double aspect) {
     struct viewer_settings *s = &w->now.settings;
     if (s->camera_distance == 0.0) {
@@ -133,8 +133,8 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
     return rgb != NULL || !w->panel;
 }
 
-/* Only when it changes: to set a title is an event, which would wake the loop for the next frame.
- */
+/* Sets the title only when it changes: setting it is an event, which would wake the loop for the
+ * next frame. */
 static void window_set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->now.shape); /* may be a file */
@@ -171,8 +171,8 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
     return gpu_check("the window", error);
 }
 
-/* An idle window draws nothing. What is being opened shows its progress, a text field its cursor.
- */
+/* An idle window draws nothing. It draws while a file is opened, to show the progress, and while a
+ * text field shows its cursor. */
 static gboolean window_must_draw(const struct window *w) {
     return w->stale || w->frames_due > 0 || w->now.close_after > 0 || opener_is_busy(w->opener) ||
            ui_wants_keyboard();

@@ -78,8 +78,8 @@ static gboolean is_being_captured(const struct window *w, const char *path) {
            !g_file_test(path, G_FILE_TEST_EXISTS);
 }
 
-/* MATERIAL of the command line may be anything that window_open() takes. TRUE: it is to be opened
- * as a material; if it is none, that gives the error that the user is to see. */
+/* MATERIAL of the command line may be any file that window_open() takes. TRUE: it is to be opened
+ * as a material; if it is not one, opening it gives the error that the user is to see. */
 static gboolean window_has_material(struct window *w) {
     const struct viewer_options *o = w->start;
     struct file_opened file;

@@ -22,8 +22,8 @@ enum window_page { WINDOW_NO_PAGE, WINDOW_START, WINDOW_KEYS, WINDOW_FILES };
 struct window {
     struct GLFWwindow *glfw;
     const struct viewer_options *start; /* what the program was started with */
-    /* What is shown: settings, methods, files. Its texts are those of start, or kept in texts as
-     * long as the window lives. */
+    /* What is shown: settings, methods, files. Its strings belong to start, or to texts, which
+     * keeps them as long as the window lives. */
     struct viewer_options now;
     GStringChunk *texts;
     Ui *ui;
@@ -73,7 +73,8 @@ struct window {
     GPtrArray *recent;          /* of WINDOW_START */
 };
 
-/* window_source.c: what is shown. Errors become the message, and what was shown stays. */
+/* window_source.c: changes what is shown. An error is shown as the message, and the picture stays
+ * as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
@@ -105,7 +106,7 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
 void window_draw_lamps(struct window *w); /* their part of the panel */
 
-/* So many frames of the panel are drawn after an event, because its windows take their size from
+/* The number of frames that are drawn after an event: the panel's windows take their size from
  * their contents in the frame before. */
 #define WINDOW_FRAMES 3
 
@@ -142,7 +143,7 @@ void window_screenshot(struct window *w);                   /* under the next fr
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 
-/* window.c: the picture and the panel over it, into the window's back buffer; the size of the
- * picture beside the panel. */
+/* In window.c. The first draws the picture, and the panel over it, into the window's back buffer;
+ * the second gives the size of the picture beside the panel. */
 void window_paint(struct window *w);
 gboolean window_has_panel(const struct window *w); /* unfolded, and there is room for it */

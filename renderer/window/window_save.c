@@ -51,8 +51,8 @@ void window_save_named(struct window *w, const char *path) {
     g_print("%s\n", whole);
 }
 
-/* The current directory; a program that the desktop starts is in the user's home, whose pictures
- * have a folder of their own. */
+/* Returns the current directory; or the user's folder of pictures if the current directory cannot
+ * be written to or is the user's home, as in a program that the desktop has started. */
 static char *picture_folder(void) {
     g_autofree char *current = g_get_current_dir();
     const char *pictures = g_get_user_special_dir(G_USER_DIRECTORY_PICTURES);

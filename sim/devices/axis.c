@@ -78,8 +78,8 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* Position error: 70 % with one period per turn, of an eccentric bearing; 30 % that differ every
- * 0.001°, of an uneven scale. */
+/* Position error: 70 % of it has one period per turn, as from an eccentric bearing; 30 % changes
+ * every 0.001°, as from an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
         return 0;
@@ -89,7 +89,7 @@ static double position_error_deg(double deg, double most_deg, int seed) {
     return most_deg * (0.7 * smooth + 0.3 * uneven);
 }
 
-/* Rounded, so that the same command gives bit-identical positions, however many turns the axis has
+/* Rounds the position, so that the same command gives the same bits however many turns the axis has
  * made before. */
 double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
     if (wraps)

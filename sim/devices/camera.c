@@ -30,8 +30,8 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time */
 };
 
-/* One exposure. Rendered in another thread, and ended by whichever comes last: its due time or its
- * pixels. Lives until the thread has come back, even if the camera has been closed. */
+/* One exposure. Another thread renders it; it ends when its time is over and its pixels are there.
+ * It lives until that thread has finished, even if the camera has been closed. */
 struct picture {
     Camera *camera; /* NULL: closed or disarmed meanwhile */
     World *world;

@@ -124,8 +124,8 @@ static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     }
     bank->warm_up_s = world_lamp_warm_up_s(sim->world);
-    /* Switches on and off, so that the world forgets when the lamps were last on: if the world has
-     * outlived earlier devices, that time is of another clock. */
+    /* Switches the lamps on and off, so that the world forgets when they were last on: if the world
+     * has outlived earlier devices, that time belongs to another clock. */
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; i < bank->n; i++) {
         world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);

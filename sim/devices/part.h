@@ -3,10 +3,10 @@
 
 #include "base/options.h"
 
-/* Adds a mistake unless the world file is there and has a section [class_name NAME], or NAME is one
- * of others (NULL-terminated, or NULL). NAME: what the section's key says, or where that is empty,
- * the section's own name. Other mistakes of the world file are reported when the world is loaded.
- */
+/* Adds a mistake unless the world file exists and has a section [class_name NAME], or NAME is one
+ * of others (NULL-terminated, or NULL). NAME is the value of the section's key or, if that is
+ * empty, the section's own name. Other mistakes of the world file are reported when the world is
+ * loaded. */
 void sim_part_check(const struct config_section *section, const char *world_path, const char *key,
                     const char *name, const char *class_name, const char *const *others,
                     Mistakes *mistakes);

@@ -110,8 +110,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* Its actions as time goes by: ends pulses, and switches off and brakes when its timeout expires.
- */
+/* Does what the device does as time passes: ends pulses, and switches off and brakes when its
+ * timeout expires. */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;

@@ -39,7 +39,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 /* The value of "bus" in a section. */
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
-/* Faults from now on. A count of −1 is without end; counts run down with each reply. */
+/* Sets the faults from now on. Each reply lowers the counts by one; a count of −1 never ends. */
 struct virtual_modbus_faults {
     int skip;          /* replies that are still good */
     int late, late_ms; /* replies that are held back, with what they said when they were made */
@@ -68,7 +68,7 @@ struct virtual_modbus_state {
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);
 
 void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on);
-/* Switched beside the line, as by a program that has ended since. */
+/* Switches a coil without a request on the line, as if by a program that has ended since. */
 void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on);
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value);
 void virtual_modbus_set_drive_fault(VirtualModbus *device, gboolean faulty);

@@ -9,17 +9,19 @@
 
 #include <umockdev.h>
 
-/* Starts the program again with what must be preloaded, unless it is. For main(), first. */
+/* Starts the program again with umockdev's library preloaded, unless it is preloaded already. To be
+ * called first in main(). */
 void testbed_enter(char **argv);
 
 /* Whether the library was preloaded. */
 gboolean testbed_is_entered(void);
 
-/* One a device, given back by testbed_unref(). */
+/* Each device takes one reference, and gives it back by testbed_unref(). */
 UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
 
-/* As g_signal_connect(), for what is called in umockdev's threads. testbed_disconnect() ends all
- * that have this data, and returns when the last call under way has. */
+/* Connects like g_signal_connect(), for functions that umockdev's threads call.
+ * testbed_disconnect() disconnects all functions with this data, and returns when their calls under
+ * way have ended. */
 void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback func, gpointer data);
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data);

@@ -16,8 +16,8 @@
 /* A request takes about as long as on a full-speed bus. */
 #define LATENCY_US 200
 
-/* Pause after a poll without a result. The mocked node always seems ready, so that libusb polls on.
- */
+/* Pause after a poll without a result. The mocked node always seems ready, so that libusb polls
+ * again at once. */
 #define IDLE_US 300
 
 /* The same for what may take long, without keeping other devices from being asked. */
@@ -240,9 +240,10 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
     return due_us;
 }
 
-/* A device of bulk transfers waits most of its time, and there may be eight of them. But libusb
- * reaps until there is nothing left, and submits nothing before: the first such call is answered at
- * once, and the sleep ends when a transfer is due. */
+/* Sleeps after a call that found nothing, because a device with bulk transfers waits most of the
+ * time, and there may be eight such devices. But libusb reaps until nothing is left and submits
+ * nothing before: therefore the first such call is answered at once, and the sleep ends when a
+ * transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;

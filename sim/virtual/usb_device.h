@@ -20,7 +20,7 @@ struct virtual_usb_class {
      * the answer, or -EPIPE to stall. */
     int (*control)(gpointer model, const guint8 *setup, guint8 *data);
 
-    /* What follows may be left out. */
+    /* The following members may be left out. */
     guint8 device_class[3]; /* class, subclass, protocol */
     int speed_mbit_s;       /* 5000 for SuperSpeed; 0: 12, full speed */
     const char *manufacturer;
@@ -54,6 +54,6 @@ int virtual_usb_n_requests(VirtualUsb *usb); /* of the class's own, so far */
 /* This endpoint stalls until the host clears it. */
 void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);
 
-/* Around looking at, or changing, a model from the test. */
+/* A test calls these around code that reads or changes a model. */
 void virtual_usb_lock(VirtualUsb *usb);
 void virtual_usb_unlock(VirtualUsb *usb);

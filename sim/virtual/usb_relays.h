@@ -1,5 +1,5 @@
-/* A USB relay board as its firmware (https://github.com/pavel-a/usb-relay-hid) has it, for tests.
- */
+/* A USB relay board that behaves like its firmware (https://github.com/pavel-a/usb-relay-hid), for
+ * tests. */
 #pragma once
 
 #include "usb_device.h"
@@ -7,8 +7,8 @@
 
 typedef struct VirtualRelays VirtualRelays;
 
-/* name: "USBRelay4" for a board; any other for something else with the same ids. second: its HID
- * interface is number 1, behind another. */
+/* name: "USBRelay4" for a board of four relays; another name for another device with the same ids.
+ * second: the HID interface has number 1, after another interface. */
 VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port, gboolean second);
 void virtual_relays_free(VirtualRelays *relays);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRelays, virtual_relays_free)

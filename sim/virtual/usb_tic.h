@@ -10,21 +10,21 @@
 
 typedef struct VirtualTic VirtualTic;
 
-/* The motor may turn from 0 to travel steps between its switches, and stands at `at` with its power
- * just come. travel 0: no switches, no ends. */
+/* The motor may turn from 0 to travel steps between its switches, and stands at `at`; its power has
+ * just been switched on. travel 0: no switches and no limits. */
 VirtualTic *virtual_tic_new(const char *serial, int port, double travel, double at);
 void virtual_tic_free(VirtualTic *tic);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)
 
 VirtualUsb *virtual_tic_usb(VirtualTic *tic);
 
-/* The motor turns a part of the world ("turntable", "arc", "sweep NAME"), which is at 0° where the
- * motor is at zero_steps; a negative steps_per_deg turns it the other way. The world is brought up
- * to date at every request to the Tic, and its driver polls it all the time. */
+/* The motor turns a part of the world ("turntable", "arc", "sweep NAME"), which is at 0° when the
+ * motor is at zero_steps; a negative steps_per_deg turns it the other way. Every request to the Tic
+ * brings the world up to date, and the driver polls the Tic all the time. */
 gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
                           double zero_steps, GError **error);
 
-/* What its owner set with Pololu's own programs. */
+/* Changes the settings that an owner makes with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
 
 void virtual_tic_enter_safe_start(VirtualTic *tic); /* as by another program */

@@ -32,8 +32,8 @@ struct world_part {
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
 void world_part_clear(struct world_part *part); /* of zeroes is allowed */
 
-/* Lamps and lasers; the others ignore it. at_us: when the contact closed or opened. */
+/* Switches a lamp or laser; other parts ignore it. at_us: when the contact closed or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turntable, arc, arm, probe and sweeps; the others ignore it. */
+/* Turns a turntable, arc, arm, probe or sweep; other parts ignore it. */
 void world_part_turn(const struct world_part *part, double deg);

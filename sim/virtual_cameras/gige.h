@@ -3,9 +3,9 @@
  * of its own and in real time: GVCP with discovery, registers, heartbeat and packet resend, GVSP
  * with test packets, and a GenICam file that it serves itself. The creator supplies its pictures.
  *
- * Aravis has a fake camera too, but without resend, time stamp latch, exposure that takes time and
- * a trigger line, and with its control channel silent while a picture is made; none of these could
- * be tested with it.
+ * Aravis has a fake camera, too, but it has no resend, no time stamp latch, no exposure that takes
+ * time and no trigger line, and does not answer on its control channel while it makes a picture;
+ * none of this could be tested with it.
  *
  * Any address of 127.0.0.0/8 will do; no network has to be set up. Any thread may call these
  * functions, except new and free.
@@ -29,7 +29,7 @@ const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);
 
-/* Another program takes control, and gives it back when steal is FALSE. */
+/* Simulates that another program takes control; it gives control back when steal is FALSE. */
 void virtual_gige_steal(VirtualGige *camera, gboolean steal);
 
 /* Power off and, after down_ms, on again, with all registers as they were at first. */

@@ -1,5 +1,5 @@
-/* The inside of the virtual GigE camera: what is asked of its registers (gige_control.c), pictures
- * as packets (gige_stream.c), and the camera with its two threads (gige.c). */
+/* The inside of the virtual GigE camera: requests to its registers (gige_control.c), pictures as
+ * packets (gige_stream.c), and the camera with its two threads (gige.c). */
 #pragma once
 
 #include "gige.h"

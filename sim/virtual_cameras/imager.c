@@ -93,9 +93,8 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
     return at < imager->xml_size ? (guint8)imager->xml[at] : 0;
 }
 
-/* The region of the sensor's picture (a ramp, if there is no source), plus the change of
- * BlackLevel.
- */
+/* Fills in the chosen region of the sensor's picture (a ramp, if there is no source), and adds the
+ * change of BlackLevel. */
 static void imager_fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
                         gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;

@@ -1,5 +1,5 @@
 /*
- * What virtual GenICam cameras on all buses share: their description, the source of their pictures,
+ * Shared by virtual GenICam cameras on all buses: their description, the source of their pictures,
  * their faults and their counts.
  */
 #pragma once
@@ -19,8 +19,8 @@ typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer
 
 #define VIRTUAL_PROCESSING 16
 
-/* What the camera does to pictures, as makers describe it: while any register differs from its
- * neutral value, brightness is squared. Must outlive the camera. */
+/* A function that alters pictures, as in makers' description files: while any of its registers
+ * differs from its neutral value, brightness is squared. Must outlive the camera. */
 struct virtual_processing {
     const char *xml; /* elements of a GenICam file, with a category ImageProcessing */
     /* Registers of 4 bytes from 0x1140 on. */

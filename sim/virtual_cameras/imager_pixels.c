@@ -2,8 +2,9 @@
 
 #include <string.h>
 
-/* Pixel Format Naming Convention: the low byte of a code is its number, the middle two hold bits a
- * pixel. Written apart from the driver's table, so that an error made there does not cancel. */
+/* Codes of the Pixel Format Naming Convention: the low byte of a code is the format's number, the
+ * middle two hold the bits per pixel. This table is written independently of the driver's, so that
+ * an error there shows. */
 enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {
@@ -66,8 +67,8 @@ void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, i
                 *to++ = (guint8)(values[i] >> 8);
         }
         break;
-    case PACKED: /* GigE Vision's own: the high eight bits of two pixels, with the low bits of both
-                  * between them */
+    case PACKED: /* GigE Vision's own packing: the high eight bits of two pixels, with the low bits
+                  * of both between them */
         for (gsize i = 0; i + 1 < n; i += 2) {
             guint low = kind->bits - 8u, rest = (1u << low) - 1;
             *to++ = (guint8)(values[i] >> low);

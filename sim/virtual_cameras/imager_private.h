@@ -46,7 +46,7 @@ struct imager_picture {
     gboolean cut;
 };
 
-/* How pictures leave, with the mutex locked. */
+/* The bus by which pictures leave. Its functions are called with the mutex locked. */
 struct imager_bus {
     void (*announce)(const struct imager_picture *picture, gpointer data);
     void (*send)(gpointer data); /* the last one kept; may unlock for a while */
@@ -129,6 +129,6 @@ guint32 imager_first_format(enum cfa cfa); /* of 8 bits */
 /* Bytes of a picture; 0: no such format, or not of this colour filter array. */
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
 
-/* n values of bits as the format (of a known payload) has them on the wire. */
+/* Packs n values of so many bits into the format, for which imager_payload() is not 0. */
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to);

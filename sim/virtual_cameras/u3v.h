@@ -1,9 +1,9 @@
 /*
- * A virtual USB3 Vision camera behind umockdev's usbfs, which Aravis speaks to by libusb as to the
- * kernel's: a control channel of registers and a stream channel of leaders, payloads and trailers,
- * on bulk endpoints, with a GenICam file that it serves itself. The creator supplies its pictures;
- * exposures take their real time, in a thread of its own. A process sees it only after
- * testbed_enter().
+ * A virtual USB3 Vision camera behind umockdev's usbfs, which Aravis reaches through libusb as it
+ * does a real one. It has a control channel for registers and a stream channel for leaders,
+ * payloads and trailers, on bulk endpoints, and serves its GenICam file itself. The creator
+ * supplies its pictures; an exposure takes its real time, in a thread of the camera's own. A
+ * process sees it only after testbed_enter().
  *
  * Any thread may call these functions, except new, free, plug and unplug.
  */

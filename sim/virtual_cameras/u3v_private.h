@@ -1,5 +1,5 @@
-/* The inside of the virtual USB3 Vision camera: registers and what is asked of them
- * (u3v_control.c), pictures as transfers (u3v_stream.c), and what it is on the bus (u3v.c). */
+/* The inside of the virtual USB3 Vision camera: requests to its registers (u3v_control.c), pictures
+ * as transfers (u3v_stream.c), and the device on the bus (u3v.c). */
 #pragma once
 
 #include "imager_private.h"

@@ -11,16 +11,17 @@
 
 typedef struct VirtualV4l2 VirtualV4l2;
 
-/* What its sensor reads, in the camera's thread, at the end of an exposure. number counts frames.
- * ret_pixels has height × width values below 2^bits. */
+/* Gives what the sensor reads. Called in the camera's thread at the end of an exposure. number
+ * counts frames. ret_pixels has height × width values below 2^bits. */
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
 enum virtual_v4l2_stamp { /* the moment that its time stamps mark, and the flag that they carry */
                           VIRTUAL_V4L2_START,      /* the exposure's start, flagged so */
-                          VIRTUAL_V4L2_FIRST_DATA, /* the first data, flagged as the start: what
-                                                      uvcvideo does */
-                          VIRTUAL_V4L2_END,        /* the data's end, flagged so */
+                          VIRTUAL_V4L2_FIRST_DATA, /* time of the first data, flagged as the start
+                                                      of exposure, as uvcvideo does */
+                          VIRTUAL_V4L2_END,        /* time of the end of the data, flagged as
+                                                      such */
 };
 
 enum { /* controls that it lacks */

@@ -58,8 +58,8 @@ struct VirtualV4l2 {
     guint16 *pixels; /* the latest picture */
 };
 
-/* In the thread of all cameras' and USB devices' ioctls, which must not wait; with the camera
- * locked. */
+/* Called in the thread that handles the ioctls of all cameras and USB devices, which must not wait;
+ * with the camera locked. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
 void virtual_stream_wait(VirtualV4l2 *camera); /* until no thread uses it any more; unlocks */

@@ -99,8 +99,8 @@ World *rig_world(VirtualRig *rig, const struct config_section *section, GError *
     return find_world(rig, section, error) ? rig->world : NULL;
 }
 
-/* An axis moves the turntable, the arc, the arm, the probe, or the sweep of the laser it is named
- * after. */
+/* Returns the part of the world that an axis moves: the turntable, the arc, the arm, the probe, or
+ * the sweep of the laser that it is named after. */
 char *rig_axis_part(const struct config_section *section) {
     const char *part = rig_part(section);
     static const char *const others[] = {"turntable", "arc", "arm", "probe", NULL};

@@ -1,5 +1,5 @@
-/* Shared by the parts of a virtual rig: rig.c has cameras of GigE Vision and USB3 Vision and
- * Modbus, rig_usb.c the rest of USB, and V4L2. */
+/* Shared by the parts of a virtual rig: rig.c has the GigE Vision and USB3 Vision cameras and the
+ * Modbus devices, rig_usb.c the V4L2 cameras and the other USB devices. */
 #pragma once
 
 #include "rig.h"
@@ -59,7 +59,7 @@ struct VirtualRig {
     guint timer;
 };
 
-/* As written, or the option's default; 0 if it has none. */
+/* The number in the section, or the option's default; 0 if it has none. */
 double rig_number(const struct config_section *section, const struct driver_info *driver,
                   const char *key);
 const char *rig_part(const struct config_section *section);
@@ -72,7 +72,7 @@ World *rig_world(VirtualRig *rig, const struct config_section *section, GError *
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
 char *rig_axis_part(const struct config_section *section); /* by world_part_find(); g_free() */
 
-/* Writes the section with what the simulated driver alone takes left out. */
+/* Writes the section without the keys that only the simulated driver takes. */
 void rig_copy_section(VirtualRig *rig, const struct config_section *section,
                       const struct driver_info *from, const struct driver_info *to);
 void rig_copy_motion(VirtualRig *rig, const struct config_section *section,

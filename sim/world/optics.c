@@ -27,8 +27,8 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
     }
 }
 
-/* Newton's method on the two equations of the distorted point; from the distorted point itself it
- * converges in two or three steps for any lens that does not fold the picture. */
+/* Newton's method on the two equations of the distorted point. It starts at the distorted point,
+ * and converges in two or three steps for any lens that does not fold the picture. */
 static void optics_undistort(const struct optics_camera *camera, double xd, double yd,
                              double *ret_x, double *ret_y) {
     double x = xd, y = yd, p1 = camera->p1, p2 = camera->p2;

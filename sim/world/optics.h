@@ -52,7 +52,7 @@ struct optics_camera {
     double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
 };
 
-/* Stands at a point and looks at the origin; right is e_φ of that point. */
+/* Places a camera at a point, looking at the origin; its right is e_φ of that point. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 
@@ -66,15 +66,15 @@ struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_p
 double optics_response(const struct optics_camera *camera, double x_px, double y_px,
                        enum cfa_colour colour);
 
-/* The light arc as it truly turns: its frame at arc angle α is x, y, z turned by α + zero about z,
- * the rig's frame seen from it at centre_mm. */
+/* How the light arc truly turns: at arc angle α, its frame is x, y, z turned by α + zero about z,
+ * with the origin at centre_mm. */
 struct optics_arc {
     double zero;
     struct v3 centre_mm, x, y, z; /* unit, perpendicular */
     gboolean crooked;             /* anything but zero is not as it is meant to be */
 };
 
-/* z leans towards the directions of x and of y by an angle each. */
+/* Tilts the arc's axis z towards x and towards y by an angle each. */
 void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y);
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);

@@ -168,8 +168,8 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Below n vertices, from first on in steps. A wall has vertices of its own, with the normal of its
- * side. */
+/* Adds a wall below n vertices: the first and every step-th after it. A wall has vertices of its
+ * own, with the normal of its side. */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};

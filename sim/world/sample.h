@@ -9,8 +9,9 @@
 
 #include <png.h>
 
-/* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is its
- * albedo, along and across its roughness in the direction of the tangent and across it. */
+/* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is the
+ * albedo of this layer, along and across are its roughness in the direction of the tangent and
+ * across it. */
 struct vertex {
     float p[3], n[3], t[3];
     float albedo[3];
@@ -59,8 +60,8 @@ struct sample_options {
 
 extern const struct option sample_option_table[];
 
-/* Makes or loads the sample of a section. Mistakes name the section's file and line, or the file
- * that could not be loaded and where in it. NULL: there are some. */
+/* Makes or loads the sample of a section. Each mistake names the section's file and line, or the
+ * file that could not be loaded and the place in it. NULL: there are mistakes. */
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
                         Mistakes *mistakes);
 void sample_free(struct mesh *mesh); /* NULL is ignored */
@@ -71,22 +72,23 @@ guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
 void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
 /* Two triangles; corners counter-clockwise. */
 void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
-/* The quads between n + 1 rings of vertices that follow each other. The outward normal is
+/* Adds the quads between n + 1 rings of vertices that follow each other. The outward normal is
  * (direction around a ring) × (direction from ring to ring); flip: the opposite. */
 void sample_join_rings(struct mesh *mesh, guint32 first, guint32 n, guint32 around, gboolean flip);
-/* How many periods fit best into a length, a multiple of unit, and at least one unit. */
+/* The number of periods that fits a length best: a multiple of unit, at least one unit. */
 int sample_count(double length_mm, double period_mm, int unit);
 /* Area-weighted normals from the triangles, for vertices from first on. */
 void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
 void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
-/* As the options say; what they leave to the kind is gloss, along and across. */
+/* Sets a vertex's gloss as the options say; gloss, along and across are used where they leave it to
+ * the kind of sample. */
 void sample_set_gloss(struct vertex *to, const struct sample_options *options, double gloss,
                       double along, double across);
 /* Sets an error that a picture cannot be read, for the reason in image, which is freed. */
 gboolean sample_picture_error(png_image *image, const char *path, GError **error);
 
 /* A surface z(x, y) on a grid, with walls down to the turntable. The function sets p[2], albedo and
- * gloss of a vertex whose p[0] and p[1] are set. */
+ * gloss of a vertex; p[0] and p[1] are set already. */
 typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);

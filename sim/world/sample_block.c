@@ -6,7 +6,7 @@
 /* Square blocks of different heights on a floor, with upright walls, narrow gaps and bevelled
  * edges. */
 
-#define GAP   0.07 /* half of it, of the period */
+#define GAP   0.07 /* half the width of a gap, as a share of the period */
 #define BEVEL 0.05 /* of the period */
 #define CUTS  5    /* a face has CUTS² cells, since bounced light is known at vertices */
 

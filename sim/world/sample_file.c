@@ -20,8 +20,8 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
     return FALSE;
 }
 
-/* 16 bits are kept as they are; 8-bit greys too when they are heights, since those know no gamma.
- */
+/* 16-bit numbers are kept as they are, and so are 8-bit greys that are heights, since heights have
+ * no gamma. */
 static gboolean sample_file_read_picture(const char *path, gboolean heights, struct picture *ret,
                                          GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -195,8 +195,8 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         sample_free(obj.mesh);
         return NULL;
     }
-    /* A smooth mesh shares vertices, in the order of their positions; added at the end, since
-     * faces only need numbers. */
+    /* A smooth mesh shares vertices, in the order of their positions. They are added at the end,
+     * since faces need only their numbers. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

@@ -56,8 +56,8 @@ static void add_blade(struct mesh *mesh, const struct blade *blade) {
     sample_smooth_normals(mesh, first, first_triangle);
 }
 
-/* Control points are so high that no curve is higher than relief_mm, and the width of a blade
- * remains above it. */
+/* The control points are chosen so that no curve rises so far that the blade around it is higher
+ * than relief_mm. */
 static void shape_blade(const struct sample_options *o, double spacing_mm,
                         struct sample_random *random, struct blade *to) {
     to->options = o;

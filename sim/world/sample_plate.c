@@ -7,9 +7,9 @@
 #define MAX_CELLS (1u << 20)
 #define RAD(deg)  ((deg) * (G_PI / 180))
 
-/* A flat plate, printed with a picture whose pixels are rectangles with sharp edges: exact, however
- * near a camera looks. It may be rotated, tilted and off the centre, as somebody has put it down.
- */
+/* A flat plate, printed with a picture whose pixels are rectangles with sharp edges, which are
+ * exact however near a camera is. It may be rotated, tilted and off the centre, as when somebody
+ * has put it down by hand. */
 
 struct plate {
     const struct sample_options *options;

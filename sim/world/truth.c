@@ -107,8 +107,8 @@ void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg
     truth_give(at.axis, ret->axis);
 }
 
-/* Points of the reference plane in a raster, fine × fine a texel; and what the
- * viewing rays through one of its rows see. */
+/* A raster of points of the reference plane, fine × fine per texel; and what the viewing rays
+ * through one of its rows see. */
 struct raster {
     World *world;
     const struct truth_grid *grid;

@@ -1,7 +1,7 @@
 /*
- * The tests' door to the simulated world's own truth: exact distances and reflectances by ray
- * tracing. In a library of its own (mesorig_truth) that only tests and the demo's report link to.
- * Camera arm and light probe are where world_set_arm() and world_set_probe() have put them.
+ * Gives tests the true values of the simulated world: exact distances and reflectances by ray
+ * tracing. It is a library of its own (mesorig_truth), which only tests and the demo's report link
+ * to. Camera arm and light probe are where world_set_arm() and world_set_probe() have put them.
  */
 #pragma once
 
@@ -12,8 +12,8 @@ struct truth_grid { /* texels of the reference plane, as in pipeline/pipeline.h,
     double width_mm, height_mm, reference_mm;
 };
 
-/* True position of a camera's centre in the sample frame, for turntable angle commanded, backlash
- * and position errors aside. */
+/* True position of a camera's centre in the sample frame, at the commanded turntable angle; ignores
+ * backlash and position errors. */
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
 /* A camera as it truly is, in the rig frame. */
@@ -42,8 +42,8 @@ struct truth_swing {
 void truth_arm(World *world, struct truth_swing *ret);
 void truth_probe(World *world, struct truth_swing *ret);
 
-/* Where lamp and laser sheet truly are with the arc at an angle (backlash and position errors
- * aside), rig frame. ret_aim may be NULL. */
+/* True places of a lamp and of a laser sheet with the arc at an angle, rig frame; ignore backlash
+ * and position errors. ret_aim may be NULL. */
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]);
 /* A camera's signal for a white diffuser that lies level at a point of the rig frame under a lamp

@@ -1,11 +1,11 @@
 /*
  * The simulated world: one physical truth that all simulated devices read and change, so that
  * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc or
- * standing by themselves, cameras; cameras may be carried by an arm, lamps by a probe, each an
- * axis; described by a world file (world.conf(5) has every key).
+ * standing by themselves, and cameras. An arm may carry cameras, and a probe lamps; each of these
+ * is an axis. A world file describes it all (world.conf(5) has every key).
  *
  * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
- * written again, so that an error made there does not cancel.
+ * written independently, so that an error there shows in the results.
  *
  * State may be set from any thread. world_snapshot() copies it; rendering from a snapshot may be
  * done in any thread, and depends on the snapshot alone.
@@ -51,14 +51,13 @@ void world_set_arm(World *world, double deg);
 void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
-/* A laser is taken off and mounted, sweep and all, at the place of another laser of the file; its
- * own place is where it stands at first. It keeps its number for world_set_sweep() and
- * world_set_laser(). */
+/* Moves a laser, with its sweep, to the place of another laser of the file; at first it stands at
+ * its own place. It keeps its number for world_set_sweep() and world_set_laser(). */
 void world_mount_laser(World *world, int laser, int place);
 
-/* Switching at a time; the lamp's output then follows its warm-up curve (exactly its full output
- * from warm-up time on) and, if the world has it, its slow drift. A lamp said to be dead gives no
- * light. */
+/* Switches a lamp at a time. Its output then follows its warm-up curve (from the end of the warm-up
+ * on it is exactly the full output) and, if the world file says so, a slow drift. A lamp that the
+ * world file calls dead gives no light. */
 void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us);
 void world_set_lamp_dead(World *world, int lamp, gboolean dead);
 double world_lamp_warm_up_s(const World *world);
@@ -74,8 +73,8 @@ struct world_state {
 /* The state, with lamp outputs averaged over an exposure. */
 void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret);
 
-/* What a camera's sensor reads: optics, light transport, vignetting, colour filters, photon and
- * read noise, black level, ADC. The noise is a function of noise_key, the camera and the pixel
- * alone. pixels holds height × width values. Any thread. */
+/* Computes what a camera's sensor reads: optics, light transport, vignetting, colour filters,
+ * photon and read noise, black level, ADC. The noise is a function of noise_key, the camera and the
+ * pixel alone. pixels holds height × width values. Any thread. */
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels);

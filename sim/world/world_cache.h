@@ -20,8 +20,8 @@ struct cache_entry {
 
 typedef struct Cache Cache;
 
-/* Makes a value; returns a block to be freed with g_free() and its size. May ask the cache for
- * other keys, but not in a circle. */
+/* Makes a value: returns a block to be freed with g_free(), and its size. It may ask the cache for
+ * other keys, but not so that keys depend on each other in a circle. */
 typedef gpointer (*CacheMake)(const struct cache_key *key, gconstpointer data, gsize *ret_bytes);
 
 Cache *cache_new(gsize limit_bytes);

@@ -40,8 +40,8 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* By the angle between the two where that suffices, bit-identical to a world without errors of the
- * arc. */
+/* Turns by the angle between arc and turntable alone if the arc is not crooked, so that the result
+ * is bit-identical to that of an ideal arc. */
 static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
                                    gboolean point) {
     if (pose.fixed)

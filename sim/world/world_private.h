@@ -78,7 +78,8 @@ void scene_clear(struct scene *scene);
 void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
                  const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
 
-/* Whether surface points see a light: blocked[i] is set where not, be it that it is behind. */
+/* Whether surface points see a light: blocked[i] is set if point i does not, also if the light is
+ * behind its surface. */
 #define SCENE_BATCH 256
 void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct surface *points,
                   int n, guint8 *ret_blocked);
@@ -91,7 +92,8 @@ int scene_light_vertices(const struct scene *scene, guint first, struct v3 light
 /* The corner of a triangle that is nearest to a point with these barycentric coordinates. */
 guint32 scene_nearest_vertex(const struct scene *scene, guint32 triangle, float u, float v);
 
-/* n·l·(diffuse + gloss) for light from a point, seen from the eye: what makes radiance of E_⊥. */
+/* n·l·(diffuse + gloss) for light from a point, seen from the eye: the factor from E_⊥ to
+ * radiance. */
 float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
                     enum cfa_colour colour);
 
@@ -131,9 +133,9 @@ struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg)
 struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
                     double y_px);
 
-/* A part of a pixel's area, packed: a view has as many as pixels times samples, a session many
- * views. Directions are folded octahedra, shares of one are whole numbers; what that rounds lies
- * far below a sensor's noise. */
+/* A part of a pixel's area, packed, since a view has as many of them as pixels times samples, and a
+ * session many views. Directions are folded octahedra, and shares of one are whole numbers; the
+ * rounding errors are far below a sensor's noise. */
 struct point {
     float p[3];
     gint16 n[2], t[2], ng[2];
@@ -142,8 +144,8 @@ struct point {
     guint32 triangle, pixel;
 };
 
-/* What a camera sees at an angle of arm and turntable; without the sky, and turntable by whole
- * pixels. */
+/* What a camera sees at an angle of arm and turntable: no points for the sky, and a single point
+ * for a pixel that shows only the turntable. */
 struct view {
     struct v3 eye_mm;
     const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */

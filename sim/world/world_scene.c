@@ -3,8 +3,8 @@
 #include <float.h>
 #include <string.h>
 
-/* Rays start this far off the surface, mm: far above float rounding, far below what a pixel sees.
- */
+/* Rays start this far off the surface, mm: much farther than floats round, and much less than the
+ * width of a pixel. */
 #define LIFT 3e-4f
 
 static inline float world_scene_dot(const float a[3], const float b[3]) {

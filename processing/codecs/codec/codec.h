@@ -64,7 +64,7 @@ struct codec_query {
 };
 
 #define CODEC_MAX_TEXELS 512
-/* Texels of a model, and the share of each in what is asked for. */
+/* Texels of a model, and the weight of each in the sum that is asked for. */
 struct codec_texels {
     int n; /* at most CODEC_MAX_TEXELS */
     const int *index;
@@ -77,12 +77,13 @@ struct codec {
     const char *help;  /* what it is, one sentence without a full stop */
     int variant;       /* for codecs that share their functions */
 
-    /* What --method=name takes, besides --memory and -o: names are those of the command line's
-     * options, without "--". Options that are not given take their fallback, or 0 if they have
-     * none. */
+    /* The options that --method=name takes, besides --memory and -o: their names are those of the
+     * command line's options, without "--". Options that are not given take their fallback, or 0 if
+     * they have none. */
     const struct option *options;
     gsize options_size;
-    /* How options contradict each other, a sentence without a full stop; NULL: not. May be NULL. */
+    /* Returns how options contradict each other, as a sentence without a full stop; NULL: they do
+     * not. May be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded;      /* keeps to --memory */
@@ -95,7 +96,7 @@ struct codec {
     char *(*describe)(const struct codec *codec, const struct codec_result *result);
     gboolean (*write)(const char *path, gpointer const *levels, int n_levels, GError **error);
 
-    /* The model of level 0. The caller has seen that mesorig.kind is the name. */
+    /* Reads the model of level 0. The caller has checked that mesorig.kind is the codec's name. */
     gpointer (*read)(const char *path, GError **error);
     /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);
@@ -105,13 +106,13 @@ struct codec {
     gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
     /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
-    /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B), from what the model holds for it
-     * alone: no texel is reconstructed. B is interpolated between the measured directions where the
-     * model is a table, and its formula, at least 0, where it has one. */
+    /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B). Evaluates only these values and
+     * reconstructs no whole texel. If the model is a table, B is interpolated between the measured
+     * directions; if it is a formula, B is the formula's value, at least 0. */
     void (*evaluate)(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]);
-    /* Optional: n, where the model's views and lights are the n × n samples of direction_grid.h; 0:
-     * they are those measured. */
+    /* Optional: returns n if the model's views and lights are the n × n samples of
+     * direction_grid.h; 0: they are the measured ones. */
     int (*grid)(gconstpointer model);
     gsize error; /* offset of a model's relative RMS error, a double; 0: it does not know it */
     /* Optional: all mip levels of a file, models from level 0 on, with a free function; NULL: its

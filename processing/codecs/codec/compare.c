@@ -162,8 +162,8 @@ static struct comparison *compare_summarise(const struct compare_run *run, GErro
         if (!block->damaged)
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: its values at texel (%d, %d) are not finite: its numbers are invalid "
-                    "together; make or compress it again",
+                    "%s: the values that its numbers give at texel (%d, %d) are not finite; make "
+                    "or compress it again",
                     material_info(block->damaged)->label, block->texel % width,
                     block->texel / width);
         return NULL;

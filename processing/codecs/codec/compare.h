@@ -22,7 +22,7 @@ struct comparison {
  * Stage "compare"; work may be NULL. */
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error);
-/* The same of a BTF, with values in memory, and a codec's model of it: the relative RMS error of R,
+/* Compares a BTF, with values in memory, with a codec's model of it: the relative RMS error of R,
  * G, B, and the mean error in luminance. */
 gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
                        const struct work *work, double *ret_error, double *ret_luminance_error,

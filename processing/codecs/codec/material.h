@@ -14,7 +14,7 @@ extern const struct codec material_btf_codec;
 
 /* Takes model; label is copied. */
 Material *material_new(const char *label, const struct codec *codec, gpointer model);
-/* The same of a model that stays the caller's and outlives the material. */
+/* The same as material_new() for a model that the caller keeps and that outlives the material. */
 Material *material_borrow(const char *label, const struct codec *codec, gconstpointer model);
 void material_free(Material *material); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Material, material_free)

@@ -1,6 +1,6 @@
 /*
- * What models that are fitted to each texel on its own share (hsh/hsh.h, lobes/lobes.h): checks of
- * the BTF, errors, and the head of their files.
+ * Shared by the models that are fitted to each texel on its own (hsh/hsh.h, lobes/lobes.h): checks
+ * of the BTF, errors, and the head of their files.
  */
 #pragma once
 
@@ -27,7 +27,7 @@ const char *texel_model_kind(const struct exr_file *file); /* NULL: the file has
 gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_head *head,
                                struct btf_layout *ret_layout, const char **ret_what,
                                GError **error);
-/* "4 × 3 texels, of 5 views × 6 lights; error 1.00 %, luminance off by 0.0100", of headers alone;
+/* "4 × 3 texels, of 5 views × 6 lights; error 1.00 %, luminance off by 0.0100", from headers alone;
  * NULL: parts are missing. g_free() */
 char *texel_model_describe_file(const struct exr_file *file);
 

@@ -34,9 +34,9 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
 /* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Fills weights and maps (allocated here), everything else being set; the largest entry of each W_i
- * is positive. The result does not depend on the number of threads. ret_error is
- * ‖A − Â‖_F / ‖A‖_F. Where all columns fit into EIGENMAPS_MEMORY it is exact, else randomised. */
+/* Allocates and fills weights and maps; the caller has set all other members. The largest entry of
+ * each W_i is positive. The result does not depend on the number of threads. ret_error is ‖A − Â‖_F
+ * / ‖A‖_F. Where all columns fit into EIGENMAPS_MEMORY it is exact, else randomised. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);

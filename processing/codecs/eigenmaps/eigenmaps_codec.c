@@ -183,8 +183,8 @@ static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_que
     }
 }
 
-/* Maps are in the order of the variance they explain, so that the last ones are left out, by powers
- * of two. */
+/* Reports models of 1, 2, 4, … maps. Maps are in the order of the variance that they explain, so
+ * that leaving out the last ones gives the best model with fewer. */
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {

@@ -102,8 +102,8 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
     if (maps->n_terms < 1 || (gsize)maps->n_terms > maps->layout.views.n ||
         !isfinite(options->target) || options->target < 0) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%d eigen-maps of %zu views to an error of %g: there can be 1 to %zu, and the "
-                    "error is a number above 0, or 0 where any will do",
+                    "%d eigen-maps of %zu views to an error of %g are not possible; give 1 to %zu "
+                    "maps, and an error above 0, or 0 for no limit",
                     maps->n_terms, maps->layout.views.n, options->target, maps->layout.views.n);
         return FALSE;
     }

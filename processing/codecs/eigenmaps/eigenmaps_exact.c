@@ -13,8 +13,9 @@ struct gram {
     double *matrix;     /* n_views², row by row */
 };
 
-/* Adds Aᵀ of the n columns in memory, from column first on, times themselves; or, where view is not
- * −1, times that column, which lies behind the block. */
+/* Adds to the matrix the products of the n columns in memory, the first of which is column first,
+ * with each other; or, if view is not −1, their products with column view, which lies behind the
+ * block. */
 static void multiply(const struct gram *gram, int first, int n, int view) {
     const int all = view < 0 ? n : n + 1;
     g_autofree double *wide = g_new(double, (gsize)all *CHUNK);
@@ -33,8 +34,8 @@ static void multiply(const struct gram *gram, int first, int n, int view) {
     }
 }
 
-/* The upper half of AᵀA, n_views², a block of columns after the other: what lies right of the
- * block is read one column at a time, so that A is read n_views / block / 2 times. */
+/* Computes the upper half of AᵀA (n_views²), block of columns by block of columns: the columns to
+ * the right of the block are read one at a time, so that A is read n_views / block / 2 times. */
 static gboolean gram_matrix(struct gram *gram, GError **error) {
     for (int first = 0; first < gram->n_views; first += gram->block) {
         int n = MIN(gram->block, gram->n_views - first);

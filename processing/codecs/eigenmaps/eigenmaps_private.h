@@ -5,7 +5,7 @@
 
 #define EIGENMAPS_CHUNK 2048 /* rows multiplied at a time, in double precision */
 
-/* A computation: A of rows × n_views, by columns. */
+/* A computation on the matrix A (rows × n_views), which is read by columns. */
 struct eigenmaps_job {
     struct eigenmaps *maps;
     const struct eigenmaps_options *options;
@@ -22,16 +22,18 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
 /* Memory for n columns, or an error. */
 float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error);
 
-/* Both in double precision, up to EIGENMAPS_CHUNK rows of columns that lie rows behind each other;
- * to is n_columns rows of EIGENMAPS_CHUNK. Returns how many rows. */
+/* Converts up to EIGENMAPS_CHUNK rows of all columns, from row `from` on, to doubles. Column i
+ * begins at columns + i · rows, and its doubles at to + i · EIGENMAPS_CHUNK. Returns the number of
+ * rows converted. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to);
 
-/* The upper half of an n × n matrix becomes the eigenvectors, in columns by ascending values. */
+/* Replaces a symmetric n × n matrix, given by its upper half, by its eigenvectors, in columns by
+ * ascending eigenvalues. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
 
-/* The fewest terms of n (all of them if target is 0), at least 1, with an error of at most the
- * target. squares: the squared norm of each, descending; rest: that of the remainder of all.
- * *ret_error is their error. */
+/* Returns the fewest of n terms, at least 1, whose error is at most the target; n if target is 0.
+ * squares: the squared norm of each term, descending; rest: the squared norm of what all n terms
+ * leave. *ret_error is the error of the terms returned. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
 
 /* Weights of maps->n_terms terms from rows of n_views, each with its largest entry made positive;

@@ -234,8 +234,8 @@ static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 
-/* The sketch's values suffice at first; then those of A in the directions found are used.
- */
+/* Searches with the singular values of the sketch first, then with those of A in the directions
+ * that were found. */
 static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, double *ret_error,
                                             GError **error) {
     struct eigenmaps *maps = r->job->maps;

@@ -112,7 +112,8 @@ double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
     return hsh->error;
 }
 
-/* Everything a fit holds; threads only read it, and write what is their texels'. */
+/* Everything that a fit holds; threads only read it, and each writes the values of its own
+ * texels. */
 struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;
@@ -120,9 +121,9 @@ struct hsh_fit {
     float *inverse; /* A⁺ᵀ: n_lights × n_terms, as long as no light is left out */
 };
 
-/* X of least norm that minimises ‖A X − B‖², where lights with a 0 in there (may be NULL: none)
- * have rows of zeros in A. columns: B, n_lights × n_columns, then X, n_terms × n_columns; it has
- * max(n_lights, n_terms) rows. */
+/* Finds the X of least norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have rows
+ * of zeros in A; there NULL: no such lights. columns: B (n_lights × n_columns) before the call, X
+ * (n_terms × n_columns) after it; it has max(n_lights, n_terms) rows. */
 static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
                       int n_columns) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;

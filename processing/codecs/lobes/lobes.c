@@ -49,7 +49,8 @@ gint64 lobes_bytes(const struct lobes *lobes) {
     return 2 * (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout) * lobes->n_values;
 }
 
-/* Everything a computation holds; threads only read it, and write what is their texels'. */
+/* Everything that a computation holds; threads only read it, and each writes the values of its own
+ * texels. */
 struct lobes_run {
     const struct btf_matrix *btf;
     const struct lobes_options *options;
@@ -61,9 +62,9 @@ struct lobes_run {
     int n_blocks, *done;   /* done: whether each block of texels is fitted */
 };
 
-/* X of least norm that minimises ‖A X − B‖², with the row (lx², ly², lx ly, lx, ly, 1) of A for
- * each light l, or zeros where row (may be NULL) is NaN. columns: B, n × n_columns, then X,
- * POLYNOMIAL × n_columns; it has max(n, POLYNOMIAL) rows. */
+/* Finds the X of least norm that minimises ‖A X − B‖², with the row (lx², ly², lx ly, lx, ly, 1) of
+ * A for each light l, or zeros where row (may be NULL) is NaN. columns: B (n × n_columns) before
+ * the call, X (POLYNOMIAL × n_columns) after it; it has max(n, POLYNOMIAL) rows. */
 static void lobes_solve_polynomial(const float *lights, int n, const float *row, double *columns,
                                    int n_columns) {
     g_autofree double *a = g_new0(double, n *POLYNOMIAL);
@@ -132,7 +133,7 @@ static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_col
         ret_colour[c] = all > 0 ? (float)CLAMP(sums[c] / all, 0, 1000) : 1;
 }
 
-/* Fits n rows from several starts each; of a row's results that with the least cost counts. */
+/* Fits each of n rows from several starts, and keeps the result with the least cost. */
 static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows, int n,
                                   float *ret) {
     const int parameters = lobes_fit_parameters(&run->fit);
@@ -152,8 +153,8 @@ static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows
     }
 }
 
-/* From parameters of a fit (lobes_private.h) to the values of lobes.h. colour: 3; models of facets
- * have theirs in the parameters. */
+/* Converts parameters of a fit (lobes_private.h) to the values of lobes.h. colour: R, G, B; not
+ * read for microfacet models, which have their colours in the parameters. */
 static void lobes_store(const struct lobes *lobes, const float *colour, const float *p,
                         float *ret) {
     if (lobes_traits[lobes->model].facet) {
@@ -181,9 +182,9 @@ static void lobes_store(const struct lobes *lobes, const float *colour, const fl
     }
 }
 
-/* Diffuse and specular colours of a texel by linear least squares, its shape being given: with d
- * and s the model of diffuse 1 and of specular 1 alone, each colour minimises Σ (D d + S s − x)².
- */
+/* Finds the diffuse colour D and the specular colour S of a texel by linear least squares, with its
+ * shape given: d is the model with diffuse 1 and specular 0, s the one with diffuse 0 and specular
+ * 1, and each colour minimises Σ (D d + S s − x)². */
 static void lobes_colour_facet(const struct lobes_run *run, int texel, float *values) {
     const gsize n_lights = run->btf->layout.lights.n, n = run->btf->layout.views.n * n_lights;
     const float *rgb = run->btf->values + (gsize)texel * n * COLOURS;
@@ -220,8 +221,8 @@ static void lobes_colour_facet(const struct lobes_run *run, int texel, float *va
     }
 }
 
-/* Rows of a block are those of its texels, in each all slices; the values of lobes.h lie slice by
- * slice. */
+/* The rows of a block lie texel by texel, with all slices of a texel together; the values of
+ * lobes.h lie slice by slice. */
 static void lobes_fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;

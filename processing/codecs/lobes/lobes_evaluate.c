@@ -69,8 +69,8 @@ static void lobes_evaluate_facet(enum lobes_model model, const float *values, co
         ret[c] = values[c] * nl + values[COLOURS + c] * shine;
 }
 
-/* values: those of one texel of one slice. Y is made first, but for microfacet models, and then
- * multiplied by the colour. */
+/* values: those of one texel of one slice. Microfacet models have their colours in the values;
+ * other models give Y, which is multiplied by the colour. */
 static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *values,
                                     const float v[3], const float l[3], float ret[3]) {
     const float w[3] = {v[0] * l[0], v[1] * l[1], v[2] * l[2]};

@@ -194,9 +194,9 @@ LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl
     return nl / (hl * most);
 }
 
-/* f = diffuse n·l + specular s (v, l), and j, its derivatives by the seven parameters: those of the
- * frame (turns) come from ∂t, ∂b and ∂n, those by log U and log V from the exponent and the scale.
- */
+/* Computes f = diffuse n·l + specular s (v, l), and j, its derivatives with respect to the seven
+ * parameters: those of the frame (turns) follow from ∂t, ∂b and ∂n, those of log U and log V from
+ * the exponent and the scale. */
 LANES_INLINE lanes facet(enum lobes_model model, const struct prepared_facet *f, const lanes v[3],
                          const lanes l[3], lanes *j) {
     const lanes *t = f->frame[0], *b = f->frame[1], *n = f->frame[2];
@@ -267,8 +267,8 @@ LANES_INLINE void clear(struct normal *normal, int n) {
         normal->matrix[i] = lanes_all(0);
 }
 
-/* ‖r‖², Jᵀr and JᵀJ over all pairs of directions, r = y − f, NaN left out. Sums of a view are taken
- * on their own first: thousands of floats in a row lose digits. */
+/* Sums ‖r‖², Jᵀr and JᵀJ over all pairs of directions, r = y − f, without NaN. Each view is summed
+ * on its own first, because a sum of thousands of floats loses digits. */
 LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobes_fit *fit,
                          const lanes *p, const lanes *values, struct normal *ret) {
     struct prepared prepared;
@@ -299,7 +299,8 @@ LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobe
     }
 }
 
-/* x of A x = b by Cholesky; b is overwritten. A pivot that is lost among the rounding is lifted. */
+/* x of A x = b by Cholesky; b is overwritten. A pivot that is as small as rounding errors is
+ * increased. */
 LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     for (int i = 0; i < n; i++) {
         lanes *row = a + i * (i + 1) / 2;
@@ -451,7 +452,7 @@ LANES_INLINE lane_bits accept(struct state *state) {
     return small | (state->damping > 1e5F) | (state->at.cost <= TINY);
 }
 
-/* By address: how vectors are passed differs between processors. */
+/* Passes vectors by address, since their passing by value differs between processors. */
 static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {

@@ -8,7 +8,7 @@
 typedef float lanes __attribute__((vector_size(4 * LANES)));
 typedef gint32 lane_bits __attribute__((vector_size(4 * LANES))); /* of a comparison: −1 or 0 */
 
-/* Inlined into callers that are compiled for more than one processor. */
+/* For functions that are inlined into callers which are compiled for several processors. */
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 LANES_INLINE lanes lanes_all(float value) {
@@ -37,7 +37,8 @@ LANES_INLINE lanes lanes_log2(lanes x) {
     return __builtin_convertvector(exponent, lanes) + t * series;
 }
 
-/* Clamped to 2^±50: squares of smaller ones would be denormal, with which processors are slow. */
+/* 2^x, clamped to 2^±50: squares of smaller values would be denormal, which is slow on
+ * processors. */
 LANES_INLINE lanes lanes_exp2(lanes x) {
     const lanes magic = lanes_all(12582912.0F); /* 1.5 · 2²³: what is added to it is rounded */
     x = lanes_max(lanes_min(x, lanes_all(50)), lanes_all(-50));

@@ -8,9 +8,10 @@
 #define LOBES_MAX_PARAMETERS (4 * LOBES_MAX_LOBES + 1)
 
 /*
- * Many small non-linear least-squares problems of one kind at once: Levenberg–Marquardt with eight
- * problems side by side in the lanes of vectors, each with its own damping, bounds and end. A lane
- * whose problem is solved takes the next one. A problem's result does not depend on the others.
+ * Solves many small non-linear least-squares problems of one kind at once, by Levenberg–Marquardt
+ * with eight problems side by side in the lanes of vectors. Each has its own damping and bounds,
+ * and ends on its own. A lane whose problem is solved takes the next one. A problem's result does
+ * not depend on the others.
  *
  * Parameters while fitting, chosen so that a lobe of exponent 1 is linear in them:
  *   lobe       g (3), log N:   |g| ⟨g/|g| · w⟩^N,  so that (X, Y, Z) = g/|g| · |g|^(1/N)
@@ -28,9 +29,9 @@ struct lobes_fit {
 
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
-/* rows: n × n_views × n_lights of luminance, NaN where there is none. parameters: n × those of a
- * problem; the start, then the result. ret_costs: n sums of squares, may be NULL. Returns the steps
- * that were taken in all problems together. */
+/* rows: n × n_views × n_lights of luminance, NaN where there is none. parameters: n × the
+ * parameters of a problem: the start before the call, the result after it. ret_costs: n sums of
+ * squares, may be NULL. Returns the number of steps in all problems together. */
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 
@@ -38,7 +39,8 @@ gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, flo
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant 0 … lobes_start_variants() − 1: where there are several, the best result is kept. */
+/* variant: 0 … lobes_start_variants() − 1; if there are several, the best of their results is
+ * kept. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
@@ -53,7 +55,7 @@ struct lobes_traits {
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 
-/* Names of the part and channel a value lies in; g_free() the part's. */
+/* Names of the part and the channel in which a value lies; g_free() that of the part. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
 /* What lobes_write() and lobes_read() have in a file; path is for messages. */

@@ -35,8 +35,9 @@ static float spacing(const struct lobes_fit *fit) {
     return sum / (float)fit->n_lights;
 }
 
-/* n_lights²: 1 − K, the residual of a light's value above the mean of its surroundings, K_ij =
- * exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the angle between lights. */
+/* Returns 1 − K (n_lights²), which subtracts from each light's value the weighted mean of the
+ * lights around it: K_ij = exp(−(α_ij / width)²) / Σ_j exp(−(α_ij / width)²), α_ij being the angle
+ * between lights. */
 static float *high_pass(const struct lobes_fit *fit, float width) {
     const int n = fit->n_lights;
     float *matrix = g_new(float, n *n);
@@ -85,8 +86,8 @@ int lobes_start_variants(const struct lobes_fit *fit) {
     return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? 2 : TANGENTS;
 }
 
-/* The mean over views of each light's value; what is missing is filled with the mean of the rest.
- */
+/* Computes the mean of each light's values over the views; a light without values gets the mean of
+ * all values, which is returned. */
 static float mean_lights(const struct lobes_fit *fit, const float *row, float *ret) {
     double all = 0;
     int n_all = 0;

@@ -6,11 +6,11 @@
  *
  * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
  * in a reduced space, and the E_i are the best for these weights in all dimensions, so that reading
- * the BTF twice gives both. For packed local PCAs, as in the paper,
- * w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read once more. E_{0,k} is the
- * mean of cluster k, with weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l
- * already. The E_{i,k}, i ≥ 1, are orthonormal and in order of the variance they explain, so that
- * leaving out the last ones is optimal with fewer; those that a cluster does not need are 0.
+ * the BTF twice gives both. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)},
+ * E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k, with
+ * weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1,
+ * are orthonormal and in order of the variance they explain, so that leaving out the last ones is
+ * optimal with fewer; those that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -95,7 +95,7 @@ struct lpca_options {
     const struct team *team; /* NULL: this process is alone */
     gboolean to_pack;        /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
     /* NULL, or a checkpoint, which is saved from time to time and when the work is cancelled or
-     * fails. The same call continues from it, with the same result. Not with a team. */
+     * fails. The same call continues from it, with the same result. Must be NULL with a team. */
     Checkpoint *checkpoint;
     struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
 };
@@ -105,21 +105,23 @@ void lpca_free(struct lpca *lpca); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
 
 /* Computes a local PCA (LPCA_FLOAT) of a whole matrix of finite values, in memory or in a file.
- * Clusters that are not needed are left out: a constant material has one. Bytes do not depend on
- * the number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if it is to
- * be packed, and "check" if errors are measured. With a target it is computed for 1, 2, 4, …
- * components until the target is reached; if it cannot be, the error says how near it came.
+ * Clusters that are not needed are left out: a constant material has one. The result does not
+ * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if
+ * it is to be packed, and "check" if errors are measured. With a target, it is computed with 1, 2,
+ * 4, … components until the target is reached; if the target cannot be reached, the error says how
+ * near the result came.
  *
- * With a team every rank calls this, btf->values being the rows of its part of the texels alone
- * (TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;
- * other numbers do as their sums are rounded. */
+ * With a team every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
+ * btf->values, and all ranks get the whole result. Clusters do not depend on the number of ranks;
+ * other numbers do, since the ranks' sums are rounded differently. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 
 /* The same with fewer components. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
-/* Rounds what is in memory to what a file of that kind gives back. Once, from LPCA_FLOAT. */
+/* Rounds the values in memory to those that a file of this kind gives back. To be called once, on
+ * LPCA_FLOAT. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
 /* Bytes it takes beside the BTF's values. */

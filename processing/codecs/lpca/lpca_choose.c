@@ -22,8 +22,8 @@ struct choosing {
     struct lpca *best;
 };
 
-/* Bytes of a local PCA with these numbers of clusters and components, quantised as the target says.
- */
+/* Returns the bytes of a local PCA with these numbers of clusters and components, quantised as the
+ * target says. */
 static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_target *target,
                                   int clusters, int components) {
     const struct lpca like = {
@@ -42,8 +42,9 @@ static gint64 raw_bytes(const struct btf_matrix *btf) {
     return 2 * 3 * btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
 }
 
-/* With an error to reach: smaller than the best so far, and than the BTF; of a few texels, as many
- * components as hold everything. */
+/* Returns the most bytes that the next model may take. With an error to reach, it must be smaller
+ * than the best model so far, and no larger than the BTF; but for a material of few texels, one
+ * cluster of as many components as hold everything is allowed. */
 static gint64 most_bytes(const struct choosing *choosing) {
     const struct btf_matrix *btf = choosing->btf;
     const struct lpca_target *target = choosing->target;
@@ -89,8 +90,8 @@ static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GEr
     return NULL;
 }
 
-/* Tries choice->clusters clusters. The saved choice changes only once the try is over. Limits of
- * memory end the search where something was found already. */
+/* Tries choice->clusters clusters. The saved choice changes only once the try is over. If memory
+ * does not suffice, the search ends with what was found before, if anything. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -168,7 +169,7 @@ static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     return FALSE;
 }
 
-/* A size may hold more components than a material needs. */
+/* Removes components that are 0: a size may hold more of them than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
     while (c > 1 && !lpca_choose_is_used(lpca, c))

@@ -12,8 +12,9 @@ struct lpca_target {
     int n_grid; /* of the eigen-BRDFs whose size counts, see resample.h; or 0 */
 };
 
-/* Tries 1, 2, 4, … clusters, as long as that helps. options gives all but clusters, components and
- * target. With a target error: the smallest that reaches it within the size; else the best. The
- * result is LPCA_FLOAT. If none reaches the target, the error gives the nearest. */
+/* Tries 1, 2, 4, … clusters, as long as that helps. options gives everything but clusters,
+ * components and target. With a target error, returns the smallest local PCA that reaches it within
+ * the target size; else the one with the least error within that size. The result is LPCA_FLOAT. If
+ * none reaches the target, the error names the one that comes nearest. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_target *target, GError **error);

@@ -232,8 +232,8 @@ static float *centred(const struct lpca_reduced *reduced, int k) {
     return rows;
 }
 
-/* All axes from the covariance RᵀR of n centred rows: its c largest eigenvectors, descending; what
- * has no extent is 0. */
+/* Finds all axes from the covariance RᵀR of n centred rows: the eigenvectors of its c largest
+ * eigenvalues, descending; axes along which the rows do not vary are 0. */
 static void exact_axes(const struct lpca_reduced *reduced, const float *rows, int n, float *axes) {
     const int r = reduced->r, c = reduced->c;
     g_autofree float *covariance = g_new0(float, (gsize)r *(gsize)r);
@@ -346,7 +346,8 @@ static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, i
 }
 
 /* Lloyd's iteration from k-means to local PCA: assigns rows, then finds means and axes, until the
- * error falls by less than SETTLED. from and before: 0 and G_MAXDOUBLE, or where it was cut off. */
+ * error falls by less than SETTLED. from and before: the iteration and the error to continue from;
+ * 0 and G_MAXDOUBLE at the start. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();

@@ -126,7 +126,8 @@ struct sample {
     float *vectors; /* found × n: of the Gram matrix, in descending order */
 };
 
-/* Random: a regular choice would follow the weave. In a team each rank reads its own texels. */
+/* Draws texels at random, since a regular choice could follow the material's pattern. In a team
+ * each rank reads its own texels. */
 static int *draw_texels(const struct lpca_run *run, int n) {
     int *texels = g_new0(int, run->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -204,7 +205,8 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
     return TRUE;
 }
 
-/* More than components, which are not all among the axes of a sample; of it three times as many. */
+/* The number of reduced dimensions: more than components, since the axes of a sample do not hold
+ * all of them. The sample has at least three times as many texels (lpca_compute_samples_of()). */
 static int reduced_to(int d, int n_components) {
     return MIN(d, MAX(REDUCED, n_components + n_components / 4));
 }
@@ -247,8 +249,8 @@ static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
     return ok;
 }
 
-/* Rows of the reduced space: A (x − mean) = A x − offsets, with the axes A, for a block of texels
- * x. */
+/* Computes the rows of the reduced space for a block of texels x: A (x − mean) = A x − offsets,
+ * with the axes A. */
 static void reduce_block(int block, gpointer data) {
     struct lpca_run *run = data;
     const int from = run->first + block * TEAM_ROWS, n = MIN(TEAM_ROWS, run->end - from);
@@ -314,8 +316,8 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
     return lpca;
 }
 
-/* The fewest components of this clustering that reach the target, by bisection: few do not reach
- * it, enough do. */
+/* Finds by bisection the fewest components of this clustering that reach the target: `few`
+ * components do not reach it, `enough` do. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
@@ -383,7 +385,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
             kept);
 }
 
-/* Rounded up, so that what is read off is enough. */
+/* Rounds up, so that the number that the message shows is enough. */
 static char *format_need(gint64 bytes) {
     gint64 unit = 1;
     while (bytes / unit >= 1000)

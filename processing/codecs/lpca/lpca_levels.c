@@ -14,7 +14,7 @@ static double overlap(int i, int half, int j, int n) {
 }
 
 /* Texel (x, y) of half becomes the mean of btf over its area, Σ share · row with shares that sum to
- * 1. row: values of a texel. */
+ * 1. row: the values of one texel. */
 static void average(const struct btf_matrix *btf, const struct btf_matrix *half, int x, int y,
                     gsize row) {
     float *to = half->values + ((gsize)y * half->layout.width + (gsize)x) * row;

@@ -5,11 +5,12 @@
 
 #define LPCA_MAX_LEVELS 16
 
-/* The mean over areas: max(1, n/2) texels each way, texel_mm grown alike. NULL for one texel. */
+/* Averages a BTF to max(1, n/2) texels each way, with texel_mm increased accordingly. NULL for one
+ * texel. */
 struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf);
 
-/* One file: level 0 as lpca_write() has it, which lpca_read() reads; the parts of level n, all of
- * them, are named "mip<n>.clusters", "mip<n>.weights" and so on. */
+/* Writes all levels into one file: level 0 as lpca_write() does, so that lpca_read() reads it; the
+ * parts of level n are named "mip<n>.clusters", "mip<n>.weights" and so on. */
 gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, GError **error);
 
 /* Reads all of them. Returns their number; 0 with an error. */

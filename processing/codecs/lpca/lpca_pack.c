@@ -77,8 +77,8 @@ static float *lpca_pack_find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* split: lines of views (of lights and colours) become lines of views and colours (of lights); else
- * back. */
+/* split: a line for each view, which holds lights and colours, becomes lines for each view and
+ * colour, which hold lights; otherwise the reverse. */
 static void lpca_pack_move_colours(const float *from, int views, int lights, gboolean split,
                                    float *to) {
     for (int v = 0; v < views; v++)

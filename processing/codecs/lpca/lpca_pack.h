@@ -35,27 +35,27 @@ struct lpca_packer;
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
 void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */
 
-/* A copy that is rounded to steps, LPCA_PACKED, without last components that are all 0; it may be
- * written. Error is not set. step > 0, in the units of the BTF. */
+/* Returns a copy that is rounded to whole steps (LPCA_PACKED), without the last components if they
+ * are all 0; it can be written. Its error is not set. step > 0, in the units of the BTF. */
 struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
 
-/* RMS of the first cluster's mean, the average size of a texel's values, from which steps are
- * chosen; 0 for a black material. */
+/* Returns the RMS of the first cluster's mean, which is the average size of a texel's values, for
+ * the choice of steps; 0 for a black material. */
 double lpca_mean_size(const struct lpca *lpca);
 
 /* Size of the file that lpca_write() writes, found by writing a temporary one; 0 with an error.
  * LPCA_PACKED. */
 gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
-/* One cluster of as many components as it takes: the coarsest step that reaches the error of
- * target, or the finest that fits into its bytes (of the file); of the other fields of target only
- * n_components is used (at most; 0: LPCA_MAX_PACKED). lpca->error is set. If the target is not
- * reached, the error gives the nearest. */
+/* Computes one cluster with as many components as needed, and rounds it with the coarsest step that
+ * reaches the target's error, or with the finest whose file fits into the target's bytes. Of the
+ * other members of target only n_components is used: the most components (0: LPCA_MAX_PACKED). Sets
+ * lpca->error. If the target is not reached, the error names the result that comes nearest. */
 struct lpca_target;
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_target *target, GError **error);
 
-/* The form for a renderer, with clusters found in the components, at most LPCA_MAX_COMPONENTS of
- * them; LPCA_FLOAT. From one cluster only. */
+/* Makes the form for a renderer (LPCA_FLOAT) from a local PCA of one cluster: clusters are found
+ * among the texels' weights, each with at most LPCA_MAX_COMPONENTS components. */
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
                           GError **error);

@@ -56,8 +56,9 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     return status.st_size;
 }
 
-/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step:
- * e² = exact² + (a · step)², hence step' = step · √((target² − exact²) / (found² − exact²)). */
+/* The squared error is that of leaving out components plus that of rounding, which is nearly
+ * proportional to the squared step: e² = exact² + (a · step)², hence step' = step · √((target² −
+ * exact²) / (found² − exact²)). */
 static double guess_step(const struct search *search, double step, double found) {
     const double target = search->target->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
@@ -131,8 +132,8 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
-/* A packed local PCA of n components; *ret_exact is the same before rounding. NULL: it does not
- * reach the target, or an error. */
+/* Returns a packed local PCA of n components; *ret_exact is the same before rounding. NULL without
+ * an error: it does not reach the target. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;

@@ -28,6 +28,6 @@ void lpca_unpack(struct lpca *lpca, int n_threads);
 void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
 
-/* Numbers in the order in which they are coded, and back; g_free() what comes back. */
+/* Codes numbers in their order, and decodes them; g_free() the decoded numbers. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n);
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n);

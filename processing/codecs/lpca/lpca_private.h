@@ -8,13 +8,13 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
 
-/* Gathers n things of size bytes each to all ranks, which have those of their parts of whole steps
- * (team_part()). Nothing without a team. */
+/* Gathers n values of size bytes each in all ranks; each rank has those of its own part, which
+ * consists of whole steps (team_part()). Does nothing without a team. */
 void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
 
-/* Keeps the arrays of a local PCA, borrowed, in the checkpoint until they are dropped. A kept one
- * is a new local PCA of the same BTF with the arrays that the file has, but not its colours and
- * error; NULL if the file has none of this size. */
+/* The first function keeps the arrays of a local PCA, borrowed, in the checkpoint until they are
+ * dropped. The second returns a new local PCA of the same BTF with the arrays that the file has,
+ * but without its colours and error; NULL if the file has none of this size. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
 struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
@@ -25,8 +25,8 @@ void lpca_packed_free(struct lpca_packed *packed);
 
 #define LPCA_BLOCK 1024 /* texels refined at a time */
 
-/* Rows become orthonormal; length ≥ n. What depends on rows before it becomes 0 with drop, else
- * anything that is orthogonal. */
+/* Makes the n rows orthonormal; length ≥ n. A row that depends linearly on the rows before it
+ * becomes 0 with drop, otherwise any vector that is orthogonal to them. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop);
 
 struct lpca_run;
@@ -90,8 +90,8 @@ enum lpca_kept {
     LPCA_KEPT_KINDS
 };
 
-/* Everything lpca_compute() holds. Ranks of a team have rows of all texels, but the BTF's values
- * of first … end − 1 alone. */
+/* Everything that lpca_compute() holds. A rank of a team has the reduced rows of all texels, but
+ * the BTF's values only of texels first … end − 1. */
 struct lpca_run {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
@@ -111,19 +111,20 @@ struct lpca_run {
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
  * run->state to that of the file if it is of the same call, else to that of a new computation. */
 void lpca_resume(struct lpca_run *run);
-/* Drops everything from the checkpoint: what lpca_keep() was given may be freed. */
+/* Drops all arrays from the checkpoint: those given to lpca_keep() may be freed afterwards. */
 void lpca_leave(struct lpca_run *run);
 /* Begins a stage: arrays that it does not need are dropped from the checkpoint. */
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
 /* Registers an array of the size that follows from run->state with the checkpoint; if the file has
  * it, its values are restored first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Likewise flags of n blocks of the stage: lpca_run_blocks() skips those that are done. */
+/* Likewise registers the flags of the stage's n blocks: lpca_run_blocks() skips blocks that are
+ * done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
-/* As btf_matrix_rows(), in the colours of the options; texel counts from the BTF's first. If rows
- * cannot be read they are 0, and run->failed is set. buffer: n × columns. */
+/* Reads rows as btf_matrix_rows() does, in the colours of the options; texel counts from the BTF's
+ * first. If rows cannot be read, they are 0, and run->failed is set. buffer: n × columns. */
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride);
 
@@ -136,13 +137,14 @@ void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error);
 
-/* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all
- * texels and the error in the colours of the options; −1: to be found by lpca_run_error(). */
+/* Goes from a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of
+ * all texels and the error in the colours of the options; −1: lpca_run_error() has to find the
+ * error. */
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
 /* lpca_error() of the run's texels and team. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
-/* To and from a file in memory; path is for errors. */
+/* Convert to and from a file in memory; path is for errors. */
 struct exr_file *lpca_to_exr(const struct lpca *lpca);
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

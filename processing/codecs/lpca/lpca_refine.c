@@ -51,8 +51,9 @@ static int blocks(const struct lpca_run *run) {
     return (run->end - run->first + LPCA_BLOCK - 1) / LPCA_BLOCK;
 }
 
-/* Rows of the block's texels in a view, in the order of the groups, minus the subtrahend of their
- * cluster; those of two clusters are stride floats apart (0: one for all). */
+/* Gathers the rows of the block's texels in a view, in the order of the groups, minus the
+ * subtrahend of their cluster. The subtrahends of two clusters are stride floats apart; 0: all
+ * clusters have the same one. */
 static void lpca_refine_gather(const struct refine *refine, const struct groups *groups, int view,
                                const float *subtrahend, gsize stride, float *ret) {
     struct lpca_run *run = refine->run;
@@ -89,8 +90,9 @@ static void add_rows(const float *rows, int n, gsize columns, float *part, doubl
         sums[j] += part[j];
 }
 
-/* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
- * The products have no mean, so that the cluster's mean need not be subtracted from the rows. */
+/* Sums a view's columns over the rows of each cluster, once as they are and once times the rows'
+ * products with the axes. These products have the mean 0, so that the cluster's mean need not be
+ * subtracted from the rows. */
 static void sum_view(int view, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;
@@ -151,8 +153,8 @@ static void finish_mean(const struct refine *refine, int k) {
     }
 }
 
-/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place; products that have no
- * extent are left out. */
+/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place; products that do not
+ * vary are left out. */
 static void solve_products(double *squares, double *y, int c) {
     double largest = 0;
     for (int i = 0; i < c; i++)
@@ -300,7 +302,7 @@ static void lpca_refine_rotate_weights(int block, gpointer data) {
     }
 }
 
-/* Means and E of all clusters: sums over the views, then what finishes each cluster. */
+/* Finds means and E of all clusters: sums over the views, then finishes each cluster. */
 static gboolean sum_views(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     const struct lpca *lpca = refine->lpca;

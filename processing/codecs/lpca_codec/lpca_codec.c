@@ -100,14 +100,16 @@ static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has required another error, and which; the checkpoint keeps it. */
+/* How often rounding has made a smaller error necessary, and which error; the checkpoint keeps
+ * both. */
 struct rounding {
     gint64 times;
     double target;
 };
 
-/* A local PCA of as many clusters and components as options ask for, or as the requested error or
- * size needs; resampled to a grid if requested, and rounded. ret: its errors before and after. */
+/* Computes a local PCA with as many clusters and components as the options ask for, or as the
+ * requested error or size needs; resamples it to a grid if requested, and rounds it. ret: its
+ * errors before and after rounding. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
@@ -217,8 +219,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
-/* Computes, packs or chooses by the options; without a target error or size, COMPONENTS components.
- * The memory of the BTF's values counts, too. */
+/* Computes, packs or chooses a local PCA by the options; without a target error or size, with
+ * COMPONENTS components. The limit of memory includes the BTF's values. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {
@@ -390,8 +392,8 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
     return ok;
 }
 
-/* 1, 4, 16, 64 clusters, each of 1, 2, 4, 8, 16 components in each way to round, then packed ones.
- */
+/* Encodes with 1, 4, 16 and 64 clusters of 1, 2, 4, 8 and 16 components each, quantised in each
+ * way; then packed. */
 static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
                                  const struct btf_matrix *btf, const struct work *work,
                                  CodecPoint tell, gpointer data, GError **error) {

@@ -3,9 +3,10 @@
 
 #include "codec/codec.h"
 
-/* As struct codec's evaluate; model: struct lpca. Where it is linear in the weights of texels,
- * those of one cluster are mixed first, so that its eigen-BRDFs are read once: Σ_a Σ_b g_a h_b (Σ_x
- * s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a, b)) Of logarithms (LPCA_LOG) each texel and pair of
- * directions is taken back to R, G, B. */
+/* The function evaluate of struct codec; model: struct lpca. In R, G, B the values are linear in
+ * the weights, so that the weights of the texels of one cluster are mixed first and its eigen-BRDFs
+ * are read once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a, b)) With
+ * LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B before it
+ * is mixed. */
 void lpca_evaluate(gconstpointer model, const struct codec_query *query,
                    const struct codec_texels *texels, float ret[3]);

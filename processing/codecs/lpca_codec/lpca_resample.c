@@ -59,7 +59,8 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
     g_autoptr(Lpca) ret = like(lpca, n_grid);
     if (!ret->brdfs) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "a grid of %d for %d clusters of %d components does not fit into memory",
+                    "a grid of %d for %d clusters of %d components does not fit into memory; give "
+                    "a coarser grid, or fewer clusters or components",
                     n_grid, lpca->n_clusters, lpca->n_components);
         return NULL;
     }

@@ -43,7 +43,7 @@ static int whole_end(double value) {
     return (int)CLAMP(round(value), 0, MOST);
 }
 
-/* The ends e that are best for the indices t = i / 7: min Σ ((1 − t) e_0 + t e_1 − d)² by its
+/* Finds the ends e that are best for the indices t = i / 7: min Σ ((1 − t) e_0 + t e_1 − d)² by its
  * normal equations [a b; b c] e = [x; y]. FALSE: all indices are alike. */
 static gboolean fit_ends(struct block *block, const double *values) {
     double a = 0, b = 0, c = 0, x = 0, y = 0;
@@ -102,8 +102,8 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             mdf_blocks_fit(&block, values);
-            /* The first end must be the larger one: otherwise the card takes six values, as it does
-             * for equal ends; the first of these is that end. */
+            /* The first end must be the larger one: otherwise the card interpolates only six
+             * values. It does so for equal ends, too; then index 0 stands for the common value. */
             const gboolean swap = block.ends[0] < block.ends[1];
             const gboolean same = block.ends[0] == block.ends[1];
             guint64 bits = 0;

@@ -1,7 +1,7 @@
 /*
  * Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits per texel, as cards read them at one fetch
- * (RGTC1, also called BC4): two ends of 8 bits, and for each texel which of eight values from one
- * end to the other it is.
+ * (RGTC1, also called BC4): two ends of 8 bits, and for each texel an index that chooses one of
+ * eight values from one end to the other.
  *
  * On disk, an MDF of such views is one EXR file:
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255

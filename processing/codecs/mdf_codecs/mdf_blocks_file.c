@@ -169,7 +169,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     return NULL;
 }
 
-/* From the first part's mesorig.kind, which measured views lack. */
+/* Tells the kind by mesorig.kind of the first part, which files of measured views lack. */
 enum mdf_kind mdf_kind(const char *path) {
     struct exr_file *file = exr_read_headers(path, NULL);
     const struct exr_part *part = file && file->parts->len > 0 ? file->parts->pdata[0] : NULL;

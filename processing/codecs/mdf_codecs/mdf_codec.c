@@ -92,8 +92,8 @@ static const struct option mdf_codec_views_table[] = {
     {NULL},
 };
 
-/* Each view on its own: blocks of 4 bits, or distances of 8 or 16 bits. The error is that of the
- * values read back from the file. */
+/* Encodes each view on its own: as blocks of 4 bits, or as distances of 8 or 16 bits. The error is
+ * that of the values read back from the file. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;

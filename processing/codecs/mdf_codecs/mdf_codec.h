@@ -1,6 +1,6 @@
 /*
- * The contract of a codec of distances (MDF), and the table of all there are: as codec/codec.h, for
- * the distances of a session in place of its BTF.
+ * The contract of a codec of distances (MDF), as codec/codec.h is for BTFs, and the table of all
+ * such codecs.
  */
 #pragma once
 

@@ -88,8 +88,8 @@ static void impute(struct factoring *f, int n) {
         }
 }
 
-/* Centres the rows and finds their principal views, and, where texels are unseen, does so ROUNDS
- * times with the previous round's values of those. */
+/* Centres the rows and finds their principal views. If some texels are unseen, does so ROUNDS
+ * times; each round takes the values of these texels from the round before. */
 static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
                                     GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
@@ -198,8 +198,9 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
     return g_steal_pointer(&factors);
 }
 
-/* The fewest maps that reach the target: first as many as the eigenvalues say, rest = Σ λ_i of
- * those left out being the sum of squared errors; then more, since rounding adds to it. */
+/* Finds the fewest maps that reach the target. Begins with the number that the eigenvalues predict:
+ * rest = Σ λ_i of the maps left out is the sum of squared errors. Rounding adds to it, so that more
+ * maps may be needed. */
 static struct mdf_factors *mdf_factors_search(const struct factoring *f, int most, double target_mm,
                                               GCancellable *cancellable, GError **error) {
     const double all = (double)f->n_views * f->n_texels;
@@ -235,7 +236,7 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     else if (table->n_views < 1 || table->n_views > MDF_FACTORS_MAX_VIEWS)
         what = "there can be 1 to 4096 views";
     else if (n_measured < 1 || n_measured > table->n_views)
-        what = "one view at least must have been measured";
+        what = "at least one view must be a measured one";
     if (what) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%d maps of distances for %d views: %s",
                     n_terms, table->n_views, what);

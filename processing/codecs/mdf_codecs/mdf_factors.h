@@ -18,7 +18,7 @@
  *   part "weights"  channel "W", width n_views, height c + 1, float, mm: line 0 is W_0
  *   part "views"    channels "phi_deg", "theta_deg", width n_views, height 1, float
  * attributes of "maps": mesorig.kind = "mdf-factors", texel_mm, deepest_mm, mesorig.error_mm
- * (double), mesorig.measured (int): how many of the views were; those after them are traced.
+ * (double), mesorig.measured (int): the number of measured views; the views after them are traced.
  */
 #pragma once
 
@@ -45,8 +45,9 @@ void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
 /* The first n_measured views of the table were measured, the others are mdf_table_add_grazing()'s.
- * n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most: else it fails
- * with the least error reached. A material without relief has one map, of 0. Any thread. */
+ * Computes n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most. If
+ * they do not reach it, the error gives the least error reached. A material without relief has one
+ * map, of 0. Any thread. */
 struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_measured, int n_terms,
                                         double target_mm, GCancellable *cancellable,
                                         GError **error);

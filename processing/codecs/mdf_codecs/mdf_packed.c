@@ -52,8 +52,8 @@ static struct exr_part *mdf_packed_pack(const struct exr_part *from, enum mdf_pa
     return part;
 }
 
-/* ret_bytes: two per texel for halves, otherwise one per texel and a float per view for its scale.
- */
+/* ret_bytes: for halves two bytes per texel; otherwise one byte per texel, and four per view for
+ * its scale. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {
     struct exr_file *file = exr_read(from, error), *packed = exr_file_new();

@@ -1,8 +1,8 @@
 /*
- * The views of an MDF in fewer bits, each view by itself as in Wang et al. 2005. As
- * products/mdf.exr (pipeline.h), but channel D alone: half floats; or whole numbers 0 … 255 in
- * them, which times the view's attribute mesorig.scale_mm (double) are millimetres, −1: no laser
- * saw the texel. mdf_table_read() reads both.
+ * The views of an MDF in fewer bits, each view by itself as in Wang et al. 2005. The file is
+ * products/mdf.exr (pipeline.h) with channel D alone, in half floats: the distances, or whole
+ * numbers 0 … 255, which the view's attribute mesorig.scale_mm (double) multiplies to give
+ * millimetres. −1: no laser saw the texel. mdf_table_read() reads both.
  */
 #pragma once
 
@@ -14,7 +14,8 @@ enum mdf_packed { MDF_PACKED_HALF, MDF_PACKED_8BIT };
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error);
 
-/* What an EXR of distances holds: views, as measured or packed; maps, see mdf_factors.h; or
- * mdf_blocks.h's. Also MDF_KIND_VIEWS if it cannot be read: reading it then gives the error. */
+/* What an EXR of distances holds: views, measured or packed; factors (mdf_factors.h); or blocks
+ * (mdf_blocks.h). A file that cannot be read counts as MDF_KIND_VIEWS, since reading it then gives
+ * the error. */
 enum mdf_kind { MDF_KIND_VIEWS, MDF_KIND_FACTORS, MDF_KIND_BLOCKS };
 enum mdf_kind mdf_kind(const char *path);

@@ -13,7 +13,7 @@ struct mdf_source {
     const struct mdf_factors *factors; /* weights and maps; needs no table */
 };
 
-/* Fails with a sentence if the file is missing or damaged. Tables get grazing views
+/* If the file is missing or damaged, the error says so. Tables get grazing views
  * (mdf_table_add_grazing()). Any thread. */
 struct mdf_source *mdf_source_read(const char *path, GError **error);
 void mdf_source_free(struct mdf_source *source); /* frees its members too; NULL is ignored */

@@ -257,7 +257,7 @@ static void test_bad(void) {
     assert_refused(dir,
                    HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
                         "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
-                   "of the sweep that begins here 2 of 6 pictures are missing, such as that at 4°");
+                   "the sweep that begins here lacks 2 of its 6 pictures, for instance that at 4°");
 }
 
 /* When a pixel is lit, or no longer lit, in steps. */
