@@ -43,7 +43,11 @@ static int truth_samples = 3, every = 1;
 static const GOptionEntry entries[] = {
     {"truth", 0, 0, G_OPTION_ARG_INT, &truth_samples,
      "Trace the truth with N × N rays a texel; default 3", "N"},
-    {"every", 0, 0, G_OPTION_ARG_INT, &every, "Measure every so manieth texel; default 1", "N"},
+    {"every", 0, 0, G_OPTION_ARG_INT, &every,
+     "Measure every so manieth texel; default 1; without a factor in common with the width, so "
+     "that "
+     "all columns have some",
+     "N"},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "Measure this way alone (see above)", "WAY"},
     {"write", 0, 0, G_OPTION_ARG_FILENAME, &write_pictures,
      "Write the pictures of a quarter there, as NAME.png: the truth, the full capture, the quarter",
