@@ -24,6 +24,7 @@
 #include "bench.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/work.h"
@@ -35,23 +36,22 @@
 
 enum { START, CHOSEN, INTERPOLATED, LOW_RANK, SLICES, WAYS };
 static const char *const ways[WAYS] = {"start", "chosen", "interpolated", "low_rank", "slices"};
-static const int parts[] = {16, 8, 4, 2};
 
 static gboolean json;
-static char *only, *write_pictures;
+static char *only, *write_pictures, *parts_list;
 static int truth_samples = 3, every = 1;
 static const GOptionEntry entries[] = {
     {"truth", 0, 0, G_OPTION_ARG_INT, &truth_samples,
      "Trace the truth with N × N rays a texel; default 3", "N"},
     {"every", 0, 0, G_OPTION_ARG_INT, &every,
-     "Measure every so manieth texel; default 1; without a factor in common with the width, so "
-     "that "
-     "all columns have some",
-     "N"},
+     "Measure every so manieth texel (without a factor in common with the width); default 1", "N"},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "Measure this way alone (see above)", "WAY"},
     {"write", 0, 0, G_OPTION_ARG_FILENAME, &write_pictures,
      "Write the pictures of a quarter there, as NAME.png: the truth, the full capture, the quarter",
      "FOLDER"},
+    {"parts", 0, 0, G_OPTION_ARG_STRING, &parts_list,
+     "Take one of so many shots; the first is the start set of the chosen ones; default 16;8;4;2",
+     "N;…"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
@@ -431,11 +431,19 @@ static gboolean prediction_bench_has(int way, int part) {
     }
 }
 
+static int prediction_bench_part(const char *text) {
+    const int part = text ? atoi(text) : 0;
+    if (part < 1)
+        bench_fail(2, "--parts: “%s” is not a number from 1", text ? text : "");
+    return part;
+}
+
 static void prediction_bench_material(struct prediction_scene *scene, const char *name,
-                                      gboolean first) {
+                                      char *const *parts, gboolean first) {
     g_autofree gboolean *taken = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *chosen = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *sliced = g_new0(gboolean, scene->n_shots);
+    int part = prediction_bench_part(parts[0]), before;
     for (int s = 0; s < scene->n_shots; s++)
         taken[s] = TRUE;
     const struct result full = prediction_bench_error(scene, INTERPOLATED, taken);
@@ -443,16 +451,18 @@ static void prediction_bench_material(struct prediction_scene *scene, const char
         g_print("%s\n  \"%s\": {\"full\": {\"error\": %.4f}", first ? "{" : ",", name, full.error);
     else
         g_print("%-10s full: error %.4f\n", name, full.error);
-    prediction_bench_start(scene, scene->n_shots / parts[0], chosen);
-    for (gsize k = 0; k < G_N_ELEMENTS(parts); k++) {
-        const int n = scene->n_shots / parts[k];
-        if (prediction_bench_has(CHOSEN, parts[k]))
-            prediction_bench_choose(scene, n - scene->n_shots / parts[k - 1], chosen);
+    prediction_bench_start(scene, scene->n_shots / part, chosen);
+    for (int k = 0; parts[k]; k++) {
+        before = part;
+        part = prediction_bench_part(parts[k]);
+        const int n = scene->n_shots / part;
+        if (part < before && prediction_bench_has(CHOSEN, part))
+            prediction_bench_choose(scene, n - scene->n_shots / before, chosen);
         for (int way = 0; way < WAYS; way++) {
-            if (!prediction_bench_has(way, parts[k]))
+            if (!prediction_bench_has(way, part))
                 continue;
             if (way == INTERPOLATED)
-                prediction_regular(scene, parts[k], taken);
+                prediction_regular(scene, part, taken);
             else if (way == SLICES)
                 prediction_slices_choose(scene, n, sliced);
             else
@@ -461,10 +471,10 @@ static void prediction_bench_material(struct prediction_scene *scene, const char
                                                                 way == CHOSEN   ? chosen
                                                                 : way == SLICES ? sliced
                                                                                 : taken);
-            prediction_bench_tell(name, parts[k], way, &result, full.error);
+            prediction_bench_tell(name, part, way, &result, full.error);
         }
-        if (prediction_bench_has(CHOSEN, parts[k]) && parts[k] > 2)
-            prediction_bench_pictures(scene, name, parts[k], chosen);
+        if (prediction_bench_has(CHOSEN, part) && part > 2)
+            prediction_bench_pictures(scene, name, part, chosen);
     }
     if (json)
         g_print("}");
@@ -474,12 +484,15 @@ int main(int argc, char **argv) {
     bench_parse(&argc, &argv, entries, "DIR/NAME/lamps.session …");
     if (argc < 2 || every < 1 || truth_samples < 1)
         bench_fail(2, "give sessions that fast_materials --only lamps has captured");
+    g_auto(GStrv) parts = g_strsplit(parts_list ? parts_list : "16;8;4;2", ";", -1);
+    for (int k = 0; k == 0 || parts[k]; k++)
+        prediction_bench_part(parts[k]);
     for (int i = 1; i < argc; i++) {
         struct prediction_scene scene = {0};
         g_autofree char *folder = g_path_get_dirname(argv[i]);
         g_autofree char *name = g_path_get_basename(folder);
         prediction_bench_open(&scene, argv[i]);
-        prediction_bench_material(&scene, name, i == 1);
+        prediction_bench_material(&scene, name, parts, i == 1);
         prediction_bench_close(&scene);
     }
     if (json)
