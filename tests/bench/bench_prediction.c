@@ -195,12 +195,12 @@ static void prediction_bench_open(struct prediction_scene *scene, const char *pa
     for (int l = 0; l < scene->n_lights; l++)
         scene->light[l] = prediction_bench_unit((double)layout->lights.theta_deg[l],
                                                 (double)layout->lights.phi_deg[l]);
-    for (int t = 0; t < scene->n_texels; t++)
-        scene->at_mm[t] = vec3(
-            ((double)(t % (int)layout->width) + 0.5 - (double)layout->width / 2) * layout->texel_mm,
-            ((double)layout->height / 2 - (double)(t / (int)layout->width) - 0.5) *
-                layout->texel_mm,
-            layout->reference_mm);
+    for (int t = 0; t < scene->n_texels; t++) {
+        const int column = t % (int)layout->width, row = t / (int)layout->width;
+        scene->at_mm[t] =
+            vec3((column + 0.5 - (double)layout->width / 2) * layout->texel_mm,
+                 ((double)layout->height / 2 - row - 0.5) * layout->texel_mm, layout->reference_mm);
+    }
     prediction_bench_places(scene, path);
     prediction_bench_shots(scene);
     prediction_bench_truth(scene, path);

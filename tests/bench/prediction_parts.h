@@ -20,8 +20,8 @@ struct prediction_scene {
     World *world;
 };
 
-#define PREDICTION_PROBES 150 /* texels that constants are fitted to; fewer where there are fewer  \
-                               */
+/* Texels that constants are fitted to; fewer where there are fewer. */
+#define PREDICTION_PROBES 150
 
 /* The texel of probe i. */
 int prediction_bench_probe(const struct prediction_scene *scene, int i);
