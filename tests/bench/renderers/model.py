@@ -108,7 +108,8 @@ def draw(root, binary, scene, out):
     v = np.stack([dot(unit(eye - p), axis) for axis in axes], -1)
     l = np.stack([axis @ np.array(scene['light']) for axis in axes], -1)
     at = at - depth * v[..., :2] * [1, -1] / np.maximum(v[..., 2:], 0.1)  # the surface lies lower
-    rgb = Material(root, binary).evaluate(at, v, l) * hit[..., None] * scene['exposure']
+    rgb = np.zeros(hit.shape + (3,))
+    rgb[hit] = Material(root, binary).evaluate(at[hit], v[hit], l[hit]) * scene['exposure']
     rgb = np.clip(rgb.reshape(scene['size'], SAMPLES, scene['size'], SAMPLES, 3).mean((1, 3)), 0, 1)
     coded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * rgb ** (1 / 2.4) - 0.055)
     Image.fromarray(np.rint(255 * coded).astype(np.uint8)).save(out)
