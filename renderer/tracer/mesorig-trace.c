@@ -14,7 +14,8 @@
 
 #define MAX_LAMPS 64
 
-static char *png_path, *exr_path, **materials, *environment_name, **lamps, *size, *camera;
+static char *png_path, *exr_path, **materials, **reliefs, *environment_name, **lamps, *size;
+static char *camera;
 static gboolean json, version, evenly;
 static double turn_deg, exposure_ev;
 static int samples = 64, depth = 16, threads;
@@ -27,6 +28,10 @@ static const GOptionEntry entries[] = {
      "The scene's material NAME is this captured one: a session, or a compressed file; so many "
      "tiles of it in one unit of the texture coordinates, default 1",
      "NAME=PATH[,TILES]"},
+    {"relief", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &reliefs,
+     "Outlines and shadows of the captured material NAME are those of its relief: of the distances "
+     "(MDF) in its session, or in a file",
+     "NAME[=FILE.exr]"},
     {"environment", 0, 0, G_OPTION_ARG_FILENAME, &environment_name,
      "Light from all around: studio, overcast, white, or a map as an EXR", "NAME|FILE.exr"},
     {"turn", 0, 0, G_OPTION_ARG_DOUBLE, &turn_deg,
@@ -105,6 +110,13 @@ static gboolean trace_main_set_material(TraceScene *scene, const char *text, GEr
         trace_scene_set_material(scene, binding.name, binding.path, binding.tiles, error);
     scene_binding_clear(&binding);
     return good;
+}
+
+static gboolean trace_main_set_relief(TraceScene *scene, const char *text, GError **error) {
+    g_auto(GStrv) parts = g_strsplit(text, "=", 2);
+    if (*parts == NULL || **parts == '\0' || (parts[1] != NULL && *parts[1] == '\0'))
+        return trace_main_fail(error, "--relief %s: NAME or NAME=FILE.exr is expected", text);
+    return trace_scene_set_relief(scene, parts[0], parts[1], error);
 }
 
 static gboolean trace_main_is_environment(const char *name) {
@@ -251,6 +263,9 @@ static gboolean trace_main_run(const char *path, GError **error) {
     for (char **material = materials; material != NULL && *material != NULL; material++)
         if (!trace_main_set_material(scene, *material, error))
             return FALSE;
+    for (char **relief = reliefs; relief != NULL && *relief != NULL; relief++)
+        if (!trace_main_set_relief(scene, *relief, error))
+            return FALSE;
     trace_main_warn(path, scene);
     if (!trace_main_set_sky(scene, error) || !trace_main_set_lamps(scene, error) ||
         !trace_main_set_camera(scene, error))
@@ -283,7 +298,8 @@ int main(int argc, char **argv) {
     }
     if (argc != 2 || (png_path == NULL && exr_path == NULL)) {
         g_printerr("usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n"
-                   "       [--material NAME=PATH[,TILES]…] [--environment NAME|FILE.exr]\n"
+                   "       [--material NAME=PATH[,TILES]…] [--relief NAME[=FILE.exr]…]\n"
+                   "       [--environment NAME|FILE.exr]\n"
                    "       [--lamp THETA,PHI[,BRIGHTNESS]…]\n"
                    "--output, --exr or both are needed; --help tells all options\n");
         return 2;

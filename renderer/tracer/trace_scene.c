@@ -1,11 +1,12 @@
-#include "trace_scene.h"
+#include "trace_relief.h"
 
 #include "base/direction.h"
 
 #include <embree3/rtcore.h>
 #include <string.h>
 
-#define LIFT 2e-5 /* of the scene's reach: how far off a surface rays begin */
+#define LIFT        2e-5 /* of the scene's reach: how far off a surface rays begin */
+#define MOST_PASSES 64   /* outlines that a ray passes above */
 
 G_DEFINE_QUARK(trace_error, trace_error)
 
@@ -14,6 +15,7 @@ static void surface_clear(gpointer data) {
     mesorig_material_close(surface->material);
     trace_texture_free(surface->texture);
     g_free(surface->warning);
+    g_free(surface->path);
     g_free(surface->name);
 }
 
@@ -253,10 +255,60 @@ gboolean trace_scene_set_material(TraceScene *scene, const char *name, const cha
         mesorig_material_close(surface->material);
         surface->material = material;
         surface->tiles = tiles;
+        surface->relief.deepest_mm = 0.0;
+        g_free(surface->path);
+        surface->path = g_strdup(path);
         memset(surface->emission, 0, sizeof surface->emission);
     }
     scene_find_areas(scene);
     return TRUE;
+}
+
+/* Of a surface that has a captured material. */
+static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf, GError **error) {
+    struct mesorig_material_info info = {.size = sizeof info};
+    if (mdf != NULL) {
+        struct mesorig_error why;
+        mesorig_material *material = mesorig_material_open(surface->path, mdf, &why);
+        if (material == NULL) {
+            g_set_error_literal(error, TRACE_ERROR, TRACE_ERROR_MATERIAL, why.text);
+            return FALSE;
+        }
+        mesorig_material_close(surface->material);
+        surface->material = material;
+    }
+    mesorig_material_info(surface->material, &info);
+    if (!info.has_relief || !(info.texel_mm > 0.0)) {
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_MATERIAL,
+                    "%s: it has no %s, so that material “%s” can have no relief; give the file of "
+                    "its distances, as products/mdf.exr of its session",
+                    surface->path, info.has_relief ? "size in mm" : "distances (MDF)",
+                    surface->name);
+        return FALSE;
+    }
+    surface->relief = (struct trace_relief){
+        info.deepest_mm, {info.width * info.texel_mm, info.height * info.texel_mm}};
+    return TRUE;
+}
+
+gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
+                                GError **error) {
+    gboolean found = FALSE;
+    for (guint k = 0; k + 1 < scene->surfaces->len; k++) {
+        struct trace_surface *surface = &g_array_index(scene->surfaces, struct trace_surface, k);
+        if (!g_str_equal(surface->name, name) || surface->material == NULL)
+            continue;
+        if (!scene_take_relief(surface, mdf, error))
+            return FALSE;
+        found = TRUE;
+    }
+    if (!found)
+        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
+                    "relief “%s”: no captured material of that name is in the scene; give it with "
+                    "--material, too",
+                    name);
+    scene->has_relief |= found;
+    return found;
 }
 
 void trace_scene_set_sky(TraceScene *scene, TraceSky *sky) {
@@ -299,6 +351,26 @@ static struct RTCRay scene_ray(struct vec3 from, struct vec3 direction, double f
                            .mask = G_MAXUINT32};
 }
 
+/* |∂P/∂u| and |∂P/∂v| of a triangle, from its edges e and their texture coordinates (a, b):
+ *   e_k = ∂P/∂u a_k + ∂P/∂v b_k */
+static void scene_fill_unit(const struct mesh *mesh, const guint32 corners[3], double ret[2]) {
+    const struct vertex *p = &mesh->vertices[corners[0]];
+    struct vec3 e[2];
+    double a[2], b[2];
+    for (int k = 0; k < 2; k++) {
+        const struct vertex *q = &mesh->vertices[corners[k + 1]];
+        e[k] = vec3_sub(of_floats(q->position), of_floats(p->position));
+        a[k] = (double)q->uv[0] - (double)p->uv[0];
+        b[k] = (double)q->uv[1] - (double)p->uv[1];
+    }
+    const double determinant = a[0] * b[1] - a[1] * b[0];
+    const double over = determinant != 0.0 ? 1.0 / determinant : 0.0;
+    ret[0] =
+        vec3_length(vec3_scale(vec3_sub(vec3_scale(e[0], b[1]), vec3_scale(e[1], b[0])), over));
+    ret[1] =
+        vec3_length(vec3_scale(vec3_sub(vec3_scale(e[1], a[0]), vec3_scale(e[0], a[1])), over));
+}
+
 /* The vertices' values at a point of a triangle, and the frame that they give. The frame's z is the
  * interpolated normal, on the facet's side; where the ray would be below its horizon, the facet's.
  */
@@ -322,6 +394,7 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
         sense = (double)v->tangent[3];
     }
     facet = vec3_unit(facet);
+    scene_fill_unit(part->mesh, corners, ret->unit);
     const gboolean front = vec3_dot(facet, direction) < 0.0;
     const gint64 first = g_array_index(scene->part_areas, gint64, ray->hit.geomID);
     ret->area = first >= 0 && front ? first + (gint64)ray->hit.primID : -1;
@@ -331,6 +404,8 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
         normal = vec3_scale(normal, -1.0);
     if (!(vec3_length(normal) > 1e-6) || vec3_dot(normal, direction) >= 0.0)
         normal = facet;
+    ret->part = ray->hit.geomID;
+    ret->is_front = front;
     ret->surface = part_surface(scene, part);
     ret->position = position;
     ret->facet = facet;
@@ -343,8 +418,8 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
     ret->distance = vec3_length(vec3_sub(position, from));
 }
 
-gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
-                         struct trace_hit *ret) {
+static gboolean scene_nearest(const TraceScene *scene, struct vec3 from, struct vec3 direction,
+                              struct trace_hit *ret) {
     struct RTCIntersectContext context;
     struct RTCRayHit ray = {.ray = scene_ray(from, direction, INFINITY)};
     ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -354,6 +429,32 @@ gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 
     if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID)
         return FALSE;
     scene_fill_hit(scene, &ray, from, direction, ret);
+    return TRUE;
+}
+
+/* Whether the ray goes below the mesh and out again without meeting the relief; then ret_from is
+ * where it goes on. */
+static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hit,
+                             struct vec3 direction, struct vec3 *ret_from) {
+    struct trace_hit back;
+    if (!(hit->surface->relief.deepest_mm > 0.0) || !hit->is_front ||
+        !scene_nearest(scene, trace_scene_leave(scene, hit, direction), direction, &back) ||
+        back.part != hit->part || back.is_front || trace_relief_meets(hit, &back, direction))
+        return FALSE;
+    *ret_from = trace_scene_leave(scene, &back, direction);
+    return TRUE;
+}
+
+gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
+                         struct trace_hit *ret) {
+    struct vec3 start = from;
+    for (int k = 0; k < MOST_PASSES; k++) {
+        if (!scene_nearest(scene, start, direction, ret))
+            return FALSE;
+        if (!scene->has_relief || !scene_passes(scene, ret, direction, &start))
+            break;
+    }
+    ret->distance = vec3_length(vec3_sub(ret->position, from));
     return TRUE;
 }
 
@@ -367,7 +468,10 @@ gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct v
         return TRUE;
     rtcInitIntersectContext(&context);
     rtcOccluded1(scene->rays, &context, &ray);
-    return ray.tfar >= 0.0F;
+    if (ray.tfar >= 0.0F || !scene->has_relief)
+        return ray.tfar >= 0.0F;
+    struct trace_hit hit;
+    return !trace_scene_hit(scene, from, direction, &hit) || hit.distance >= far;
 }
 
 struct vec3 trace_scene_leave(const TraceScene *scene, const struct trace_hit *hit,

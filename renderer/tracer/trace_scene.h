@@ -41,6 +41,9 @@ struct trace_hit {
     struct trace_texel texel;
     double distance;
     gint64 area; /* index into areas if its lit side was hit, else −1 */
+    guint part;  /* of the file */
+    gboolean is_front;
+    double unit[2]; /* length of a unit of the texture's u and v there; 0: without coordinates */
 };
 
 typedef struct trace_scene {
@@ -55,6 +58,7 @@ typedef struct trace_scene {
     struct trace_choice lit; /* which area, by area and radiance; n = 0: there are none */
     GArray *lamps;           /* struct gltf_lamp */
     TraceSky *sky;           /* NULL: black */
+    gboolean has_relief;     /* of some surface */
     struct trace_camera camera;
 } TraceScene;
 
@@ -67,6 +71,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceScene, trace_scene_free)
  * tiles of it lie in one unit of the texture coordinates. */
 gboolean trace_scene_set_material(TraceScene *scene, const char *name, const char *path,
                                   double tiles, GError **error);
+/* Rays pass above the relief of the materials of this name, which are captured ones: at outlines
+ * they see what lies behind, and light comes through where shadows end. mdf: the file of its
+ * distances; NULL: those of its session. */
+gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char *mdf,
+                                GError **error);
 /* Takes the sky; NULL: black. */
 void trace_scene_set_sky(TraceScene *scene, TraceSky *sky);
 /* A lamp far away; towards: from the scene to the lamp. */
@@ -74,7 +83,8 @@ void trace_scene_add_lamp(TraceScene *scene, double theta_deg, double phi_deg, d
 /* A camera that sees all of it; azimuth counter-clockwise from +x seen from above. */
 void trace_scene_look(TraceScene *scene, double azimuth_deg, double elevation_deg, double fov_deg);
 
-/* The nearest surface along a ray. Any thread. */
+/* The nearest surface along a ray; with relief, the nearest that the ray does not pass. Any
+ * thread. */
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret);
 /* Whether nothing lies between two points, or, with distance INFINITY, up to the sky. */

@@ -18,7 +18,12 @@ struct trace_surface {
     char *warning;         /* why there is no texture although the file has one; owned, or NULL */
     double emission[3];    /* radiance of its front */
     mesorig_material *material; /* owned; NULL: plain */
+    char *path;                 /* of material; owned */
     double tiles;               /* of material for one unit of the texture coordinates */
+    struct trace_relief {
+        double deepest_mm; /* 0: rays end on the mesh */
+        double tile_mm[2];
+    } relief;
 };
 
 /* Where a surface is hit. uv: the mesh's, v upwards. */

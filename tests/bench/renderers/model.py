@@ -1,6 +1,7 @@
 """The maps of a .glb drawn by formulas of glTF 2.0's appendix B and its extensions for specular reflection
 and anisotropy alone: what a renderer adds to the model's own error is its picture's difference from this
-one. Textures are bilinear and repeat; sheen and clear coats are not drawn."""
+one. Tangents are at right angles to the bent normal, as the maps were fitted, or with mesh_tangents those of
+the mesh, as three.js has them. Textures are bilinear and repeat; sheen and clear coats are not drawn."""
 import io
 import math
 import numpy as np
@@ -22,8 +23,9 @@ def linear(x):
 
 
 class Material:
-    def __init__(self, root, binary):
+    def __init__(self, root, binary, mesh_tangents):
         self.root, self.binary, self.m = root, binary, root['materials'][0]
+        self.mesh_tangents = mesh_tangents
 
     def texture(self, info, at, coded=0):
         """At texture coordinates; the first channels are sRGB."""
@@ -57,8 +59,10 @@ class Material:
             a = self.texture(more['KHR_materials_anisotropy']['anisotropyTexture'], at)
             along = across + (1 - across) * a[..., 2] ** 2
             t[..., :2] = 2 * a[..., :2] - 1 + 1e-6
-        t = unit(t - dot(t, n)[..., None] * n)
-        b, h = np.cross(n, t), unit(v + l)
+        anisotropic = 'KHR_materials_anisotropy' in more
+        up = np.broadcast_to([0, 0, 1.0], n.shape) if self.mesh_tangents and anisotropic else n
+        t = unit(t - dot(t, up)[..., None] * up)
+        b, h = np.cross(up, t), unit(v + l)
         nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
         seen = (nl > 1e-4) & (nv > 1e-4) & (l[..., 2] > 0)
         nl, nv = np.maximum(nl, 1e-4), np.maximum(nv, 1e-4)
@@ -84,7 +88,7 @@ def rays(scene, size):
     return eye, unit(wide * (x[..., None] * right + y[..., None] * np.cross(back, right)) - back)
 
 
-def draw(root, binary, scene, out):
+def draw(root, binary, scene, out, mesh_tangents=False):
     size = scene['size'] * SAMPLES
     eye, d = rays(scene, size)
     if scene['shape'] == 'sphere':
@@ -108,7 +112,8 @@ def draw(root, binary, scene, out):
     v = np.stack([dot(unit(eye - p), axis) for axis in axes], -1)
     l = np.stack([axis @ np.array(scene['light']) for axis in axes], -1)
     at = at - depth * v[..., :2] * [1, -1] / np.maximum(v[..., 2:], 0.1)  # the surface lies lower
-    rgb = Material(root, binary).evaluate(at, v, l) * hit[..., None] * scene['exposure']
+    rgb = np.zeros(hit.shape + (3,))
+    rgb[hit] = Material(root, binary, mesh_tangents).evaluate(at[hit], v[hit], l[hit]) * scene['exposure']
     rgb = np.clip(rgb.reshape(scene['size'], SAMPLES, scene['size'], SAMPLES, 3).mean((1, 3)), 0, 1)
     coded = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * rgb ** (1 / 2.4) - 0.055)
     Image.fromarray(np.rint(255 * coded).astype(np.uint8)).save(out)

@@ -480,6 +480,76 @@ static void test_cancelled(void) {
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
 }
 
+/* An MDF of views that are those of a BTF: everywhere depth_mm below the reference plane. */
+static void write_even_mdf(const char *path, const struct btf_matrix *btf, double depth_mm) {
+    static const char *const channels[] = {"D", NULL};
+    g_autoptr(ExrFile) file = exr_file_new();
+    g_autoptr(GError) error = NULL;
+    for (gsize v = 0; v < btf->layout.views.n; v++) {
+        g_autofree char *name = g_strdup_printf("view_%04zu", v);
+        struct exr_part *part = exr_part_new(name, 4, 4, channels, EXR_FLOAT);
+        const double theta_deg = (double)btf->layout.views.theta_deg[v];
+        exr_set_double(part, "view.theta_deg", theta_deg);
+        exr_set_double(part, "view.phi_deg", (double)btf->layout.views.phi_deg[v]);
+        exr_set_double(part, "texel_mm", btf->layout.texel_mm);
+        for (int k = 0; k < 16; k++)
+            part->planes[0][k] = (float)(depth_mm / cos(theta_deg * G_PI / 180.0));
+        exr_file_add(file, part);
+    }
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    g_assert_no_error(error);
+}
+
+/* How far from the middle of a sphere of radius 1 level rays across its equator hit it. */
+static double outline_radius(const TraceScene *scene) {
+    double hits = 0.5, misses = 1.5;
+    for (int k = 0; k < 30; k++) {
+        const double at = (hits + misses) / 2.0;
+        const struct vec3 from = vec3(at, -5.0, 1e-4);
+        struct trace_hit hit;
+        const gboolean met = trace_scene_hit(scene, from, vec3(0, 1, 0), &hit);
+        g_assert_cmpint(trace_scene_is_free(scene, from, vec3(0, 1, 0), INFINITY), ==, !met);
+        *(met ? &hits : &misses) = at;
+    }
+    return hits;
+}
+
+/* The surface of a sphere's material lies d below the mesh: a ray whose greatest depth below it is
+ * z² / 2, z being the cosine to the normal where it enters, passes where that is less than d,
+ * beyond the distance √(1 − z²) = √(1 − 2 d) from the middle. */
+static void test_relief(void) {
+    static const double depths[] = {0.03, 0.08};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(Mesh) sphere = scene_sphere();
+    const struct trace_object object = {sphere, 0, 1.0F, {0, 0, 0}, FALSE};
+    g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
+    g_autoptr(GError) error = NULL;
+    btf->layout.texel_mm = 0.5;
+    const double tile_mm = 0.5 * sqrt(MATERIAL_WIDTH * MATERIAL_HEIGHT); /* mean of both sides */
+    material_fixture_write(path, codecs_find("lpca"), btf, "clusters=3 components=4");
+    for (gsize k = 0; k < G_N_ELEMENTS(depths); k++) {
+        g_autofree char *mdf = g_strdup_printf("%s/mdf%zu.exr", folder, k);
+        g_autoptr(TraceScene) scene = read_objects(&object, 1, WHITE);
+        g_assert_true(trace_scene_set_material(scene, "diffuser", path, 1.0, &error));
+        g_assert_cmpfloat_with_epsilon(outline_radius(scene), 1.0, 2e-3);
+        g_assert_false(trace_scene_set_relief(scene, "diffuser", NULL, &error));
+        g_assert_nonnull(strstr(error->message, "distances (MDF)"));
+        g_clear_error(&error);
+        g_assert_false(trace_scene_set_relief(scene, "nothing", mdf, &error));
+        g_assert_nonnull(strstr(error->message, "nothing"));
+        g_clear_error(&error);
+        /* A unit of the sphere's coordinates, a tile, is 2 π along the equator and π across. */
+        write_even_mdf(mdf, btf, depths[k] * tile_mm / (sqrt(2.0) * G_PI));
+        g_assert_true(trace_scene_set_relief(scene, "diffuser", mdf, &error));
+        g_assert_no_error(error);
+        const double radius = outline_radius(scene);
+        g_test_message("outline at %.4f, formula %.4f", radius, sqrt(1.0 - 2.0 * depths[k]));
+        g_assert_cmpfloat_with_epsilon(radius, sqrt(1.0 - 2.0 * depths[k]), 3e-3);
+    }
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/trace-light/furnace/sphere", test_furnace_sphere);
@@ -492,6 +562,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/trace-light/wrap", test_wrap);
     g_test_add_func("/trace-light/jpeg", test_jpeg);
     g_test_add_func("/trace-light/captured", test_captured);
+    g_test_add_func("/trace-light/relief", test_relief);
     g_test_add_func("/trace-light/same", test_same);
     g_test_add_func("/trace-light/cancelled", test_cancelled);
     return g_test_run();

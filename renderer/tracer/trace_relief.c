@@ -1,0 +1,50 @@
+#include "trace_relief.h"
+
+#include <math.h>
+
+#define CHORDS      3
+#define LEAST_SLOPE 0.01 /* of rays, as the library has it */
+
+/* From one end; v: towards where the ray comes from there, in the end's frame, and w the way to the
+ * other. A chord lies below the parabola's arc, so that what it meets before its end the ray meets,
+ * too; where the ray goes deeper than all of the relief it meets it in any case. */
+static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3 v, double way) {
+    const struct trace_surface *s = end->surface;
+    const double slope = fmax(v.z, LEAST_SLOPE), bend = 2.0 * slope / way;
+    /* Lengths of the scene that a mm of the sample has along x, y and z. */
+    const double x_mm = end->unit[0] / s->tiles / s->relief.tile_mm[0];
+    const double y_mm = end->unit[1] / s->tiles / s->relief.tile_mm[1];
+    const double z_mm = sqrt(x_mm * y_mm), deepest = s->relief.deepest_mm * z_mm;
+    const double root = slope * slope - 2.0 * bend * deepest;
+    if (!(z_mm > 0.0) || root > 0.0)
+        return TRUE;
+    const double u = end->texel.u * s->tiles, down = -end->texel.v * s->tiles;
+    const float uv[2] = {(float)(u - floor(u)), (float)(down - floor(down))};
+    for (int k = 1; k <= CHORDS; k++) {
+        const double reach = 0.5 * way * k / CHORDS, chord = slope - 0.5 * bend * reach;
+        const struct vec3 q = vec3_unit(vec3(v.x / x_mm, v.y / y_mm, chord / z_mm));
+        const float view[3] = {(float)q.x, (float)q.y, (float)q.z};
+        struct mesorig_hit hit;
+        if (mesorig_material_intersect(s->material, 1, uv, view, &hit) != MESORIG_OK || !hit.hit)
+            return TRUE;
+        const double depth = (double)hit.distance_mm * fmax(q.z, LEAST_SLOPE) * z_mm;
+        if (depth / chord <= reach)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+static struct vec3 trace_relief_local(const struct trace_hit *hit, struct vec3 d) {
+    return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
+}
+
+/* The frame of back faces the inside, where the ray came from: its z is turned outwards. */
+gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
+                            struct vec3 direction) {
+    const double way = vec3_length(vec3_sub(back->position, front->position));
+    const struct vec3 v = trace_relief_local(front, vec3_scale(direction, -1.0));
+    struct vec3 w = trace_relief_local(back, direction);
+    w.z = -w.z;
+    return !(way > 0.0) || trace_relief_meets_from(front, v, way) ||
+           trace_relief_meets_from(back, w, way);
+}
