@@ -346,14 +346,13 @@ static void on_result(const struct intake_result *result, gpointer data) {
     }
     if (result->uneven) {
         const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
-        const gboolean grouped = result->shot->together.group > 0;
-        g_autofree char *reason =
-            g_strdup_printf("lamp %s%s was not as bright in all %s, by what camera %s saw. Check "
-                            "the lamp, its fuse "
-                            "and its relay, then go on.",
-                            lamp, grouped ? ", or one lit with it," : "",
-                            grouped ? "pictures of its group" : "exposures of a shot",
-                            capture->devices->geometry.cameras[camera].name);
+        const gboolean grouped = result->shot->multiplex.group > 0;
+        g_autofree char *reason = g_strdup_printf(
+            "lamp %s%s was not as bright in all %s, by what camera %s saw. Check the lamp, its "
+            "fuse and its relay, then go on.",
+            lamp, grouped ? ", or one lit with it," : "",
+            grouped ? "pictures of its group" : "exposures of a shot",
+            capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
         return;
     }
@@ -467,7 +466,7 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
 /* Lists the shots that this run takes, and predicts their time, homing included. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
-    session_plan_together(capture->shots);
+    session_plan_multiplexed(capture->shots);
     capture_count(capture);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();

@@ -66,9 +66,9 @@ struct lane {
     struct intake_darks darks;
     /* Of the same generation: the pictures of a group that are here, their shots (without frames),
      * and the shortest that each exposure of theirs was. */
-    struct multiplex_pictures together;
-    struct job together_of[MULTIPLEX_MOST];
-    gint64 together_us[PLAN_MAX_BRACKET];
+    struct multiplex_pictures multiplex;
+    struct job multiplexed_of[MULTIPLEX_MOST];
+    gint64 multiplexed_us[PLAN_MAX_BRACKET];
 };
 
 struct finished {
@@ -224,30 +224,30 @@ static double bend_of(const struct lane *lane, const struct job *job, const Fram
 }
 
 /* Writes the pictures of all lamps of a group. last: as the file of its last shot is described. */
-static void finish_together(struct lane *lane, const struct intake_file *last) {
+static void finish_multiplexed(struct lane *lane, const struct intake_file *last) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    struct multiplex_pictures *together = &lane->together;
+    struct multiplex_pictures *group = &lane->multiplex;
     const double longest_ms = conf->exposures_us[conf->n_exposures - 1] * 1e-3;
-    multiplex_solve(together->n, together->pictures, together->n_pixels);
-    for (int k = 0; k < together->n; k++) {
-        struct job job = lane->together_of[k];
+    multiplex_solve(group->n, group->pictures, group->n_pixels);
+    for (int k = 0; k < group->n; k++) {
+        struct job job = lane->multiplexed_of[k];
         struct intake_file file = *last;
         job.frame = (Frame *)last->last;
         file.shot = job.shot;
         file.source_name = file.rig->lamps[job.shot->device].name;
-        file.exposures_us = lane->together_us;
-        file.bound = together->bound;
-        file.saturated = together->saturated;
+        file.exposures_us = lane->multiplexed_us;
+        file.bound = group->bound;
+        file.saturated = group->saturated;
         struct intake_result result = {
-            .saturated = together->saturated,
+            .saturated = group->saturated,
             .signal_dn =
-                multiplex_pictures_mean(together, k) * longest_ms * pow(10, conf->gain_db / 20),
-            .marks = measure_marks(lane, &job, together->pictures[k]),
+                multiplex_pictures_mean(group, k) * longest_ms * pow(10, conf->gain_db / 20),
+            .marks = measure_marks(lane, &job, group->pictures[k]),
         };
-        intake_write_lamp(&file, together->pictures[k], &result.frame, &result.error);
+        intake_write_lamp(&file, group->pictures[k], &result.frame, &result.error);
         return_result(lane, &job, result);
     }
-    multiplex_pictures_clear(together);
+    multiplex_pictures_clear(group);
 }
 
 /* Compares the frame that ends a group with the patterns. */
@@ -256,37 +256,37 @@ static gboolean has_changed(struct lane *lane) {
     const Frame *frame = lane->bracket[conf->n_exposures];
     const struct intake_dark *dark = intake_darks_at(&lane->darks, conf->n_exposures - 1, frame);
     const double scale = 1e3 / (double)frame->exposure_us * pow(10, -conf->gain_db / 20);
-    g_autofree float *seen = g_new(float, lane->together.n_pixels);
-    for (gsize p = 0; p < lane->together.n_pixels; p++)
+    g_autofree float *seen = g_new(float, lane->multiplex.n_pixels);
+    for (gsize p = 0; p < lane->multiplex.n_pixels; p++)
         seen[p] = (float)scale * (frame->pixels[p] - dark->pixels[p]);
     const double most = scale * (radiance_saturation(frame->bits) - dark->mean_dn);
-    return multiplex_pictures_changed(&lane->together, seen, most, CHANGED_DN * scale);
+    return multiplex_pictures_changed(&lane->multiplex, seen, most, CHANGED_DN * scale);
 }
 
 /* A pattern's picture (taken) waits for the others of its group. After a fault all of them are
  * taken again. */
-static void take_together(struct lane *lane, const struct job *job, float *merged,
-                          const struct intake_file *file) {
-    const struct session_together *of = &job->shot->together;
-    struct multiplex_pictures *together = &lane->together;
+static void take_multiplexed(struct lane *lane, const struct job *job, float *merged,
+                             const struct intake_file *file) {
+    const struct session_multiplex *of = &job->shot->multiplex;
+    struct multiplex_pictures *group = &lane->multiplex;
     const gsize n = (gsize)job->frame->width * job->frame->height;
     const int n_exposures = lane->intake->setup.conf->n_exposures;
-    g_return_if_fail(multiplex_pictures_add(together, of->group, of->n, of->k, merged, n));
-    lane->together_of[of->k] = *job;
+    g_return_if_fail(multiplex_pictures_add(group, of->group, of->n, of->k, merged, n));
+    lane->multiplexed_of[of->k] = *job;
     for (int i = 0; i < n_exposures; i++)
-        if (of->k == 0 || file->bracket[i]->exposure_us < lane->together_us[i])
-            lane->together_us[i] = file->bracket[i]->exposure_us;
+        if (of->k == 0 || file->bracket[i]->exposure_us < lane->multiplexed_us[i])
+            lane->multiplexed_us[i] = file->bracket[i]->exposure_us;
     if (file->saturated > 0) {
         g_autofree float *marked = g_new(float, n);
         radiance_mark(file->bracket, n_exposures, marked);
-        multiplex_pictures_mark(together, marked);
+        multiplex_pictures_mark(group, marked);
     }
-    if (!multiplex_pictures_complete(together))
+    if (!multiplex_pictures_complete(group))
         return;
     if (has_changed(lane))
         return_result(lane, job, (struct intake_result){.uneven = TRUE});
     else
-        finish_together(lane, file);
+        finish_multiplexed(lane, file);
 }
 
 static void finish_lamp(struct lane *lane, const struct job *job) {
@@ -312,8 +312,8 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.error = g_steal_pointer(&lane->error);
     result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
-    if (job->shot->together.group > 0 && !result.error && !result.uneven) {
-        take_together(lane, job, g_steal_pointer(&merged), &file);
+    if (job->shot->multiplex.group > 0 && !result.error && !result.uneven) {
+        take_multiplexed(lane, job, g_steal_pointer(&merged), &file);
         return;
     }
     result.marks = measure_marks(lane, job, merged);
@@ -443,7 +443,7 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     if (lane->shot != job->shot || lane->generation != job->generation)
         lane_reset(lane);
     if (lane->generation != job->generation)
-        multiplex_pictures_clear(&lane->together);
+        multiplex_pictures_clear(&lane->multiplex);
     lane->shot = job->shot;
     lane->generation = job->generation;
     /* Frames come in order; another one would be mixed up with its neighbours. */
@@ -580,7 +580,7 @@ static void lane_free(gpointer data) {
     g_async_queue_unref(lane->queue);
     g_ptr_array_unref(lane->batch);
     intake_darks_clear(&lane->darks);
-    multiplex_pictures_clear(&lane->together);
+    multiplex_pictures_clear(&lane->multiplex);
     g_free(lane);
 }
 

@@ -15,11 +15,11 @@
  * mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string). Where mesorig.saturated is not 0,
  * a channel "saturated" is 1 in those pixels, whose values are too low; of a bracket,
  * mesorig.shorter_from (double, DN/ms) is what pixels have for which the longest was too long.
- * Of a shot in a group (struct session_together) it is what its lamp alone shows, worked out of all
- * patterns: mesorig.multiplexed (int) is their number, mesorig.multiplexed_first the group's first
- * shot; a pixel saturated in any pattern counts as saturated, and its values may be wrong either
- * way; exposures_us are the shortest of all patterns, shorter_from is a pattern's value. Frames of
- * a group are handed back together, after its last shot.
+ * Of a shot in a group (struct session_multiplex) it is what its lamp alone shows, worked out of
+ * all patterns: mesorig.multiplexed (int) is their number, mesorig.multiplexed_first the group's
+ * first shot; a pixel saturated in any pattern counts as saturated, and its values may be wrong
+ * either way; exposures_us are the shortest of all patterns, shorter_from is a pattern's value.
+ * Frames of a group are handed back together, after its last shot.
  *
  * SHOT_DARK: a part "dark_500_us" an exposure, channel "Y", float; mesorig.unit = "DN"
  *

@@ -85,10 +85,10 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
     if (file->shorter_from > 0)
         exr_set_double(part, "mesorig.shorter_from", file->shorter_from);
     intake_write_fill(part, radiance);
-    if (file->shot->together.group > 0) {
-        exr_set_int(part, "mesorig.multiplexed", file->shot->together.n);
+    if (file->shot->multiplex.group > 0) {
+        exr_set_int(part, "mesorig.multiplexed", file->shot->multiplex.n);
         exr_set_int(part, "mesorig.multiplexed_first",
-                    (int)file->shot->id - file->shot->together.k);
+                    (int)file->shot->id - file->shot->multiplex.k);
     }
     if (file->saturated > 0 && file->bound)
         memcpy(exr_part_plane(part, "saturated"), file->bound,

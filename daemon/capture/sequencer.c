@@ -119,7 +119,7 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
 
 /* Whether shots of the same group follow, which are of no use without each other. */
 static gboolean sequencer_is_within(const struct session_shot *shot) {
-    return shot->together.group > 0 && shot->together.k + 1 < shot->together.n;
+    return shot->multiplex.group > 0 && shot->multiplex.k + 1 < shot->multiplex.n;
 }
 
 /* The stage's goal once the picture under way is exposed. */
@@ -432,7 +432,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
 void sequencer_pause(Sequencer *seq) {
     seq->pausing = TRUE;
     gboolean untouched = seq->state == PREPARING && seq->sub == 0 && seq->shot &&
-                         seq->pending == seq->shot->cameras && seq->shot->together.k == 0;
+                         seq->pending == seq->shot->cameras && seq->shot->multiplex.k == 0;
     if (seq->state == HOMING || untouched)
         sequencer_finish(seq);
 }

@@ -517,37 +517,37 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
 
-static struct together_setup plan_together_setup(const struct plan_build *b,
-                                                 const struct calibration *calibration) {
+static struct multiplexed_setup plan_multiplexed_setup(const struct plan_build *b,
+                                                       const struct calibration *calibration) {
     const struct session_conf *conf = b->conf;
-    return (struct together_setup){.wanted = conf->multiplex,
-                                   .exposures_us = conf->exposures_us,
-                                   .n_exposures = conf->n_exposures,
-                                   .gain_db = conf->gain_db,
-                                   .reference_mm = conf->grid.reference_mm,
-                                   .rig = b->rig,
-                                   .timing = b->timing,
-                                   .calibration = calibration,
-                                   .shots = b->shots};
+    return (struct multiplexed_setup){.wanted = conf->multiplex,
+                                      .exposures_us = conf->exposures_us,
+                                      .n_exposures = conf->n_exposures,
+                                      .gain_db = conf->gain_db,
+                                      .reference_mm = conf->grid.reference_mm,
+                                      .rig = b->rig,
+                                      .timing = b->timing,
+                                      .calibration = calibration,
+                                      .shots = b->shots};
 }
 
-static gboolean plan_check_together(struct plan_build *b, const struct calibration *calibration,
-                                    GError **error) {
-    const struct together_setup setup = plan_together_setup(b, calibration);
+static gboolean plan_check_multiplexed(struct plan_build *b, const struct calibration *calibration,
+                                       GError **error) {
+    const struct multiplexed_setup setup = plan_multiplexed_setup(b, calibration);
     g_autofree char *why = NULL;
     if (setup.wanted != MULTIPLEX_NO && b->conf->light_sampling != SAMPLING_ALL)
         why = g_strdup("lamps that are lit at once are all taken, and sampling = adaptive leaves "
                        "some out: set multiplex = no, or sampling = all");
-    else if (together_choose(&setup, &b->together, &why))
+    else if (multiplexed_choose(&setup, &b->multiplex, &why))
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lights", "multiplex", "%s", why);
     return FALSE;
 }
 
 /* plan_predict() with several lamps at once, if that was chosen and, for auto, takes less time. */
-static void plan_predict_together(struct plan_build *b, struct plan *plan) {
-    const struct together_setup setup = plan_together_setup(b, NULL);
-    if (b->together.n == 0) {
+static void plan_predict_multiplexed(struct plan_build *b, struct plan *plan) {
+    const struct multiplexed_setup setup = plan_multiplexed_setup(b, NULL);
+    if (b->multiplex.n == 0) {
         plan_predict(b, plan);
         return;
     }
@@ -557,7 +557,7 @@ static void plan_predict_together(struct plan_build *b, struct plan *plan) {
     struct plan alone = {0};
     plan_predict(b, &alone);
     memcpy(b->shots->data, before, b->shots->len * sizeof(struct session_shot));
-    together_apply(&setup, &b->together);
+    multiplexed_apply(&setup, &b->multiplex);
     plan->alone_s = alone.predicted_s;
     plan_predict(b, plan);
     if (setup.wanted != MULTIPLEX_AUTO || plan->predicted_s < alone.predicted_s)
@@ -565,9 +565,9 @@ static void plan_predict_together(struct plan_build *b, struct plan *plan) {
     g_autofree char *why =
         g_strdup_printf("light is not what takes the time: groups of %d lamps, exposed for %g of "
                         "exposures_us, would take %.1f s in all, and one at a time takes %.1f s",
-                        b->together.n, b->together.part, plan->predicted_s, alone.predicted_s);
+                        b->multiplex.n, b->multiplex.part, plan->predicted_s, alone.predicted_s);
     memcpy(b->shots->data, before, b->shots->len * sizeof(struct session_shot));
-    together_undo(b->shots, &b->together, why);
+    multiplexed_undo(b->shots, &b->multiplex, why);
     plan->n_later_sweeps = plan->n_later_lamps = 0;
     plan->alone_s = 0;
     plan_predict(b, plan);
@@ -701,7 +701,7 @@ static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
     plan->notes = g_ptr_array_new_with_free_func(g_free);
-    plan_predict_together(b, plan);
+    plan_predict_multiplexed(b, plan);
     plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
     for (guint i = 0; i < b->notes->len; i++) {
@@ -713,9 +713,10 @@ static struct plan *plan_finish(struct plan_build *b) {
     plan_note_stop(b, plan);
     plan_note_sampling(b, plan);
     if (b->conf->multiplex != MULTIPLEX_NO)
-        g_ptr_array_add(plan->notes, together_note(&b->together, plan->predicted_s, plan->alone_s));
-    plan->together = b->together;
-    b->together.why = NULL;
+        g_ptr_array_add(plan->notes,
+                        multiplexed_note(&b->multiplex, plan->predicted_s, plan->alone_s));
+    plan->multiplex = b->multiplex;
+    b->multiplex.why = NULL;
     plan_note_texels(b, plan->notes);
     plan_note_bytes(b, plan);
     if (b->views->len == 1)
@@ -820,7 +821,7 @@ struct plan *plan_build_with(const struct session_conf *conf, const struct rig *
         plan_check_sampling(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why)) {
         plan_find_first(&b);
-        if (plan_check_budget(&b, &why) && plan_check_together(&b, calibration, &why))
+        if (plan_check_budget(&b, &why) && plan_check_multiplexed(&b, calibration, &why))
             plan = plan_finish(&b);
     }
     g_clear_pointer(&b.views, g_array_unref);
@@ -835,7 +836,7 @@ struct plan *plan_build_with(const struct session_conf *conf, const struct rig *
     g_hash_table_unref(b.pose_index);
     g_array_unref(b.notes);
     g_free(b.is_first);
-    g_free(b.together.why);
+    g_free(b.multiplex.why);
     if (why)
         g_propagate_error(error, why);
     return plan;
@@ -857,6 +858,6 @@ void plan_free(struct plan *plan) {
         g_free(plan->session.shots[i].note);
     g_free((gpointer)plan->session.shots);
     g_ptr_array_unref(plan->notes);
-    g_free(plan->together.why);
+    g_free(plan->multiplex.why);
     g_free(plan);
 }

@@ -32,9 +32,9 @@
 
 #include "coverage/coverage_model.h"
 #include "frames/laser_lines.h"
+#include "multiplexed/multiplexed.h"
 #include "rig/devices.h"
 #include "session/session.h"
-#include "together/together.h"
 
 /* Directions are rings, or those of the devices that are named, as they stand with turntable and
  * arc at 0. */
@@ -147,10 +147,10 @@ struct plan {
     double first_s;  /* STOP_COVERED, SAMPLING_ADAPTIVE: predicted if the first round suffices;
                         else predicted_s */
     int n_first;     /* shots of the first round; they come first */
-    int n_later_sweeps, n_later_lamps; /* shots that are taken only if it does not suffice */
-    struct together_choice together;   /* which lamps are lit at once; owned */
-    double alone_s;                    /* together.n > 0: predicted for each lamp alone */
-    GPtrArray *notes;                  /* char *: what was re-planned or left out, and why */
+    int n_later_sweeps, n_later_lamps;   /* shots that are taken only if it does not suffice */
+    struct multiplexed_choice multiplex; /* which lamps are lit at once; owned */
+    double alone_s;                      /* multiplex.n > 0: predicted for each lamp alone */
+    GPtrArray *notes;                    /* char *: what was re-planned or left out, and why */
 };
 
 #define PLAN_ERROR plan_error_quark()

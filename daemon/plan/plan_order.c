@@ -410,7 +410,7 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const 
                const struct rig_timing *timing, enum session_order wanted) {
     struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
     /* Of a group of lamps the first shot is ordered, and the others follow it. */
-    g_autoptr(GArray) followers = together_take_followers(shots);
+    g_autoptr(GArray) followers = multiplexed_take_followers(shots);
     g_autofree int *block_of = g_new0(int, shots->len);
     const int n_blocks = block_by_mount(shots, timing, block_of);
     int visit = -1, pose = -1;
@@ -437,6 +437,6 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const 
         pose = shot->pose;
         shot->pose = visit;
     }
-    together_put_back(shots, followers);
+    multiplexed_put_back(shots, followers);
     return visit + 1;
 }

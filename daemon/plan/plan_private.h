@@ -41,7 +41,7 @@ struct plan_build {
     GArray *shots;               /* of struct session_shot; pose: index into poses */
     gboolean *is_first;          /* of each shot, before they are ordered: of the first round */
     GArray *notes;               /* of struct plan_note */
-    struct together_choice together;
+    struct multiplexed_choice multiplex;
 };
 
 struct plan_note { /* what was re-planned or left out, how often */

@@ -39,7 +39,7 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
         return 0;
     for (int i = 0; i < n; i++)
         sum_s += shot_exposure_us(conf, shot, i) / 1e6;
-    sum_s += MAX(0, together_check_s(shot, timing) - readout_s);
+    sum_s += MAX(0, multiplexed_check_s(shot, timing) - readout_s);
     if (shot->kind == SHOT_SWEEP) {
         const struct axis_motion *sweep = &timing->sweep[shot->device];
         double from_deg = shot->sweep_from_deg, to_deg = shot->sweep_to_deg;
@@ -61,7 +61,7 @@ static double light_s(const struct session_shot *previous, const struct session_
             axis_move_time_s(&timing->sweep[shot->device], middle_deg(shot), shot->sweep_from_deg));
     if (shot->kind == SHOT_DARK)
         return 0;
-    return together_warm_up_s(previous, shot, rig, timing);
+    return multiplexed_warm_up_s(previous, shot, rig, timing);
 }
 
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,

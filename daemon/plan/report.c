@@ -40,7 +40,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"lasers", plan->session.n_lasers},   {"poses", plan->n_poses},
         {"shots", plan->session.n_shots},     {"frames", plan->n_frames},
         {"mounts", plan->n_mounts},           {"later_sweeps", plan->n_later_sweeps},
-        {"later_lamps", plan->n_later_lamps}, {"multiplex", plan->together.n},
+        {"later_lamps", plan->n_later_lamps}, {"multiplex", plan->multiplex.n},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -55,10 +55,10 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"lower_bound_s", plan->lower_bound_s},
         {"nested_s", plan->nested_s},
         {"first_s", plan->first_s},
-        {"multiplex_part", plan->together.part},
+        {"multiplex_part", plan->multiplex.part},
         {"alone_s", plan->alone_s},
-        {"noise_pct", plan->together.noise_pct},
-        {"alone_noise_pct", plan->together.alone_pct},
+        {"noise_pct", plan->multiplex.noise_pct},
+        {"alone_noise_pct", plan->multiplex.alone_pct},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
         g_variant_builder_add(&builder, "{sv}", times[i].key, g_variant_new_double(times[i].value));

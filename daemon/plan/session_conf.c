@@ -344,7 +344,7 @@ static gboolean read_rings(const struct config_section *section, const struct op
     } else if (!has_preset || (preset = preset_rings(section, fields.preset, mistakes)))
         ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
                         mistakes);
-    if (fields.multiplex && !together_parse(fields.multiplex, &fields.multiplexed, &why))
+    if (fields.multiplex && !multiplexed_parse(fields.multiplex, &fields.multiplexed, &why))
         ok = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "multiplex", "%s", why);
     if (ret_fields)
         *ret_fields = fields;

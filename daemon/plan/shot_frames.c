@@ -5,13 +5,13 @@
 int shot_dark_exposures(const struct session_conf *conf, const struct session_shot *dark,
                         gint64 ret[SHOT_MAX_DARKS]) {
     const int bracket = conf->n_exposures;
-    const int wanted = dark->together.part > 0 ? 2 * bracket + 1 : bracket + 1;
+    const int wanted = dark->multiplex.part > 0 ? 2 * bracket + 1 : bracket + 1;
     int n = 0;
     for (int i = 0; i < wanted; i++) {
         gint64 us =
             llround(i < bracket    ? conf->exposures_us[i]
                     : i == bracket ? conf->laser_exposure_us
-                                   : conf->exposures_us[i - bracket - 1] * dark->together.part);
+                                   : conf->exposures_us[i - bracket - 1] * dark->multiplex.part);
         gboolean known = FALSE;
         for (int k = 0; k < n; k++)
             known |= ret[k] == us;
@@ -44,7 +44,7 @@ int shot_n_frames(const struct session_conf *conf, const struct session_shot *sh
         return frames_a_step(conf) * shot->sweep_steps + 1;
     default:
         return conf->n_exposures +
-               (shot->together.group > 0 && shot->together.k + 1 == shot->together.n);
+               (shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n);
     }
 }
 
@@ -59,7 +59,7 @@ gint64 shot_exposure_us(const struct session_conf *conf, const struct session_sh
                                                       : conf->laser_exposure_us);
     default:
         return llround(conf->exposures_us[MIN(sub, conf->n_exposures - 1)] *
-                       (shot->together.group > 0 ? shot->together.part : 1));
+                       (shot->multiplex.group > 0 ? shot->multiplex.part : 1));
     }
 }
 
@@ -69,7 +69,7 @@ gboolean shot_is_check(const struct session_conf *conf, const struct session_sho
 
 gboolean shot_lights(const struct session_conf *conf, const struct session_shot *shot, int sub,
                      int lamp) {
-    const struct session_together *t = &shot->together;
+    const struct session_multiplex *t = &shot->multiplex;
     const gboolean lit = t->lit[lamp / 64] >> lamp % 64 & 1,
                    ours = t->all[lamp / 64] >> lamp % 64 & 1;
     if (t->group == 0)

@@ -194,13 +194,13 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
 }
 
 /* Adds the picture of a lamp to the sum of its group. */
-static void btf_add_together(const struct exr_part *frame, guint i, struct mosaics *to) {
+static void btf_add_multiplexed(const struct exr_part *frame, guint i, struct mosaics *to) {
     struct mosaic *mosaic = &to->lights[i];
     int first = 0;
-    if (!exr_get_int(frame, "mesorig.multiplexed", &mosaic->together, NULL) ||
+    if (!exr_get_int(frame, "mesorig.multiplexed", &mosaic->multiplex, NULL) ||
         !exr_get_int(frame, "mesorig.multiplexed_first", &first, NULL) ||
-        mosaic->together < MULTIPLEX_LEAST) {
-        mosaic->together = 0;
+        mosaic->multiplex < MULTIPLEX_LEAST) {
+        mosaic->multiplex = 0;
         return;
     }
     if (!to->sums)
@@ -229,7 +229,7 @@ static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mos
         (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok) {
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
-        btf_add_together(frame, i, to);
+        btf_add_multiplexed(frame, i, to);
     }
     exr_part_free(frame);
     return ok;
@@ -255,8 +255,8 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
  * in a group, the mean of the patterns. g_free() */
 static float *btf_exposed(const struct mosaic *mosaic, const float *values, gsize n) {
     float *ret = g_memdup2(values, n * sizeof(float));
-    const float mean = (float)(mosaic->together + 1) / (float)(2 * MAX(mosaic->together, 1));
-    for (gsize k = 0; mosaic->together > 0 && k < n; k++)
+    const float mean = (float)(mosaic->multiplex + 1) / (float)(2 * MAX(mosaic->multiplex, 1));
+    for (gsize k = 0; mosaic->multiplex > 0 && k < n; k++)
         ret[k] = mean * mosaic->sum[k];
     return ret;
 }
@@ -271,8 +271,8 @@ static void btf_add_up_variance(const struct btf_view *view, const Rectify *rect
     g_autofree float *pixels = g_new(float, n_values);
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
     btf_sigma_pixels(view->noise, &mosaic->exposures, exposed, n_values, pixels);
-    if (mosaic->together > 0) {
-        const float together = (float)multiplex_variance(mosaic->together);
+    if (mosaic->multiplex > 0) {
+        const float together = (float)multiplex_variance(mosaic->multiplex);
         for (gsize i = 0; i < n_values; i++)
             pixels[i] *= together;
     }

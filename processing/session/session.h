@@ -67,7 +67,7 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
  * as many shots as lamps, one after the other in one pose, with the same cameras. Shot k of such a
  * group is that of its lamp k, and taken with pattern k. Its frame is that of its lamp alone; the
  * frames of a group can be told once all of it has been taken. */
-struct session_together {
+struct session_multiplex {
     int group;      /* number in the session, from 1; 0: its lamp alone is lit */
     int n, k;       /* shots of the group; which of them this is, from 0 */
     double part;    /* of the planned exposures, of a shot in a group. Of a dark shot: of the groups
@@ -88,7 +88,7 @@ struct session_shot {
     int sweep_steps;
     enum session_shot_state state;
     char *note; /* why it was skipped or changed, or NULL */
-    struct session_together together;
+    struct session_multiplex multiplex;
 };
 
 /* The note of a shot begins so if the shot was skipped because others suffice: a sweep that is
@@ -152,10 +152,10 @@ GPtrArray *session_frames(Session *session, GError **error); /* by shot, camera 
 GPtrArray *session_events(Session *session, GError **error);
 
 /* Fills in which lamps are lit in the n shots of a group, by k and their devices. */
-void session_light_together(struct session_shot *const *shots, int n);
+void session_light_multiplexed(struct session_shot *const *shots, int n);
 
 /* Plans all shots of each group of which one is planned, in memory: a group is taken as a whole. */
-void session_plan_together(const GPtrArray *shots);
+void session_plan_multiplexed(const GPtrArray *shots);
 
 /* Relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);

@@ -103,7 +103,7 @@ static gboolean insert_plan(Session *session, const struct session_plan *plan, G
             shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
             session_shot_states[shot->state], shot->note);
     }
-    g_autofree char *together = session_together_text(plan->shots, plan->n_shots);
+    g_autofree char *together = session_multiplex_text(plan->shots, plan->n_shots);
     return ok && (!together || session_set_value(session, SESSION_TOGETHER, together, error));
 }
 

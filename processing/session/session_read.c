@@ -221,7 +221,7 @@ GPtrArray *session_shots(Session *session, GError **error) {
         NULL, shot_free, read_shot, error);
 
     return shots && session_read_value(session, SESSION_TOGETHER, &together, error) &&
-                   (!together || session_together_read(together, shots, error))
+                   (!together || session_multiplex_read(together, shots, error))
                ? g_steal_pointer(&shots)
                : NULL;
 }

@@ -150,7 +150,7 @@ static void test_multiplexed_choice(void) {
         struct run *run = dome_new(&cases[i].dome);
         g_autoptr(Plan) plan = dome_plan(run);
         g_test_message("%s", dome_note(plan));
-        g_assert_cmpint(plan->together.n, ==, cases[i].n);
+        g_assert_cmpint(plan->multiplex.n, ==, cases[i].n);
         g_assert_true(dome_says(plan, cases[i].says));
         g_assert_true(cases[i].n == 0 || strcmp(cases[i].dome.multiplex, "auto") ||
                       plan->predicted_s < plan->alone_s);
@@ -205,8 +205,8 @@ static struct taken dome_take(const struct dome *dome) {
         const struct exr_part *part = file->parts->pdata[0];
         int n = 0;
         g_assert_true(exr_get_int(part, "mesorig.multiplexed", &n, NULL) ==
-                      (shot->together.group > 0));
-        g_assert_cmpint(n, ==, shot->together.n);
+                      (shot->multiplex.group > 0));
+        g_assert_cmpint(n, ==, shot->multiplex.n);
         ret.pictures->pdata[2 * shot->source + frame->camera] =
             g_memdup2(exr_part_plane(part, "Y"), SIZE * SIZE * sizeof(float));
         exr_file_free(file);
@@ -348,7 +348,7 @@ static void test_multiplexed_saturation(void) {
         const struct session_shot *shot = shots->pdata[frame->shot - 1];
         g_autofree char *path = g_build_filename(run->session, frame->path, NULL);
         g_autoptr(GError) error = NULL;
-        if (shot->together.group == 0)
+        if (shot->multiplex.group == 0)
             continue;
         struct exr_file *file = exr_read(path, &error);
         const float *saturated = exr_part_plane(file->parts->pdata[0], "saturated");

@@ -1,4 +1,4 @@
-#include "together.h"
+#include "multiplexed.h"
 
 #include "base/plural.h"
 
@@ -23,17 +23,17 @@ struct place {
     GArray *shots; /* of int, indices of b->shots, in order of lamps; each lamp once */
 };
 
-static void together_place_clear(gpointer data) {
+static void multiplexed_place_clear(gpointer data) {
     g_array_unref(((struct place *)data)->shots);
 }
 
-static int together_compare(gconstpointer a, gconstpointer b, gpointer data) {
+static int multiplexed_compare(gconstpointer a, gconstpointer b, gpointer data) {
     const GArray *shots = data;
     return g_array_index(shots, struct session_shot, *(const int *)a).device -
            g_array_index(shots, struct session_shot, *(const int *)b).device;
 }
 
-static struct place *together_find(GArray *places, const struct session_shot *shot) {
+static struct place *multiplexed_find(GArray *places, const struct session_shot *shot) {
     for (guint i = 0; i < places->len; i++) {
         struct place *place = &g_array_index(places, struct place, i);
         if (place->pose == shot->pose && place->cameras == shot->cameras)
@@ -44,14 +44,14 @@ static struct place *together_find(GArray *places, const struct session_shot *sh
     return &g_array_index(places, struct place, places->len - 1);
 }
 
-static GArray *together_places(const struct together_setup *b) {
+static GArray *multiplexed_places(const struct multiplexed_setup *b) {
     GArray *places = g_array_new(FALSE, FALSE, sizeof(struct place));
-    g_array_set_clear_func(places, together_place_clear);
+    g_array_set_clear_func(places, multiplexed_place_clear);
     for (int i = 0; i < (int)b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->kind != SHOT_LAMP || shot->state != SHOT_PLANNED)
             continue;
-        GArray *shots = together_find(places, shot)->shots;
+        GArray *shots = multiplexed_find(places, shot)->shots;
         gboolean known = FALSE;
         for (guint k = 0; k < shots->len; k++)
             known |=
@@ -61,14 +61,15 @@ static GArray *together_places(const struct together_setup *b) {
             g_array_append_val(shots, i);
     }
     for (guint i = 0; i < places->len; i++)
-        g_array_sort_with_data(g_array_index(places, struct place, i).shots, together_compare,
+        g_array_sort_with_data(g_array_index(places, struct place, i).shots, multiplexed_compare,
                                b->shots);
     return places;
 }
 
 /* DN/ms above dark that a camera sees of a white diffuser in the middle of the sample, under the
  * mean of the lamps that it takes pictures with; 0: none. */
-static double together_white(const struct together_setup *b, const struct rig *rig, int camera) {
+static double multiplexed_white(const struct multiplexed_setup *b, const struct rig *rig,
+                                int camera) {
     const struct vec3 middle = vec3(0, 0, b->reference_mm);
     double sum = 0;
     int n = 0;
@@ -97,14 +98,14 @@ struct expected {
     } cameras[RIG_MAX_CAMERAS];
 };
 
-static gboolean together_expect(const struct together_setup *b, struct expected *ret) {
+static gboolean multiplexed_expect(const struct multiplexed_setup *b, struct expected *ret) {
     const struct rig *rig = b->calibration ? &b->calibration->rig : b->rig;
     double sum_ms = 0;
     *ret = (struct expected){0};
     for (int i = 0; i < b->n_exposures; i++)
         sum_ms += b->exposures_us[i] * 1e-3;
     for (int c = 0; c < b->rig->n_cameras; c++) {
-        const double white = together_white(b, rig, c), grey = white * GREY / WHITE;
+        const double white = multiplexed_white(b, rig, c), grey = white * GREY / WHITE;
         if (white <= 0)
             continue;
         if (!b->calibration || !b->calibration->noise[c].known)
@@ -122,7 +123,7 @@ static gboolean together_expect(const struct together_setup *b, struct expected 
     return ret->n_cameras > 0;
 }
 
-static double together_part(const struct expected *e, int n) {
+static double multiplexed_part(const struct expected *e, int n) {
     double part = 0;
     for (int c = 0; c < e->n_cameras; c++)
         part = MAX(part, multiplex_part(n, e->cameras[c].floor, e->cameras[c].slope));
@@ -130,7 +131,7 @@ static double together_part(const struct expected *e, int n) {
 }
 
 /* Of the grey, relative, in per cent: that of the camera that has most. */
-static double together_noise_pct(const struct expected *e, int n, double part) {
+static double multiplexed_noise_pct(const struct expected *e, int n, double part) {
     double most = 0;
     for (int c = 0; c < e->n_cameras; c++)
         most = MAX(
@@ -140,7 +141,7 @@ static double together_noise_pct(const struct expected *e, int n, double part) {
 }
 
 /* Whether a pattern's white is bright enough to saturate the shortest exposure. */
-static gboolean together_saturates(const struct expected *e, int n, double shortest_ms) {
+static gboolean multiplexed_saturates(const struct expected *e, int n, double shortest_ms) {
     for (int c = 0; c < e->n_cameras; c++)
         if ((n + 1) / 2.0 * shortest_ms > e->cameras[c].most_ms)
             return TRUE;
@@ -148,7 +149,7 @@ static gboolean together_saturates(const struct expected *e, int n, double short
 }
 
 /* Exposures of all shots in units of those of one lamp alone. */
-static double together_cost(const GArray *places, int n, double part) {
+static double multiplexed_cost(const GArray *places, int n, double part) {
     double sum = 0;
     for (guint i = 0; i < places->len; i++) {
         const int lamps = (int)g_array_index(places, struct place, i).shots->len;
@@ -158,7 +159,7 @@ static double together_cost(const GArray *places, int n, double part) {
 }
 
 /* The least part that all cameras can be exposed for. */
-static double together_least_part(const struct together_setup *b) {
+static double multiplexed_least_part(const struct multiplexed_setup *b) {
     double least = 0;
     for (int c = 0; c < b->rig->n_cameras; c++)
         least = MAX(least, (double)b->timing->min_exposure_us[c] / b->exposures_us[0]);
@@ -166,7 +167,7 @@ static double together_least_part(const struct together_setup *b) {
 }
 
 /* Lamps that may be in a group, by the poses, the supply and the memory. */
-static int together_most(const struct together_setup *b, const GArray *places) {
+static int multiplexed_most(const struct multiplexed_setup *b, const GArray *places) {
     guint64 bytes = 0;
     int lamps = 0;
     for (guint i = 0; i < places->len; i++)
@@ -179,8 +180,8 @@ static int together_most(const struct together_setup *b, const GArray *places) {
 }
 
 /* Why a number of lamps is not possible; NULL: it is. */
-static char *together_refuse(const struct together_setup *b, const GArray *places) {
-    const int n = b->wanted, most = together_most(b, places);
+static char *multiplexed_refuse(const struct multiplexed_setup *b, const GArray *places) {
+    const int n = b->wanted, most = multiplexed_most(b, places);
     int lamps = 0;
     for (guint i = 0; i < places->len; i++)
         lamps = MAX(lamps, (int)g_array_index(places, struct place, i).shots->len);
@@ -200,11 +201,11 @@ static char *together_refuse(const struct together_setup *b, const GArray *place
 }
 
 /* The order for auto; 0: one lamp at a time, and *ret_why says why. */
-static int together_best(const struct together_setup *b, const GArray *places,
-                         const struct expected *e, char **ret_why) {
-    const int most = together_most(b, places);
-    const double least = together_least_part(b);
-    double best_cost = together_cost(places, 1, 1), least_part = G_MAXDOUBLE;
+static int multiplexed_best(const struct multiplexed_setup *b, const GArray *places,
+                            const struct expected *e, char **ret_why) {
+    const int most = multiplexed_most(b, places);
+    const double least = multiplexed_least_part(b);
+    double best_cost = multiplexed_cost(places, 1, 1), least_part = G_MAXDOUBLE;
     int best = 0, nearest = 0;
     gboolean bright = FALSE;
     if (most == 0) {
@@ -214,19 +215,19 @@ static int together_best(const struct together_setup *b, const GArray *places,
         return 0;
     }
     for (int n = most; n > 0; n = multiplex_order(n - 1)) {
-        const double part = together_part(e, n), used = MAX(part, least);
+        const double part = multiplexed_part(e, n), used = MAX(part, least);
         if (part < least_part) {
             least_part = part;
             nearest = n;
         }
-        if (used >= 1 || together_cost(places, n, used) >= best_cost)
+        if (used >= 1 || multiplexed_cost(places, n, used) >= best_cost)
             continue;
-        if (together_saturates(e, n, b->exposures_us[0] * 1e-3 * used)) {
+        if (multiplexed_saturates(e, n, b->exposures_us[0] * 1e-3 * used)) {
             bright = TRUE;
             continue;
         }
         best = n;
-        best_cost = together_cost(places, n, used);
+        best_cost = multiplexed_cost(places, n, used);
     }
     if (best == 0 && bright)
         *ret_why = g_strdup("a white sample under several lamps would saturate the shortest of "
@@ -239,8 +240,8 @@ static int together_best(const struct together_setup *b, const GArray *places,
     return best;
 }
 
-void together_apply(const struct together_setup *setup, struct together_choice *choice) {
-    g_autoptr(GArray) places = together_places(setup);
+void multiplexed_apply(const struct multiplexed_setup *setup, struct multiplexed_choice *choice) {
+    g_autoptr(GArray) places = multiplexed_places(setup);
     struct session_shot *group[MULTIPLEX_MOST];
     const int n = choice->n;
     choice->groups = 0;
@@ -251,53 +252,55 @@ void together_apply(const struct together_setup *setup, struct together_choice *
             for (int k = 0; k < n; k++) {
                 group[k] = &g_array_index(setup->shots, struct session_shot,
                                           g_array_index(shots, int, first + k));
-                group[k]->together = (struct session_together){
+                group[k]->multiplex = (struct session_multiplex){
                     .group = choice->groups, .n = n, .k = k, .part = choice->part};
             }
-            session_light_together(group, n);
+            session_light_multiplexed(group, n);
         }
     }
     for (guint i = 0; i < setup->shots->len; i++) {
         struct session_shot *shot = &g_array_index(setup->shots, struct session_shot, i);
         if (shot->kind == SHOT_DARK)
-            shot->together.part = choice->part;
+            shot->multiplex.part = choice->part;
     }
 }
 
-void together_undo(GArray *shots, struct together_choice *choice, const char *why) {
+void multiplexed_undo(GArray *shots, struct multiplexed_choice *choice, const char *why) {
     for (guint i = 0; i < shots->len; i++)
-        g_array_index(shots, struct session_shot, i).together = (struct session_together){0};
-    *choice = (struct together_choice){.why = g_strdup(why)};
+        g_array_index(shots, struct session_shot, i).multiplex = (struct session_multiplex){0};
+    *choice = (struct multiplexed_choice){.why = g_strdup(why)};
 }
 
-gboolean together_choose(const struct together_setup *setup, struct together_choice *ret,
-                         char **ret_why) {
+gboolean multiplexed_choose(const struct multiplexed_setup *setup, struct multiplexed_choice *ret,
+                            char **ret_why) {
     struct expected expected;
-    *ret = (struct together_choice){0};
+    *ret = (struct multiplexed_choice){0};
     if (setup->wanted == MULTIPLEX_NO)
         return TRUE;
-    g_autoptr(GArray) places = together_places(setup);
-    if (setup->wanted != MULTIPLEX_AUTO && (*ret_why = together_refuse(setup, places)))
+    g_autoptr(GArray) places = multiplexed_places(setup);
+    if (setup->wanted != MULTIPLEX_AUTO && (*ret_why = multiplexed_refuse(setup, places)))
         return FALSE;
-    const gboolean known = together_expect(setup, &expected);
+    const gboolean known = multiplexed_expect(setup, &expected);
     if (setup->wanted != MULTIPLEX_AUTO)
         ret->n = setup->wanted;
     else if (known)
-        ret->n = together_best(setup, places, &expected, &ret->why);
+        ret->n = multiplexed_best(setup, places, &expected, &ret->why);
     else
         ret->why = g_strdup("the noise of the cameras is not known; mesorig calibrate radiometry "
                             "measures it, and [rig] calibration names the file");
     if (ret->n == 0)
         return TRUE;
-    ret->part = known ? CLAMP(together_part(&expected, ret->n), together_least_part(setup), 1) : 1;
-    ret->noise_pct = known ? together_noise_pct(&expected, ret->n, ret->part) : 0;
-    ret->alone_pct = known ? together_noise_pct(&expected, 1, 1) : 0;
-    ret->bright =
-        known && together_saturates(&expected, ret->n, setup->exposures_us[0] * 1e-3 * ret->part);
+    ret->part =
+        known ? CLAMP(multiplexed_part(&expected, ret->n), multiplexed_least_part(setup), 1) : 1;
+    ret->noise_pct = known ? multiplexed_noise_pct(&expected, ret->n, ret->part) : 0;
+    ret->alone_pct = known ? multiplexed_noise_pct(&expected, 1, 1) : 0;
+    ret->bright = known && multiplexed_saturates(&expected, ret->n,
+                                                 setup->exposures_us[0] * 1e-3 * ret->part);
     return TRUE;
 }
 
-char *together_note(const struct together_choice *choice, double together_s, double alone_s) {
+char *multiplexed_note(const struct multiplexed_choice *choice, double multiplexed_s,
+                       double alone_s) {
     const int n = choice->n;
     if (n == 0)
         return g_strdup_printf("[lights] multiplex = auto: one lamp at a time, since %s",
@@ -308,7 +311,7 @@ char *together_note(const struct together_choice *choice, double together_s, dou
                            "exposed for %g of exposures_us; the session takes %.1f s, and with one "
                            "lamp at a time %.1f s",
                            PLURAL(choice->groups, "group"), n, (n + 1) / 2, choice->part,
-                           together_s, alone_s);
+                           multiplexed_s, alone_s);
     if (choice->alone_pct > 0)
         g_string_append_printf(text,
                                "; expected noise of a grey of %g %% in a pixel: %.3g %% of its "
@@ -323,32 +326,32 @@ char *together_note(const struct together_choice *choice, double together_s, dou
     return g_string_free(g_steal_pointer(&text), FALSE);
 }
 
-static gboolean together_follows(const struct session_shot *shot) {
-    return shot->together.group > 0 && shot->together.k > 0;
+static gboolean multiplexed_follows(const struct session_shot *shot) {
+    return shot->multiplex.group > 0 && shot->multiplex.k > 0;
 }
 
-static int together_compare_followers(gconstpointer a, gconstpointer b) {
-    const struct session_together *s = &((const struct session_shot *)a)->together;
-    const struct session_together *t = &((const struct session_shot *)b)->together;
+static int multiplexed_compare_followers(gconstpointer a, gconstpointer b) {
+    const struct session_multiplex *s = &((const struct session_shot *)a)->multiplex;
+    const struct session_multiplex *t = &((const struct session_shot *)b)->multiplex;
     return s->group != t->group ? s->group - t->group : s->k - t->k;
 }
 
-GArray *together_take_followers(GArray *shots) {
+GArray *multiplexed_take_followers(GArray *shots) {
     GArray *followers = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
     guint n = 0;
     for (guint i = 0; i < shots->len; i++) {
         struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
-        if (together_follows(shot))
+        if (multiplexed_follows(shot))
             g_array_append_vals(followers, shot, 1);
         else
             g_array_index(shots, struct session_shot, n++) = *shot;
     }
     shots->len = n; /* what the shots own stays theirs: not g_array_set_size() */
-    g_array_sort(followers, together_compare_followers);
+    g_array_sort(followers, multiplexed_compare_followers);
     return followers;
 }
 
-void together_put_back(GArray *shots, GArray *followers) {
+void multiplexed_put_back(GArray *shots, GArray *followers) {
     g_autofree struct session_shot *leaders =
         g_memdup2(shots->data, shots->len * sizeof(struct session_shot));
     g_autoptr(GHashTable) first_of = g_hash_table_new(NULL, NULL); /* group → index + 1 */
@@ -356,17 +359,17 @@ void together_put_back(GArray *shots, GArray *followers) {
     for (guint i = followers->len; i > 0; i--)
         g_hash_table_insert(
             first_of,
-            GINT_TO_POINTER(g_array_index(followers, struct session_shot, i - 1).together.group),
+            GINT_TO_POINTER(g_array_index(followers, struct session_shot, i - 1).multiplex.group),
             GUINT_TO_POINTER(i));
     shots->len = 0;
     for (guint i = 0; i < n_leaders; i++) {
-        const int group = leaders[i].together.group;
+        const int group = leaders[i].multiplex.group;
         guint k =
             group > 0 ? GPOINTER_TO_UINT(g_hash_table_lookup(first_of, GINT_TO_POINTER(group))) : 0;
         g_array_append_vals(shots, &leaders[i], 1);
         for (; k > 0 && k <= followers->len; k++) {
             struct session_shot follower = g_array_index(followers, struct session_shot, k - 1);
-            if (follower.together.group != group)
+            if (follower.multiplex.group != group)
                 break;
             follower.pose = leaders[i].pose;
             g_array_append_vals(shots, &follower, 1);
@@ -374,11 +377,11 @@ void together_put_back(GArray *shots, GArray *followers) {
     }
 }
 
-char *together_refused(const GPtrArray *shots, const struct rig_timing *timing) {
+char *multiplexed_refused(const GPtrArray *shots, const struct rig_timing *timing) {
     const int most = MAX(timing->lamps_at_once, 1);
     for (guint i = 0; i < shots->len; i++) {
-        const struct session_together *t =
-            &((const struct session_shot *)shots->pdata[i])->together;
+        const struct session_multiplex *t =
+            &((const struct session_shot *)shots->pdata[i])->multiplex;
         const int lit = __builtin_popcountll(t->lit[0]) + __builtin_popcountll(t->lit[1]);
         if (lit > most)
             return g_strdup_printf("%d lamps are lit at once in this session, and the rig file "
@@ -389,7 +392,7 @@ char *together_refused(const GPtrArray *shots, const struct rig_timing *timing) 
     return NULL;
 }
 
-gboolean together_parse(const char *text, int *ret_wanted, char **ret_why) {
+gboolean multiplexed_parse(const char *text, int *ret_wanted, char **ret_why) {
     char *end = NULL;
     *ret_wanted = g_str_equal(text, "no") ? MULTIPLEX_NO : MULTIPLEX_AUTO;
     if (g_str_equal(text, "no") || g_str_equal(text, "auto"))
@@ -408,45 +411,45 @@ gboolean together_parse(const char *text, int *ret_wanted, char **ret_why) {
     return *ret_why == NULL;
 }
 
-static gboolean together_is_last(const struct session_shot *shot) {
-    return shot->together.group > 0 && shot->together.k + 1 == shot->together.n;
+static gboolean multiplexed_is_last(const struct session_shot *shot) {
+    return shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n;
 }
 
 /* Which lamps (units) are lit in the first frame of a shot of a lamp, or in its last. */
-static void together_units(const struct session_shot *shot, gboolean last, const struct rig *rig,
-                           gboolean *ret_lit) {
-    const struct session_together *t = &shot->together;
+static void multiplexed_units(const struct session_shot *shot, gboolean last, const struct rig *rig,
+                              gboolean *ret_lit) {
+    const struct session_multiplex *t = &shot->multiplex;
     memset(ret_lit, 0, sizeof(gboolean) * RIG_MAX_LAMPS);
     for (int i = 0; i < rig->n_lamps; i++) {
         const guint64 lit =
-            last && together_is_last(shot) ? t->all[i / 64] & ~t->lit[i / 64] : t->lit[i / 64];
+            last && multiplexed_is_last(shot) ? t->all[i / 64] & ~t->lit[i / 64] : t->lit[i / 64];
         if (t->group > 0 ? (lit >> i % 64 & 1) != 0 : shot->device == i)
             ret_lit[rig_lamp_unit(rig, i)] = TRUE;
     }
 }
 
-double together_warm_up_s(const struct session_shot *previous, const struct session_shot *shot,
-                          const struct rig *rig, const struct rig_timing *timing) {
+double multiplexed_warm_up_s(const struct session_shot *previous, const struct session_shot *shot,
+                             const struct rig *rig, const struct rig_timing *timing) {
     gboolean before[RIG_MAX_LAMPS] = {0}, next[RIG_MAX_LAMPS];
     double longest_s = 0;
     const gboolean lit = previous && previous->kind == SHOT_LAMP;
-    if (shot->together.group == 0 && (!lit || previous->together.group == 0))
+    if (shot->multiplex.group == 0 && (!lit || previous->multiplex.group == 0))
         return lit && rig_lamp_unit(rig, previous->device) == rig_lamp_unit(rig, shot->device)
                    ? 0
                    : timing->lamp_warm_up_s[shot->device];
     if (lit)
-        together_units(previous, TRUE, rig, before);
-    together_units(shot, FALSE, rig, next);
+        multiplexed_units(previous, TRUE, rig, before);
+    multiplexed_units(shot, FALSE, rig, next);
     for (int i = 0; i < rig->n_lamps; i++)
         if (next[i] && !before[i])
             longest_s = MAX(longest_s, timing->lamp_warm_up_s[i]);
     return longest_s;
 }
 
-double together_check_s(const struct session_shot *shot, const struct rig_timing *timing) {
+double multiplexed_check_s(const struct session_shot *shot, const struct rig_timing *timing) {
     double longest_s = 0;
-    for (int i = 0; i < RIG_MAX_LAMPS && together_is_last(shot); i++)
-        if ((shot->together.all[i / 64] & ~shot->together.lit[i / 64]) >> i % 64 & 1)
+    for (int i = 0; i < RIG_MAX_LAMPS && multiplexed_is_last(shot); i++)
+        if ((shot->multiplex.all[i / 64] & ~shot->multiplex.lit[i / 64]) >> i % 64 & 1)
             longest_s = MAX(longest_s, timing->lamp_warm_up_s[i]);
     return longest_s;
 }
