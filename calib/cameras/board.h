@@ -79,8 +79,7 @@ void board_size_mm(const struct board *board, double ret[2]);
 int board_n_corners(const struct board *board);
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
 
-/* Column (from the left) and row (from the top) of a marker; FALSE: the board has no such marker.
- */
+/* Column (from the left) and row (from the top) of a marker; FALSE: there is no such marker. */
 gboolean board_marker_square(const struct board *board, int marker, int *ret_column, int *ret_row);
 
 /* A marker's corners, clockwise from its own top left one; FALSE: the board has no such marker. */

@@ -320,8 +320,7 @@ static int plane_through(const struct board *board, const GArray *found, double 
 
 /* Homography through the corners of all detected markers; from, seen (of double, two a point) are
  * of those that agree. A ChArUco board's markers say which colour its first square has: if it is
- * not that of the board, it is set in board. The reason for a failure says what was seen instead.
- */
+ * not that of the board, it is set in board. The reason for a failure says what was seen. */
 static gboolean plane_of_markers(const struct picture *picture, struct board *board,
                                  double ret_h[9], GArray *from, GArray *to, GError **error) {
     const int border = board_border(board);

@@ -1,6 +1,4 @@
-/*
- * Finds a board in a picture: without prior knowledge, or near its expected position. Any thread.
- */
+/* Finds a board in a picture: without prior knowledge, or near a place. Any thread. */
 #pragma once
 
 #include "corner.h"
@@ -9,8 +7,7 @@
  * fine (for photographs that calibrate a lens only): searches again from the positions found, which
  * yields some more, and accepts a ChArUco board whose first square has the other colour. GArray of
  * struct corner, by id. NULL: BOARD_ERROR_SPEC with a reason that is to follow "picture: ", such as
- * "no board is visible".
- */
+ * "no board is visible". */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 

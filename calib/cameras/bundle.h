@@ -4,9 +4,9 @@
  *
  * A board point X (mm, z = b₀ x² + b₁ x y + b₂ y², b being the bend that all boards have in common)
  * of a board in the position `lay`, with the turntable at angle τ of `stop`, is at p = Rz(τ) (R_l X
- * + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h
- * being the height at which the print's plane meets the turntable's axis. A camera sees p at
- * project(R_c p + t_c), rig.h's model. The axis is the rig's z axis and has no parameters.
+ * + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h being the height at which the
+ * print's plane meets the turntable's axis, which is the rig's z axis and has no parameters. A
+ * camera sees p at project(R_c p + t_c), rig.h's model.
  *
  * Rotations are R = R₀ exp([ω]×); covariances are those of ω at R = R₀.
  *
@@ -87,8 +87,10 @@ gboolean bundle_solve(struct bundle *bundle, GError **error);
  *   S = C J_pᵀ J_p C + Σ_i u_i u_iᵀ,  u_i = C J_iᵀ (I − J_i C J_iᵀ)^−½ r_i,
  * J_p being the rows of priors; its expectation is C if C is right. It has as many degrees of
  * freedom as there are pictures, few for so many entries, so that it is shrunk towards a multiple
- * of C: with n pictures and p parameters of the camera V = (n S + p f C) / (n + p), f = max(1,
- * tr(C⁻¹ S) / p). f is ret_inflation of each camera (may be NULL). */
+ * of C: with n pictures and p parameters of the camera V = g (n S + p f C) / (n + p), f = max(1,
+ * tr(C⁻¹ S) / p). f is ret_inflation of each camera (may be NULL). Errors in units of a scatter
+ * that n pictures show follow Student's t of n − 1 degrees of freedom (Cameron & Miller 2015): g =
+ * 1 + (t² − 1)(1 − 1 / f), t being its 97.5 % over that of normal errors, if f is above 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
 /* Projects a board point. straight: as if the lens had no distortion. FALSE: behind the camera. */

@@ -171,8 +171,15 @@ static int pictures_of(const struct bundle *bundle, int camera) {
     return (int)g_hash_table_size(seen);
 }
 
-/* A camera's covariance V = (n S + p f C) / (n + p), n pictures and p parameters; its inflation f.
- * free: their columns; at: each of BUNDLE_CAMERA parameters' index among them, or −1. */
+/* 97.5 % of Student's t over that of normal errors (Cornish and Fisher's expansion). */
+static double student(int freedom) {
+    const double z = 1.959964, z2 = z * z, v = MAX(freedom, 1);
+    return 1 + (z2 + 1) / (4 * v) + ((5 * z2 + 16) * z2 + 3) / (96 * v * v) +
+           (((3 * z2 + 19) * z2 + 17) * z2 - 15) / (384 * v * v * v);
+}
+
+/* A camera's covariance V = g (n S + p f C) / (n + p), n pictures and p parameters; its inflation
+ * f. free: their columns; at: each of BUNDLE_CAMERA parameters' index among them, or −1. */
 static gboolean camera_covariance(struct bundle_camera *camera, const struct factor *factor,
                                   const GArray *y, const int *free, int p, const int *at,
                                   int pictures, double *ret_f) {
@@ -199,9 +206,10 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
     for (int a = 0; a < p; a++)
         trace += s[a][a];
     *ret_f = MAX(trace / p, 1);
+    const double t = student(pictures - 1), g = 1 + (t * t - 1) * (1 - 1 / *ret_f);
     for (int a = 0; a < p; a++)
         for (int b = 0; b < p; b++)
-            s[a][b] = (pictures * s[a][b] + (a == b ? p * *ret_f : 0)) / (pictures + p);
+            s[a][b] = g * (pictures * s[a][b] + (a == b ? p * *ret_f : 0)) / (pictures + p);
     for (int a = 0; a < p; a++) /* Rᵀ s, then Rᵀ s R */
         for (int b = 0; b < p; b++)
             for (int i = 0; i <= a; i++)

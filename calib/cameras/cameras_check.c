@@ -76,8 +76,7 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                first_reason(work, 0));
 }
 
-/* On the turntable a tilted board faces away from some cameras: only pictures that show it count.
- */
+/* On the turntable a tilted board faces away from some cameras: pictures that show it count. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
     if (work->free_boards)
         return check_photographs(work, error);

@@ -1,8 +1,5 @@
-/*
- * Bundle adjustment in rounds. The noise of each camera's corners is estimated first, then
- * outlying corners and pictures are rejected; rejected pictures are tried again as the geometry
- * improves.
- */
+/* Bundle adjustment in rounds. The noise of each camera's corners is estimated first, then outlying
+ * corners and pictures are rejected; pictures are tried again as the geometry improves. */
 #include "cameras_private.h"
 
 #include <math.h>
@@ -201,8 +198,7 @@ static void retry_pictures(struct cameras_work *work) {
     }
 }
 
-/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
- */
+/* The first round uses Huber's loss, later ones least squares with outliers rejected. */
 gboolean cameras_refine(struct cameras_work *work, GError **error) {
     /* Fixes the height of lays that are flat: they define z = 0. */
     for (int l = 0; l < work->bundle.n_lays; l++) {

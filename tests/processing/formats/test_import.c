@@ -14,6 +14,7 @@
 #include "lib/assert_error.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
+#include "lib/write_dng.h"
 
 #define WIDTH  6
 #define HEIGHT 4
@@ -208,6 +209,89 @@ static void test_rti(void) {
     g_assert_cmpfloat_with_epsilon((double)btf->values[3], 0.5029,
                                    1e-3); /* ((188/255+.055)/1.055)^2.4 */
     btf_matrix_free(btf);
+}
+
+/* Camera raw: a texel is a cell of the mosaic, each filter with its own black level. */
+#define RAW_WIDTH  32
+#define RAW_HEIGHT 24
+static const guint32 raw_black[4] = {500, 520, 530, 512}, raw_white = 15000;
+
+/* Numbers from just below black to just beyond white. */
+static guint16 raw_number(int light, int x, int y) {
+    return (guint16)(480 + (light * 977 + (y * RAW_WIDTH + x) * 61) % 14600);
+}
+
+static void write_cells(const char *dir, const char *name, const char *cfa, int light) {
+    g_autofree char *path = g_build_filename(dir, name, NULL);
+    guint16 values[RAW_WIDTH * RAW_HEIGHT];
+    struct dng dng = {
+        .width = RAW_WIDTH, .height = RAW_HEIGHT, .values = values, .cfa = cfa, .white = raw_white};
+    memcpy(dng.black, raw_black, sizeof raw_black);
+    for (int i = 0; i < RAW_WIDTH * RAW_HEIGHT; i++)
+        values[i] = raw_number(light, i % RAW_WIDTH, i / RAW_WIDTH);
+    write_dng(path, &dng);
+}
+
+/* Of a cell: the mean of those of its four pixels that have the colour's filter. */
+static double raw_value(const char *cfa, int light, int texel, int colour) {
+    const int x0 = 2 * (texel % (RAW_WIDTH / 2)), y0 = 2 * (texel / (RAW_WIDTH / 2));
+    double sum = 0;
+    int n = 0;
+    for (int k = 0; k < 4; k++) {
+        if (cfa[k] != "rgb"[colour])
+            continue;
+        sum += (raw_number(light, x0 + k % 2, y0 + k / 2) - (double)raw_black[k]) /
+               ((double)raw_white - raw_black[k]);
+        n++;
+    }
+    return sum / n;
+}
+
+static void assert_raw(const char *path, const char *const *cfa, int lights) {
+    struct btf_matrix *btf = read_back(path);
+    g_assert_cmpint(btf->layout.views.n, ==, 1);
+    g_assert_cmpint(btf->layout.lights.n, ==, lights);
+    g_assert_cmpint(btf->layout.width, ==, RAW_WIDTH / 2);
+    g_assert_cmpint(btf->layout.height, ==, RAW_HEIGHT / 2);
+    for (int t = 0; t < RAW_WIDTH * RAW_HEIGHT / 4; t++)
+        for (int l = 0; l < lights; l++)
+            for (int c = 0; c < 3; c++)
+                g_assert_cmpfloat_with_epsilon((double)btf->values[(t * lights + l) * 3 + c],
+                                               raw_value(cfa[l], l, t, c), 5e-4);
+    btf_matrix_free(btf);
+}
+
+static void test_raw_pictures(void) {
+    static const char *const cfa[] = {"rggb", "grbg", "bggr"};
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("raw");
+    struct import_result result;
+    write_cells(dir, "tv015_pv000_tl000_pl000.dng", cfa[0], 0);
+    write_cells(dir, "tv015_pv000_tl030_pl090.DNG", cfa[1], 1);
+    write_cells(dir, "tv015_pv000_tl060_pl090.dng", cfa[2], 2);
+    import_pictures(path, dir, &plainly, &quietly, &result, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(result.holes, ==, 0);
+    assert_raw(path, cfa, 3);
+}
+
+static void test_raw_rti(void) {
+    static const char *const cfa[] = {"gbrg", "gbrg"};
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("raw_rti");
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *bad = g_build_filename(dir, "b.dng", NULL);
+    struct import_result result;
+    write_cells(dir, "a.dng", cfa[0], 0);
+    write_cells(dir, "b.dng", cfa[1], 1);
+    write_list(list, "2\na.dng 0 0 1\nb.dng 0 -0.5 0.866025\n");
+    import_rti(path, list, &plainly, &quietly, &result, &error);
+    g_assert_no_error(error);
+    assert_raw(path, cfa, 2);
+    g_autofree char *refused = session_fixture_path("refused");
+    write_list(bad, "not a picture");
+    g_assert_false(import_rti(refused, list, &plainly, &quietly, &result, &error));
+    assert_not_imported(refused, error, "b.dng is not a camera raw picture that can be read");
 }
 
 static void test_bad_lists(void) {
@@ -542,6 +626,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/import/rti", test_rti);
     g_test_add_func("/import/rti/lists", test_lists);
     g_test_add_func("/import/rti/memory", test_memory);
+    g_test_add_func("/import/pictures/raw", test_raw_pictures);
+    g_test_add_func("/import/rti/raw", test_raw_rti);
     g_test_add_func("/import/rti/bad", test_bad_lists);
     g_test_add_func("/import/rti/mutated", test_mutated_list);
     g_test_add_func("/import/bonn", test_bonn);
