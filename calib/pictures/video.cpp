@@ -99,6 +99,31 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
     return video->frames->len > 0;
 }
 
+#define HEAD_BYTES 200 /* a packet of MPEG-TS and the start of the next one */
+
+/* Whether a file is a video by its first bytes. FFmpeg reads much else: playlists and lists of
+ * files, for instance, which make it open whatever they name, on the network, too. */
+bool is_video(int fd) {
+    static const struct {
+        int at, n;
+        const char *bytes;
+    } starts[] = {{8, 4, "AVI "},   {4, 4, "ftyp"},
+                  {4, 4, "moov"},   {4, 4, "mdat"},
+                  {4, 4, "wide"},   {4, 4, "free"},
+                  {4, 4, "skip"},   {0, 4, "\x1a\x45\xdf\xa3"},
+                  {0, 4, "OggS"},   {0, 4, "\x30\x26\xb2\x75"},
+                  {0, 3, "FLV"},    {0, 9, "YUV4MPEG2"},
+                  {0, 3, "\0\0\1"}, {0, 4, "\0\0\0\1"}};
+    std::array<char, HEAD_BYTES> head{};
+    if (pread(fd, head.data(), head.size(), 0) <= 0)
+        return false;
+    for (const auto &start : starts)
+        if (std::memcmp(head.data() + start.at, start.bytes, (gsize)start.n) == 0)
+            return true;
+    /* MPEG-TS: packets of 188 bytes, or of 192 with a time before each. */
+    return (head[0] == 0x47 && head[188] == 0x47) || (head[4] == 0x47 && head[196] == 0x47);
+}
+
 /* FFmpeg, or OpenCV's own reader of Motion JPEG. No other: some take a path for more than that. */
 bool open_video(cv::VideoCapture &capture, const char *path) {
     for (int by : {cv::CAP_FFMPEG, cv::CAP_OPENCV_MJPEG})
@@ -113,19 +138,19 @@ bool open_video(cv::VideoCapture &capture, const char *path) {
 
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error) {
-    g_autofree char *whole = g_canonicalize_filename(path, nullptr);
     guint64 length = 0;
     const int fd = input_file_open(path, G_MAXINT64, &length, error);
     if (fd < 0)
         return nullptr;
-    close(fd);
+    /* The file that is open, whatever the path leads to by now. */
+    g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", fd);
     struct video *video = g_new0(struct video, 1);
     video->frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
     g_array_set_clear_func(video->frames, clear_frame);
     bool ok = false;
     try {
         cv::VideoCapture capture;
-        if (!open_video(capture, whole))
+        if (!is_video(fd) || !open_video(capture, name))
             g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
                         "%s is not a folder of pictures, and not a video that can be read", path);
         else
@@ -136,6 +161,7 @@ struct video *video_read(const char *path, int most, VideoProgress progress, gpo
     } catch (const std::exception &e) {
         g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", path, e.what());
     }
+    close(fd);
     if (!ok)
         g_clear_pointer(&video, video_free);
     return video;
