@@ -5,7 +5,7 @@
  * A pixel of n is (n − b) / (w − b), b the black level at its place, w white, both as the file or
  * LibRaw's table of cameras says. 0 is black, 1 is white; noise around black goes below 0. Nothing
  * else is done to the numbers: no white balance, no demosaicing. Orientation is ignored: pixels
- * stay as on the sensor.
+ * stay as on the sensor. LibRaw runs in a child process (picture_child.h).
  */
 #pragma once
 

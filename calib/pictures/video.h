@@ -4,7 +4,7 @@
  * A video is divided into windows of equal length, and of each the sharpest frame is kept: that in
  * which the mean of the squared gradient, divided by the variance of the picture, is largest. A
  * camera or board that moves while the shutter is open blurs the frames; between two movements some
- * are sharp.
+ * are sharp. FFmpeg runs in a child process (picture_child.h).
  */
 #pragma once
 
