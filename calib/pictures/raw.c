@@ -2,11 +2,14 @@
 #include "raw.h"
 
 #include "base/input_file.h"
+#include "picture_child.h"
 #include "vision.h"
 
 #include <libraw/libraw.h>
 #include <math.h>
 #include <string.h>
+
+#define MOST_CPU_S 120 /* of a picture */
 
 gboolean raw_is(const char *path) {
     static const char *const ends[] = {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw",
@@ -114,20 +117,59 @@ static struct picture *raw_decode(const char *path, libraw_data_t *raw, char *by
     return raw_fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
 }
 
-struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error) {
-    gsize length = 0;
-    g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
-    if (!bytes)
-        return NULL;
+struct raw_job {
+    const char *path;
+    char *bytes;
+    gsize length;
+};
+
+struct raw_head {
+    int width, height;
+    char cfa[RAW_CFA], sum[65];
+};
+
+/* In the child, which ends then: nothing is freed. */
+static gboolean raw_work(struct picture_child *child, gpointer data, GError **error) {
+    const struct raw_job *job = data;
+    struct raw_head head = {0};
     libraw_data_t *raw =
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
-    if (!raw) {
-        raw_fail(path, error, "LibRaw cannot be started");
+    if (!raw)
+        return raw_fail(job->path, error, "LibRaw cannot be started");
+    const struct picture *picture =
+        raw_decode(job->path, raw, job->bytes, job->length, head.cfa, error);
+    if (!picture)
+        return FALSE;
+    head.width = picture->width;
+    head.height = picture->height;
+    g_strlcpy(head.sum, picture->checksum, sizeof head.sum);
+    return picture_child_write(child, &head, sizeof head) &&
+           picture_child_write(child, picture->values,
+                               sizeof(float) * (gsize)head.width * (gsize)head.height);
+}
+
+struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error) {
+    struct raw_job job = {.path = path};
+    struct raw_head head;
+    gsize at = 0;
+    g_autofree char *bytes = job.bytes = input_file_read(path, G_MAXINT, &job.length, error);
+    if (!bytes)
         return NULL;
+    g_autoptr(GBytes) result =
+        picture_child_run(path, "LibRaw", MOST_CPU_S, raw_work, &job, NULL, NULL, error);
+    if (!result)
+        return NULL;
+    if (picture_child_take(result, &at, &head, sizeof head) && head.width > 0 && head.height > 0 &&
+        input_file_check_pixels(path, (guint64)head.width, (guint64)head.height, job.length,
+                                NULL)) {
+        g_autoptr(Picture) picture = picture_new(path, head.sum, head.width, head.height);
+        memcpy(ret_cfa, head.cfa, RAW_CFA);
+        if (picture_child_take(result, &at, picture->values,
+                               sizeof(float) * (gsize)head.width * (gsize)head.height))
+            return g_steal_pointer(&picture);
     }
-    struct picture *picture = raw_decode(path, raw, bytes, length, ret_cfa, error);
-    libraw_close(raw);
-    return picture;
+    raw_fail(path, error, "what LibRaw has read of it is not whole");
+    return NULL;
 }
 
 struct picture *raw_read_grey(const char *path, GError **error) {

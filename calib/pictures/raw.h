@@ -5,7 +5,8 @@
  * A pixel with the number n has the value (n − b) / (w − b), with b the black level at its place
  * and w white, both from the file or from LibRaw's table of cameras. 0 is black, 1 is white; noise
  * around black goes below 0. Nothing else is done to the numbers: no white balance, no demosaicing.
- * Orientation is ignored: pixels stay as on the sensor.
+ * Orientation is ignored: pixels stay as on the sensor. LibRaw runs in a child process
+ * (picture_child.h).
  */
 #pragma once
 

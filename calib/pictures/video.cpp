@@ -1,6 +1,7 @@
 #include "video.h"
 
 #include "base/input_file.h"
+#include "picture_child.h"
 #include "vision.h"
 
 #include <opencv2/imgproc.hpp>
@@ -12,6 +13,7 @@
 
 #define MOST_BYTES (256 << 20) /* of the frames that are kept */
 #define LEAST_KEPT 16u
+#define MOST_CPU_S 3600
 
 namespace {
 
@@ -99,6 +101,31 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
     return video->frames->len > 0;
 }
 
+#define HEAD_BYTES 200 /* a packet of MPEG-TS and the start of the next one */
+
+/* Whether a file is a video by its first bytes. FFmpeg reads much else: playlists and lists of
+ * files, for instance, which make it open whatever they name, on the network, too. */
+bool is_video(int fd) {
+    static const struct {
+        int at, n;
+        const char *bytes;
+    } starts[] = {{8, 4, "AVI "},   {4, 4, "ftyp"},
+                  {4, 4, "moov"},   {4, 4, "mdat"},
+                  {4, 4, "wide"},   {4, 4, "free"},
+                  {4, 4, "skip"},   {0, 4, "\x1a\x45\xdf\xa3"},
+                  {0, 4, "OggS"},   {0, 4, "\x30\x26\xb2\x75"},
+                  {0, 3, "FLV"},    {0, 9, "YUV4MPEG2"},
+                  {0, 3, "\0\0\1"}, {0, 4, "\0\0\0\1"}};
+    std::array<char, HEAD_BYTES> head{};
+    if (pread(fd, head.data(), head.size(), 0) <= 0)
+        return false;
+    for (const auto &start : starts)
+        if (std::memcmp(head.data() + start.at, start.bytes, (gsize)start.n) == 0)
+            return true;
+    /* MPEG-TS: packets of 188 bytes, or of 192 with a time before each. */
+    return (head[0] == 0x47 && head[188] == 0x47) || (head[4] == 0x47 && head[196] == 0x47);
+}
+
 /* FFmpeg, or OpenCV's own reader of Motion JPEG. No other: some take a path for more than that. */
 bool open_video(cv::VideoCapture &capture, const char *path) {
     for (int by : {cv::CAP_FFMPEG, cv::CAP_OPENCV_MJPEG})
@@ -109,36 +136,103 @@ bool open_video(cv::VideoCapture &capture, const char *path) {
     return false;
 }
 
+struct job {
+    const char *path, *name;
+    int fd, most;
+    guint64 length;
+};
+
+struct head {
+    int width, height, n_frames;
+    guint n_kept;
+};
+
+gboolean tell(int done, int n, gpointer data, GError **) {
+    picture_child_tell(static_cast<struct picture_child *>(data), done, n);
+    return TRUE;
+}
+
+/* In the child, which ends then: nothing is freed. */
+gboolean work(struct picture_child *child, gpointer data, GError **error) {
+    const auto *job = static_cast<const struct job *>(data);
+    struct video video = {};
+    video.frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
+    try {
+        cv::VideoCapture capture;
+        cv::setNumThreads(1); /* those of the parent's pool are not in the child */
+        if (!is_video(job->fd) || !open_video(capture, job->name)) {
+            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                        "%s is not a folder of pictures, and not a video that can be read",
+                        job->path);
+            return FALSE;
+        }
+        if (!input_file_check_pixels(job->path, (guint64)capture.get(cv::CAP_PROP_FRAME_WIDTH),
+                                     (guint64)capture.get(cv::CAP_PROP_FRAME_HEIGHT), job->length,
+                                     error) ||
+            !read_all(capture, &video, (guint)std::max(job->most, 2), tell, child, job->path,
+                      error))
+            return FALSE;
+    } catch (const std::exception &e) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", job->path, e.what());
+        return FALSE;
+    }
+    const struct head head = {video.width, video.height, video.n_frames, video.frames->len};
+    bool ok = picture_child_write(child, &head, sizeof head);
+    for (guint i = 0; ok && i < head.n_kept; i++) {
+        const auto *frame = &g_array_index(video.frames, struct video_frame, i);
+        ok = picture_child_write(child, frame, sizeof *frame) &&
+             picture_child_write(child, frame->grey, (gsize)head.width * (gsize)head.height);
+    }
+    return ok;
+}
+
+/* The frames as work() has written them. */
+bool take_frames(GBytes *from, struct video *video) {
+    struct head head = {};
+    gsize at = 0;
+    if (!picture_child_take(from, &at, &head, sizeof head) || head.width <= 0 || head.height <= 0)
+        return false;
+    video->width = head.width;
+    video->height = head.height;
+    video->n_frames = head.n_frames;
+    for (guint i = 0; i < head.n_kept; i++) {
+        const gsize n = (gsize)head.width * (gsize)head.height;
+        struct video_frame frame = {};
+        if (!picture_child_take(from, &at, &frame, sizeof frame) || n > g_bytes_get_size(from) - at)
+            return false;
+        frame.grey = g_new(guint8, n);
+        g_array_append_val(video->frames, frame);
+        if (!picture_child_take(from, &at, frame.grey, n))
+            return false;
+    }
+    return true;
+}
+
 } // namespace
 
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error) {
-    g_autofree char *whole = g_canonicalize_filename(path, nullptr);
-    guint64 length = 0;
-    const int fd = input_file_open(path, G_MAXINT64, &length, error);
-    if (fd < 0)
+    struct job job = {path, nullptr, -1, most, 0};
+    job.fd = input_file_open(path, G_MAXINT64, &job.length, error);
+    if (job.fd < 0)
         return nullptr;
-    close(fd);
+    /* The file that is open, whatever the path leads to by now. */
+    g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job.fd);
+    job.name = name;
+    g_autoptr(GBytes) result =
+        picture_child_run(path, "FFmpeg", MOST_CPU_S, work, &job, progress, data, error);
+    close(job.fd);
+    if (!result)
+        return nullptr;
     struct video *video = g_new0(struct video, 1);
     video->frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
     g_array_set_clear_func(video->frames, clear_frame);
-    bool ok = false;
-    try {
-        cv::VideoCapture capture;
-        if (!open_video(capture, whole))
-            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                        "%s is not a folder of pictures, and not a video that can be read", path);
-        else
-            ok = input_file_check_pixels(path, (guint64)capture.get(cv::CAP_PROP_FRAME_WIDTH),
-                                         (guint64)capture.get(cv::CAP_PROP_FRAME_HEIGHT), length,
-                                         error) &&
-                 read_all(capture, video, (guint)std::max(most, 2), progress, data, path, error);
-    } catch (const std::exception &e) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", path, e.what());
-    }
-    if (!ok)
-        g_clear_pointer(&video, video_free);
-    return video;
+    if (take_frames(result, video))
+        return video;
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO, "%s: what FFmpeg has read is not whole",
+                path);
+    video_free(video);
+    return nullptr;
 }
 
 void video_free(struct video *video) {

@@ -4,7 +4,7 @@
  * A video is divided into windows of equal length, and the sharpest frame of each window is kept:
  * the one with the largest mean squared gradient, divided by the variance of the picture. A camera
  * or board that moves while the shutter is open blurs the frames; between two movements some are
- * sharp.
+ * sharp. FFmpeg runs in a child process (picture_child.h).
  */
 #pragma once
 
@@ -27,9 +27,10 @@ typedef struct video {
 /* Called after each frame; n: as the file says, which may be wrong. FALSE ends the reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
-/* Reads a whole video, and keeps between most / 2 + 1 and most frames; all frames of a video that
- * has fewer. NULL: VISION_ERROR, INPUT_FILE_ERROR, or the error of progress (which may be NULL).
- * Rotation that the file asks for is ignored: pixels stay as on the sensor. */
+/* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG, by its
+ * first bytes, and nothing that FFmpeg would look for elsewhere), and keeps most / 2 + 1 to most
+ * frames, or all of a shorter one. NULL: VISION_ERROR, INPUT_FILE_ERROR, or the error of progress
+ * (which may be NULL). Rotation that the file asks for is ignored: pixels stay as on the sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
 void video_free(struct video *video); /* NULL is ignored */

@@ -91,7 +91,8 @@ static GPtrArray *gather_video(struct job *job, GError **error) {
 static gboolean gather_photographs(struct job *job, GError **error) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
     g_autoptr(GPtrArray) paths =
-        g_file_test(images_option, G_FILE_TEST_IS_REGULAR)
+        g_file_test(images_option, G_FILE_TEST_EXISTS) &&
+                !g_file_test(images_option, G_FILE_TEST_IS_DIR)
             ? gather_video(job, error)
             : calibrate_photographs(images_option, MOST_PICTURES, job->base.rejected, error);
     if (!paths)

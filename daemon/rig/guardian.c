@@ -12,7 +12,9 @@
 
 #define BEAT_MS    1000
 #define HANG_US    (4500 * 1000) /* the rig is dark within five seconds after the daemon has hung */
-#define END_MS     5000          /* time that a killed daemon gets to end */
+#define LOOK_MS    250           /* between two looks of the guardian at the clock */
+#define LOOK_US    (2 * LOOK_MS * 1000) /* the longest silence that it knows of from one look */
+#define END_MS     5000                 /* time that a killed daemon gets to end */
 #define RESTART_US (10 * G_USEC_PER_SEC)
 
 enum message { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
@@ -150,10 +152,30 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
+/* What the guardian knows of the daemon's silence. */
+struct silence {
+    gint64 looked_us; /* at the clock */
+    gint64 us;        /* since the last beat, as far as this process has run meanwhile */
+    gboolean allowed;
+};
+
+/* Between two looks this process may have been held up (a virtual machine that stood still, a
+ * processor that others have taken), and the daemon with it. Of such a time only LOOK_US count. */
+static void silence_look(struct silence *silence) {
+    const gint64 now_us = g_get_monotonic_time();
+    silence->us += MIN(now_us - silence->looked_us, LOOK_US);
+    silence->looked_us = now_us;
+}
+
+static int silence_wait_ms(const struct silence *silence) {
+    const gint64 left_us = MAX(HANG_US - silence->us, 0);
+    return silence->allowed ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
+}
+
 /* The bytes that the daemon has sent. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
 
-static enum news guardian_receive(gint64 *until_us) {
+static enum news guardian_receive(struct silence *silence) {
     char bytes[64];
     const ssize_t n = recv(STDIN_FILENO, bytes, sizeof bytes, MSG_DONTWAIT);
 
@@ -162,7 +184,8 @@ static enum news guardian_receive(gint64 *until_us) {
     for (ssize_t i = 0; i < n; i++) {
         if (bytes[i] == GOODBYE)
             return NEWS_GOODBYE;
-        *until_us = bytes[i] == PAUSE ? G_MAXINT64 : g_get_monotonic_time() + HANG_US;
+        silence->us = 0;
+        silence->allowed = bytes[i] == PAUSE;
     }
     return NEWS_NONE;
 }
@@ -180,25 +203,21 @@ static void kill_daemon(int daemon) {
 
 /* Waits until the daemon says goodbye, dies or hangs; returns whether to make the rig safe. */
 static gboolean watch_daemon(int daemon) {
-    gint64 until_us = g_get_monotonic_time() + HANG_US;
+    struct silence silence = {.looked_us = g_get_monotonic_time()};
 
     for (;;) {
         struct pollfd at[] = {{.fd = STDIN_FILENO, .events = POLLIN},
                               {.fd = daemon, .events = POLLIN}};
-        const gint64 left_us = MAX(until_us - g_get_monotonic_time(), 0);
-        const int wait_ms = until_us == G_MAXINT64 ? -1 : (int)(left_us / 1000) + 1;
-        const int ready = poll(at, G_N_ELEMENTS(at), wait_ms);
+        const int ready = poll(at, G_N_ELEMENTS(at), silence_wait_ms(&silence));
         if (ready < 0 && errno != EINTR)
             return TRUE;
+        silence_look(&silence);
         if (ready > 0) {
-            const enum news news = at[0].revents ? guardian_receive(&until_us) : NEWS_DEAD;
+            const enum news news = at[0].revents ? guardian_receive(&silence) : NEWS_DEAD;
             if (news != NEWS_NONE)
                 return news == NEWS_DEAD;
         }
-        if (ready == 0 && g_get_monotonic_time() > until_us + G_USEC_PER_SEC) {
-            /* This process was held up, and perhaps the daemon with it: wait again. */
-            until_us = g_get_monotonic_time() + HANG_US;
-        } else if (ready == 0) {
+        if (!silence.allowed && silence.us >= HANG_US) {
             kill_daemon(daemon);
             return TRUE;
         }

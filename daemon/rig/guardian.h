@@ -1,7 +1,9 @@
 /*
  * A small process beside the daemon that makes the rig safe when the daemon cannot: when the daemon
  * has died without saying goodbye, or when its main loop hangs; then the guardian kills it. A timer
- * of the default main context sends it a heartbeat, in real time whatever the rig's clock.
+ * of the default main context sends it a heartbeat, in real time whatever the rig's clock. A time
+ * in which the guardian itself was held up counts as half a second of silence, since a computer
+ * that stands still holds the daemon up, too.
  */
 #pragma once
 

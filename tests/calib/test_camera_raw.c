@@ -101,6 +101,18 @@ static void test_refused(void) {
     expect_error(path, "is not a camera raw picture that can be read");
 }
 
+/* A file on which LibRaw 0.20 ends with a signal: an error of one picture, not the end of the
+ * program. */
+static void test_crash(void) {
+    static const char path[] = SOURCE_DIR "/tests/fuzz/corpus/camera_raw/57594b45be5b";
+    char cfa[RAW_CFA];
+    g_autoptr(GError) error = NULL;
+    g_assert_null(raw_read(path, cfa, &error));
+    g_assert_error(error, VISION_ERROR, VISION_ERROR_IO);
+    g_test_message("%s", error->message);
+    assert_has(error->message, path);
+}
+
 /* OpenCV's photographs as mosaics of a sensor that sees red and blue weaker, with the levels of a
  * camera: the lens is that of the photographs. */
 #define OPENCV_FOCAL_PX 532.8 /* of 13 of them; its standard error is 0.6 px */
@@ -159,6 +171,7 @@ int main(int argc, char **argv) {
     for (gsize i = 0; i < G_N_ELEMENTS(levels); i++)
         g_test_add_data_func(levels[i].path, &levels[i], test_levels);
     g_test_add_func("/camera raw/refused", test_refused);
+    g_test_add_func("/camera raw/crash", test_crash);
     g_test_add_func("/camera raw/boards", test_boards);
     const int code = g_test_run();
     remove_tree(folder);

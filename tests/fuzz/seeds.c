@@ -16,6 +16,7 @@
 
 #include "fuzz.h"
 #include "lib/remove_tree.h"
+#include "lib/write_dng.h"
 
 #include <glib/gstdio.h>
 #include <sqlite3.h>
@@ -257,6 +258,25 @@ static void write_checkpoint(const char *folder) {
     g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
+/* Each filter of a mosaic, and none; with margins and levels. */
+static void write_raws(const char *folder) {
+    static const char *const filters[] = {"rggb", "bggr", "grbg", "gbrg", "mono"};
+    guint16 values[32 * 24];
+    for (gsize i = 0; i < G_N_ELEMENTS(values); i++)
+        values[i] = (guint16)(400 + i * 17);
+    for (gsize i = 0; i < G_N_ELEMENTS(filters); i++) {
+        g_autofree char *path = file_in(folder, "camera_raw", filters[i]);
+        write_dng(path, &(struct dng){.width = 32,
+                                      .height = 24,
+                                      .values = values,
+                                      .cfa = filters[i],
+                                      .black = {512, 500, 520, 512},
+                                      .white = 15000,
+                                      .top = (int)i,
+                                      .left = 2});
+    }
+}
+
 /* A call as a message, and its options alone. */
 static void write_options(const char *folder) {
     static const char *const options[] = {
@@ -347,5 +367,6 @@ int main(int argc, char **argv) {
     write_queue(argv[1]);
     write_indices(argv[1]);
     write_environments(argv[1]);
+    write_raws(argv[1]);
     return 0;
 }

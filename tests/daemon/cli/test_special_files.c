@@ -22,6 +22,7 @@
 #define MOST_CPU_S  5  /* of a command, start included */
 #define MOST_WALL_S 60 /* the machine may have more to do; what hangs is ended then */
 #define MOST_KIB    (1 << 20)
+#define BOARD       "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3"
 
 static char *folder, *session;
 
@@ -194,8 +195,10 @@ static const struct planted {
     {"COPY/tl000_pl000_tv000_pv000.png", "mesorig import pictures COPY -o OUT"},
     {"COPY/list.lp", "mesorig import rti COPY/list.lp -o OUT"},
     {"COPY/photo.jpg", "mesorig calibrate lights --images COPY --ball 90,90,50 -o out.cal"},
-    {"COPY/photo.jpg", "mesorig calibrate cameras --images COPY --board "
-                       "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3 -o out.cal"},
+    {"COPY/photo.jpg", "mesorig calibrate cameras --images COPY --board " BOARD " -o out.cal"},
+    {"COPY/photo.dng", "mesorig calibrate cameras --images COPY --board " BOARD " -o out.cal"},
+    {"COPY/film.mp4",
+     "mesorig calibrate cameras --images COPY/film.mp4 --board " BOARD " -o out.cal"},
     {"COPY/shape.bin", "mesorig-view --shape COPY/shape.gltf -o out.png"},
     {"COPY/target.conf", "mesorig calibrate lights SESSION --target COPY/target.conf -o out.cal"},
     {"COPY/rig.conf", "mesorig resume --rig COPY/rig.conf SESSION"},
@@ -250,6 +253,26 @@ static void test_planted(void) {
         const gboolean quiet = g_str_has_suffix(planted[i].file, "control");
         check(&fifo, quiet ? "no daemon captures" : says[A_FIFO]);
         check(&device, quiet ? "no daemon captures" : says[A_DEVICE]);
+    }
+}
+
+/* Playlists that FFmpeg would follow to whatever they name: here a FIFO beside them. */
+static void test_playlists(void) {
+    static const char *const texts[] = {
+        "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\npart.ts\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile part.ts\n",
+        "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 9 RTP/AVP 96\n"};
+    g_autofree char *part = g_build_filename(folder, "part.ts", NULL);
+    g_autofree char *path = g_build_filename(folder, "list.mp4", NULL);
+    g_autofree char *command =
+        g_strdup_printf("mesorig calibrate cameras --images %s --board " BOARD " -o out.cal", path);
+    g_assert_cmpint(mkfifo(part, 0600), ==, 0);
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        struct running running;
+        g_auto(GStrv) argv = arguments_of(command, A_FIFO, NULL);
+        g_assert_true(g_file_set_contents(path, texts[i], -1, NULL));
+        start(&running, argv, path);
+        check(&running, "not a video");
     }
 }
 
@@ -438,6 +461,7 @@ int main(int argc, char **argv) {
     make_session();
     g_test_add_func("/special-files/commands", test_commands);
     g_test_add_func("/special-files/planted", test_planted);
+    g_test_add_func("/special-files/playlists", test_playlists);
     g_test_add_func("/special-files/samples", test_samples);
     g_test_add_func("/special-files/bombs", test_bombs);
     g_test_add_func("/special-files/headers", test_headers);
