@@ -9,7 +9,6 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
     const char *path = devices->calibration_path;
     g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(Calibration) calibration = NULL;
-
     const char *text = devices->calibration_text;
     if (path && (text || g_file_test(path, G_FILE_TEST_EXISTS))) {
         calibration =

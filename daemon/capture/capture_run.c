@@ -95,7 +95,6 @@ void capture_save_value(Session *session, const char *key, double value) {
 static void save_clock(Capture *capture) {
     double real_s = (double)(g_get_monotonic_time() - capture->begun_us) * 1e-6;
     struct rusage usage;
-
     getrusage(RUSAGE_SELF, &usage);
     capture->clock_saved_s = capture_now_s(capture);
     capture_save_value(capture->session, "clock_s", capture->clock_saved_s);
