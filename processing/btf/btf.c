@@ -109,7 +109,7 @@ struct mosaic {
     float shorter; /* values from here on come from shorter exposures; 0: there are none */
     int saturated; /* number of saturated pixels; −1: unknown */
     struct btf_exposures exposures;
-    int together;     /* lamps of the group it was taken in (multiplex/multiplex.h); 0: alone */
+    int multiplex;    /* lamps of the group it was taken in (multiplex/multiplex.h); 0: alone */
     const float *sum; /* of the pictures of that group; n_values, of mosaics.sums */
 };
 
@@ -272,9 +272,9 @@ static void btf_add_up_variance(const struct btf_view *view, const Rectify *rect
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
     btf_sigma_pixels(view->noise, &mosaic->exposures, exposed, n_values, pixels);
     if (mosaic->multiplex > 0) {
-        const float together = (float)multiplex_variance(mosaic->multiplex);
+        const float variance = (float)multiplex_variance(mosaic->multiplex);
         for (gsize i = 0; i < n_values; i++)
-            pixels[i] *= together;
+            pixels[i] *= variance;
     }
     rectify_errors(rectify, values, pixels, ret, detail, shift);
     for (gsize i = 0; i < n; i++)

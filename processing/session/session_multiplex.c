@@ -50,7 +50,7 @@ char *session_multiplex_text(const struct session_shot *shots, int n) {
 
 static gboolean session_multiplex_wrong(GError **error, const char *text, const char *what) {
     return session_fail(error, SESSION_ERROR_FORMAT,
-                        "the session's value " SESSION_TOGETHER " is not valid: %s: %.60s", what,
+                        "the session's value " SESSION_MULTIPLEX " is not valid: %s: %.60s", what,
                         text);
 }
 
