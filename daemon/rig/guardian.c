@@ -231,9 +231,10 @@ int guardian_main(const char *rig_path) {
 
     if (!watch_daemon(daemon))
         return 0;
-    g_printerr("mesorigd: guardian: the daemon has ended and has not said that the rig is safe: "
-               "making %s safe\n",
-               rig_path);
+    g_printerr(
+        "mesorigd: guardian: the daemon has ended and has not reported that it left the rig safe: "
+        "making %s safe\n",
+        rig_path);
     if (!state) {
         g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
         return 1;

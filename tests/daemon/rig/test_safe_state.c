@@ -410,7 +410,8 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
     read_log(fixture);
-    assert_has(fixture->said, "the daemon has ended and has not said that the rig is safe");
+    assert_has(fixture->said,
+               "the daemon has ended and has not reported that it left the rig safe");
     assert_says_not(fixture, "NOT safe");
 }
 
