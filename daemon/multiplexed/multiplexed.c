@@ -153,7 +153,8 @@ static double multiplexed_cost(const GArray *places, int n, double part) {
     double sum = 0;
     for (guint i = 0; i < places->len; i++) {
         const int lamps = (int)g_array_index(places, struct place, i).shots->len;
-        sum += lamps / n * n * part + lamps % n;
+        const int alone = lamps % n;
+        sum += (lamps - alone) * part + alone;
     }
     return sum;
 }
