@@ -246,7 +246,7 @@ static void test_hostile(struct fixture *fixture, gconstpointer data) {
         {"state=waiting", "state=soon", "there is no “soon”"},
         {"predicted_s=", "predicted_s=-", "below 0"},
         {"predicted_s=", "predicted_s=x", "predicted_s"},
-        {"directory=/", "directory=", "not absolute"},
+        {"directory=/", "directory=", "not an absolute path"},
         {"uid=", "uid=9", "uid, groups"},
         {"yes=true", "yes=perhaps", "yes"},
         {"\nname=", "\nnome=", "name"},
