@@ -259,6 +259,15 @@ static char *dome_sums(const char *path) {
     return g_string_free(sums, FALSE);
 }
 
+/* Ends a run, whose files must have these checksums. */
+static void dome_end_as(struct run *run, const char *wanted) {
+    run_to_end(run);
+    run_check_whole(run->session);
+    g_autofree char *sums = dome_sums(run->session);
+    g_assert_cmpstr(sums, ==, wanted);
+    run_free(run);
+}
+
 /* However often it is interrupted, within groups and between, the frames are to the byte the same;
  * a pause waits for the group's end; and a frame that is lost takes its whole group with it. */
 static void test_multiplexed_resume(void) {
@@ -272,11 +281,7 @@ static void test_multiplexed_resume(void) {
         run_start(run);
         for (int cut = 0; cut < 3 && run_until(run, every + 5 * cut) != CAPTURE_DONE; cut++)
             run_resume(run);
-        run_to_end(run);
-        run_check_whole(run->session);
-        g_autofree char *sums = dome_sums(run->session);
-        g_assert_cmpstr(sums, ==, wanted);
-        run_free(run);
+        dome_end_as(run, wanted);
     }
     struct run *run = dome_new(&dim);
     run_start(run);
@@ -290,11 +295,7 @@ static void test_multiplexed_resume(void) {
     g_autofree char *path = g_build_filename(run->session, lost->path, NULL);
     g_assert_true(g_file_set_contents(path, "", 0, NULL));
     run_resume(run);
-    run_to_end(run);
-    run_check_whole(run->session);
-    g_autofree char *sums = dome_sums(run->session);
-    g_assert_cmpstr(sums, ==, wanted);
-    run_free(run);
+    dome_end_as(run, wanted);
 }
 
 /* Lamps that die: from the beginning, or within the group, first or last of it. Nothing wrong is
@@ -320,11 +321,7 @@ static void test_multiplexed_dead(void) {
         g_clear_pointer(&run->capture, capture_free);
         dome_change(run, &lit);
         run_resume(run);
-        run_to_end(run);
-        run_check_whole(run->session);
-        g_autofree char *sums = dome_sums(run->session);
-        g_assert_cmpstr(sums, ==, wanted);
-        run_free(run);
+        dome_end_as(run, wanted);
     }
 }
 
