@@ -1,9 +1,15 @@
 #include "process.h"
 
+#include <poll.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
+#include <unistd.h>
+
+#define READY_MS 60000
 
 int process_run_in(const char *folder, const char *const *argv, char **ret_out, char **ret_err) {
     const GSpawnFlags flags =
@@ -52,14 +58,42 @@ static void die_with_parent(gpointer unused) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
 }
 
-GSubprocess *process_start(GSubprocessFlags flags, const char *log, const char *const *argv) {
-    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
+static GSubprocess *start(GSubprocessLauncher *launcher, const char *log, const char *const *argv) {
     g_autoptr(GError) error = NULL;
     if (log)
         g_subprocess_launcher_set_stderr_file_path(launcher, log);
     g_subprocess_launcher_set_child_setup(launcher, die_with_parent, NULL, NULL);
     GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, &error);
     g_assert_no_error(error);
+    return process;
+}
+
+GSubprocess *process_start(GSubprocessFlags flags, const char *log, const char *const *argv) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
+    return start(launcher, log, argv);
+}
+
+GSubprocess *process_start_ready(GSubprocessFlags flags, const char *log, const char *const *argv) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    socklen_t size = sizeof(at.sun_family); /* the kernel chooses an abstract name */
+    struct pollfd notified = {socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0), POLLIN, 0};
+    g_assert_cmpint(bind(notified.fd, (struct sockaddr *)&at, size), ==, 0);
+    size = sizeof(at);
+    g_assert_cmpint(getsockname(notified.fd, (struct sockaddr *)&at, &size), ==, 0);
+    g_autofree char *name =
+        g_strndup(at.sun_path + 1, size - offsetof(struct sockaddr_un, sun_path) - 1);
+    g_autofree char *address = g_strconcat("@", name, NULL);
+    g_subprocess_launcher_setenv(launcher, "NOTIFY_SOCKET", address, TRUE);
+    GSubprocess *process = start(launcher, log, argv);
+    char told[4096] = "";
+    while (!strstr(told, "READY=1")) {
+        if (poll(&notified, 1, READY_MS) <= 0)
+            g_error("%s has not said within %d s that it is ready", argv[0], READY_MS / 1000);
+        const ssize_t n = recv(notified.fd, told, sizeof(told) - 1, 0);
+        told[MAX(n, 0)] = '\0';
+    }
+    close(notified.fd);
     return process;
 }
 

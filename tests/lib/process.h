@@ -24,9 +24,11 @@ const char **process_argv_valist(const char *program, va_list arguments);
  * nothing behind. log: where standard error goes, or NULL. */
 GSubprocess *process_start(GSubprocessFlags flags, const char *log, const char *const *argv);
 
+/* The same, and waits until the program tells systemd's protocol (sd_notify) that it is ready. */
+GSubprocess *process_start_ready(GSubprocessFlags flags, const char *log, const char *const *argv);
+
 /* The processes (pid_t) that have this word among their arguments ("cmdline") or in their
- * environment
- * ("environ", "NAME=value"); g_array_unref(). */
+ * environment ("environ", "NAME=value"); g_array_unref(). */
 GArray *process_find(const char *file, const char *word);
 
 /* Fails and shows the text unless it contains these words. */
