@@ -167,8 +167,10 @@ static void abandoned(void) {
             g_main_context_iteration(NULL, TRUE);
             g_assert_cmpint(g_get_monotonic_time(), <, until);
         }
-        if (signals[i] == SIGSTOP)
-            assert_has(mishap.out, "not known to be on any more");
+        /* The next feeding notices it, or the switching itself if that was stopped before it had
+         * read back what it wrote. */
+        if (signals[i] == SIGSTOP && !strstr(mishap.out, "not known to be on any more"))
+            assert_has(mishap.out, "wrote 1 to 0, but it reads back as 0");
         g_subprocess_force_exit(daemon);
         g_subprocess_wait(daemon, NULL, NULL);
         virtual_rig_free(mishap.rig);
