@@ -251,12 +251,15 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* What decides which exposures a value comes from, and its noise: the value itself, or, of a lamp
- * in a group, the mean of the patterns. g_free() */
-static float *btf_exposed(const struct mosaic *mosaic, const float *values, gsize n) {
-    float *ret = g_memdup2(values, n * sizeof(float));
-    const float mean = (float)(mosaic->multiplex + 1) / (float)(2 * MAX(mosaic->multiplex, 1));
-    for (gsize k = 0; mosaic->multiplex > 0 && k < n; k++)
+/* The mean of the patterns with which a group of lamps was taken; NULL for a lamp alone. The
+ * radiance of the patterns, not that of the lamp, decides which exposures a value comes from, and
+ * its noise. g_free() */
+static float *btf_mean_pattern(const struct mosaic *mosaic, gsize n) {
+    if (mosaic->multiplex == 0)
+        return NULL;
+    float *ret = g_new(float, n);
+    const float mean = (float)(mosaic->multiplex + 1) / (float)(2 * mosaic->multiplex);
+    for (gsize k = 0; k < n; k++)
         ret[k] = mean * mosaic->sum[k];
     return ret;
 }
@@ -298,7 +301,8 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
             light->input.path, holes, n);
         return NULL;
     }
-    g_autofree float *exposed = btf_exposed(mosaic, values, mosaics->n_values);
+    g_autofree float *pattern = btf_mean_pattern(mosaic, mosaics->n_values);
+    const float *exposed = pattern ? pattern : values;
     btf_set_flags(rectify, mosaic, exposed, mosaics, n, flags);
     g_autofree float *variance = mosaic->exposures.n > 0 ? g_new(float, 3 * n) : NULL;
     struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
