@@ -59,11 +59,11 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
     return FALSE;
 }
 
-gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
+gboolean new_file_write(int fd, const void *bytes, gsize n) {
     const char *from = bytes;
 
     while (n > 0) {
-        const gssize done = write(file->fd, from, n);
+        const gssize done = write(fd, from, n);
 
         if (done < 0 && errno == EINTR)
             continue;
@@ -73,6 +73,10 @@ gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
         n -= (gsize)done;
     }
     return TRUE;
+}
+
+gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
+    return new_file_write(file->fd, bytes, n);
 }
 
 gboolean new_file_commit(struct new_file *file, gboolean sync) {

@@ -16,6 +16,9 @@ struct new_file {
  * FALSE: errno says why. */
 gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative);
 
+/* Writes n bytes to a descriptor, in as many steps as that takes. FALSE: errno says why. */
+gboolean new_file_write(int fd, const void *bytes, gsize n);
+
 /* Writes n bytes behind those that are there. FALSE: errno says why. */
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 

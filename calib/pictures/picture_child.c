@@ -1,6 +1,7 @@
 #include "picture_child.h"
 
 #include "base/input_file.h"
+#include "base/new_file.h"
 #include "vision.h"
 
 #include <errno.h>
@@ -21,23 +22,14 @@ struct told {
     int done, n;
 };
 
-/* What stands in the file instead of a result. */
+/* A child that fails writes this into the file instead of a result. */
 struct child_error {
     gboolean is_input; /* INPUT_FILE_ERROR, otherwise VISION_ERROR */
     int code;
 };
 
 gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n) {
-    for (const char *from = bytes; n > 0;) {
-        const ssize_t done = write(child->result, from, n);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done <= 0)
-            return FALSE;
-        from += done;
-        n -= (gsize)done;
-    }
-    return TRUE;
+    return new_file_write(child->result, bytes, n);
 }
 
 void picture_child_tell(struct picture_child *child, int done, int n) {
@@ -52,7 +44,7 @@ static void picture_child_main(struct picture_child *child, int cpu_s, PictureCh
     const struct rlimit limit = {(rlim_t)cpu_s, (rlim_t)cpu_s}, none = {0, 0};
     GError *error = NULL;
 
-    /* What a library prints of a damaged file says nothing to those who have given it. */
+    /* Users cannot use what libraries print of a damaged file. */
     const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
     if (nowhere >= 0)
         dup2(nowhere, STDERR_FILENO);

@@ -1,5 +1,6 @@
 #include "material_private.h"
 
+#include "base/new_file.h"
 #include "exr/exr.h"
 #include "session/session.h"
 
@@ -151,16 +152,7 @@ mesorig_material *mesorig_material_open(const char *path, const char *mdf,
  */
 static int material_file_of(const void *bytes, size_t n, GError **error) {
     const int fd = memfd_create("mesorig-material", MFD_CLOEXEC);
-    gsize done = 0;
-    while (fd >= 0 && done < n) {
-        const gssize written = write(fd, (const guint8 *)bytes + done, n - done);
-        if (written < 0 && errno == EINTR)
-            continue;
-        if (written <= 0)
-            break;
-        done += (gsize)written;
-    }
-    if (fd >= 0 && done == n)
+    if (fd >= 0 && new_file_write(fd, bytes, n))
         return fd;
     g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE, "%zu bytes in memory cannot be copied: %s",
                 n, g_strerror(errno));
