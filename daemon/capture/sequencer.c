@@ -117,18 +117,13 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
     return goal;
 }
 
-/* Whether shots of the same group follow, which are of no use without each other. */
-static gboolean sequencer_is_within(const struct session_shot *shot) {
-    return shot->multiplex.group > 0 && shot->multiplex.k + 1 < shot->multiplex.n;
-}
-
 /* The stage's goal once the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->pending)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
-    if (seq->next < seq->shots->len && (!seq->pausing || sequencer_is_within(seq->shot))) {
+    if (seq->next < seq->shots->len && (!seq->pausing || session_is_within_group(seq->shot))) {
         /* The laser waits for the last frame: should that have to be taken again, a laser that
          * stays on would light it, and only the end of the sweep shows such a laser. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
@@ -276,7 +271,7 @@ static void picture_over(Sequencer *seq) {
         seq->sub++;
         seq->pending = seq->shot->cameras;
     } else if (seq->pending == 0 &&
-               ((seq->pausing && !sequencer_is_within(seq->shot)) || !begin_shot(seq))) {
+               ((seq->pausing && !session_is_within_group(seq->shot)) || !begin_shot(seq))) {
         sequencer_finish(seq);
         return;
     }

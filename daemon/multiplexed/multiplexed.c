@@ -34,8 +34,8 @@ static int multiplexed_compare(gconstpointer a, gconstpointer b, gpointer data) 
 }
 
 static struct place *multiplexed_find(GArray *places, const struct session_shot *shot) {
-    for (guint i = 0; i < places->len; i++) {
-        struct place *place = &g_array_index(places, struct place, i);
+    for (guint i = places->len; i > 0; i--) { /* the shots of a pose are next to each other */
+        struct place *place = &g_array_index(places, struct place, i - 1);
         if (place->pose == shot->pose && place->cameras == shot->cameras)
             return place;
     }
@@ -88,7 +88,7 @@ static double multiplexed_white(const struct multiplexed_setup *b, const struct 
     return n > 0 ? rig->cameras[camera].response * WHITE / G_PI * sum / n * 1e-3 : 0;
 }
 
-/* What is known of the cameras' noise before a choice. */
+/* The noise that the cameras are expected to have, before a choice. */
 struct expected {
     int n_cameras;
     struct {
@@ -130,7 +130,7 @@ static double multiplexed_part(const struct expected *e, int n) {
     return ceil(part / PART_STEP) * PART_STEP;
 }
 
-/* Of the grey, relative, in per cent: that of the camera that has most. */
+/* The expected noise of the grey relative to its value, of the noisiest camera. */
 static double multiplexed_noise_pct(const struct expected *e, int n, double part) {
     double most = 0;
     for (int c = 0; c < e->n_cameras; c++)
@@ -217,18 +217,19 @@ static int multiplexed_best(const struct multiplexed_setup *b, const GArray *pla
     }
     for (int n = most; n > 0; n = multiplex_order(n - 1)) {
         const double part = multiplexed_part(e, n), used = MAX(part, least);
+        const double cost = multiplexed_cost(places, n, used);
         if (part < least_part) {
             least_part = part;
             nearest = n;
         }
-        if (used >= 1 || multiplexed_cost(places, n, used) >= best_cost)
+        if (used >= 1 || cost >= best_cost)
             continue;
         if (multiplexed_saturates(e, n, b->exposures_us[0] * 1e-3 * used)) {
             bright = TRUE;
             continue;
         }
         best = n;
-        best_cost = multiplexed_cost(places, n, used);
+        best_cost = cost;
     }
     if (best == 0 && bright)
         *ret_why = g_strdup("a white sample under several lamps would saturate the shortest of "
@@ -412,10 +413,6 @@ gboolean multiplexed_parse(const char *text, int *ret_wanted, char **ret_why) {
     return *ret_why == NULL;
 }
 
-static gboolean multiplexed_is_last(const struct session_shot *shot) {
-    return shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n;
-}
-
 /* Which lamps (units) are lit in the first frame of a shot of a lamp, or in its last. */
 static void multiplexed_units(const struct session_shot *shot, gboolean last, const struct rig *rig,
                               gboolean *ret_lit) {
@@ -423,7 +420,7 @@ static void multiplexed_units(const struct session_shot *shot, gboolean last, co
     memset(ret_lit, 0, sizeof(gboolean) * RIG_MAX_LAMPS);
     for (int i = 0; i < rig->n_lamps; i++) {
         const guint64 lit =
-            last && multiplexed_is_last(shot) ? t->all[i / 64] & ~t->lit[i / 64] : t->lit[i / 64];
+            last && session_ends_group(shot) ? t->all[i / 64] & ~t->lit[i / 64] : t->lit[i / 64];
         if (t->group > 0 ? (lit >> i % 64 & 1) != 0 : shot->device == i)
             ret_lit[rig_lamp_unit(rig, i)] = TRUE;
     }
@@ -449,7 +446,7 @@ double multiplexed_warm_up_s(const struct session_shot *previous, const struct s
 
 double multiplexed_check_s(const struct session_shot *shot, const struct rig_timing *timing) {
     double longest_s = 0;
-    for (int i = 0; i < RIG_MAX_LAMPS && multiplexed_is_last(shot); i++)
+    for (int i = 0; i < RIG_MAX_LAMPS && session_ends_group(shot); i++)
         if ((shot->multiplex.all[i / 64] & ~shot->multiplex.lit[i / 64]) >> i % 64 & 1)
             longest_s = MAX(longest_s, timing->lamp_warm_up_s[i]);
     return longest_s;

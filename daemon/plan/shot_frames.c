@@ -43,8 +43,7 @@ int shot_n_frames(const struct session_conf *conf, const struct session_shot *sh
     case SHOT_SWEEP:
         return frames_a_step(conf) * shot->sweep_steps + 1;
     default:
-        return conf->n_exposures +
-               (shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n);
+        return conf->n_exposures + session_ends_group(shot);
     }
 }
 

@@ -91,6 +91,14 @@ struct session_shot {
     struct session_multiplex multiplex;
 };
 
+/* The last shot of a group, which has one frame more; a shot of a group that others follow. */
+static inline gboolean session_ends_group(const struct session_shot *shot) {
+    return shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n;
+}
+static inline gboolean session_is_within_group(const struct session_shot *shot) {
+    return shot->multiplex.group > 0 && shot->multiplex.k + 1 < shot->multiplex.n;
+}
+
 /* The note of a shot begins so if the shot was skipped because others suffice: a sweep that is
  * expected to add nothing, or a lamp shot whose pictures can be predicted. */
 #define SESSION_LEFT_OUT "left out:"
