@@ -4,10 +4,8 @@
 
 #include "shot_frames.h"
 
-#define FINE_TEXEL      0.5 /* of a pixel of the finest camera: finer texels are noted */
-#define BTF_VALUE_BYTES 6   /* red, green and blue, as half floats */
-#define DEG(rad)        ((rad) * (180 / G_PI))
-#define RAD(deg)        ((deg) * (G_PI / 180))
+#define DEG(rad) ((rad) * (180 / G_PI))
+#define RAD(deg) ((deg) * (G_PI / 180))
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
@@ -105,27 +103,9 @@ static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
     return TRUE;
 }
 
-/* Notes of the same text are counted. */
-static void plan_note(struct plan_build *b, const char *unit, const char *text) {
-    for (guint i = 0; i < b->notes->len; i++) {
-        struct plan_note *known = &g_array_index(b->notes, struct plan_note, i);
-        if (g_str_equal(known->text, text)) {
-            known->n++;
-            return;
-        }
-    }
-    const struct plan_note note = {g_strdup(text), unit, 1};
-    g_array_append_val(b->notes, note);
-}
-
-static void plan_clear_note(gpointer note) {
-    g_free(((struct plan_note *)note)->text);
-}
-
 /* "cam1, cam2"; g_free(). */
 static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     GString *names = g_string_new(NULL);
-
     for (int c = 0; c < b->rig->n_cameras; c++)
         if (cameras & 1u << c)
             g_string_append_printf(names, "%s%s", names->len ? ", " : "", b->rig->cameras[c].name);
@@ -154,7 +134,7 @@ static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *fro
     if (off_deg > PLAN_TOLERANCE_DEG) {
         p.note = text =
             g_strdup_printf("skipped: no %s stands where its light would come from", what);
-        plan_note(b, "shot", text);
+        plan_add_note(b, "shot", text);
         p.state = SHOT_SKIPPED;
         return add_shot(b, &p, kind, source, device, error);
     }
@@ -175,7 +155,7 @@ static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *fro
     p.cameras = hidden;
     p.note = text =
         g_strdup_printf("skipped: %s %s and %s are in each other's way", what, name, names);
-    plan_note(b, "shot", text);
+    plan_add_note(b, "shot", text);
     p.state = SHOT_SKIPPED;
     return add_shot(b, &p, kind, source, device, error);
 }
@@ -249,7 +229,7 @@ static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArr
                                b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
         p.state = SHOT_SKIPPED;
     }
-    plan_note(b, "pose", text);
+    plan_add_note(b, "pose", text);
     p.note = text;
     return add_shots(b, &p, error);
 }
@@ -590,146 +570,14 @@ static int count_mounts(const struct plan_build *b) {
     return n;
 }
 
-/* What stands for exposures that are not chosen yet. */
-static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
-    g_autoptr(GString) bounds = g_string_new(NULL);
-
-    if (conf->is_auto[AUTO_EXPOSURES]) {
-        g_string_append_printf(bounds, "%s ", auto_key_names[AUTO_EXPOSURES]);
-        for (int i = 0; i < conf->n_exposures; i++)
-            g_string_append_printf(bounds, "%s%g", i ? "; " : "", conf->exposures_us[i]);
-    }
-    const double lasers_us[] = {
-        [AUTO_LASER] = conf->laser_exposure_us, [AUTO_SHORT] = conf->laser_short_us};
-    for (int key = AUTO_LASER; key < AUTO_KEYS; key++)
-        if (conf->is_auto[key])
-            g_string_append_printf(bounds, "%s%s %g", bounds->len ? ", " : "", auto_key_names[key],
-                                   lasers_us[key]);
-    if (bounds->len)
-        g_ptr_array_add(notes, g_strdup_printf("time and space are upper bounds: \"auto\" is taken "
-                                               "as %s (µs); [capture] auto_longest_us, %g, is the "
-                                               "longest that it may choose",
-                                               bounds->str, conf->auto_longest_us));
-}
-
-static void plan_note_stop(const struct plan_build *b, const struct plan *plan) {
-    if (b->conf->laser_stop == STOP_ALL)
-        return;
-    if (plan->n_later_sweeps > 0)
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
-                                        "as far as those before them leave something unseen; the "
-                                        "predicted time and frames are for all of them",
-                                        plan->n_later_sweeps));
-    else
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("[lasers] stop = covered: the first round already has all "
-                                        "sweeps, since no angle of the turntable has more than "
-                                        "first = %d, so that none can be saved",
-                                        b->conf->laser_first));
-}
-
-static void plan_note_sampling(const struct plan_build *b, const struct plan *plan) {
-    if (b->conf->light_sampling == SAMPLING_ALL)
-        return;
-    if (plan->n_later_lamps > 0)
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("[lights] sampling = adaptive: %d of the shots of lamps "
-                                        "are taken only as far as those before them do not tell "
-                                        "what they would show; the predicted time and frames are "
-                                        "for all of them",
-                                        plan->n_later_lamps));
-    else
-        g_ptr_array_add(plan->notes,
-                        g_strdup_printf("[lights] sampling = adaptive: the first round already has "
-                                        "all shots of lamps, since no angle of the turntable has "
-                                        "more than first = %d, so that none can be saved",
-                                        b->conf->light_first));
-}
-
-static void plan_note_bytes(const struct plan_build *b, const struct plan *plan) {
-    gboolean vary = FALSE, sweeps = FALSE;
-    for (guint i = 0; i < b->shots->len; i++) {
-        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
-        for (int c = 0; c < b->rig->n_cameras && shot->state == SHOT_PLANNED; c++)
-            if (shot->cameras & 1u << c && plan_bytes_vary(&b->rig->cameras[c])) {
-                vary = TRUE;
-                sweeps |= shot->kind == SHOT_SWEEP;
-            }
-    }
-    if (vary)
-        g_ptr_array_add(
-            plan->notes,
-            g_strdup_printf("frames of more than 256² pixels are compressed, and their size "
-                            "depends on what they show; %smesorig status tells what the session "
-                            "will take by the frames stored so far",
-                            sweeps ? "of a laser sweep, pixels that do not see its line take "
-                                     "next to nothing; "
-                                   : ""));
-}
-
-/* Texels much finer than the pixels of the finest camera show nothing more and cost space. */
-static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
-    const struct session_grid *grid = &b->conf->grid;
-    const double texel_mm = grid->width_mm / grid->width;
-    double finest_mm = G_MAXDOUBLE;
-    const char *name = "";
-
-    for (int c = 0; c < b->rig->n_cameras; c++) {
-        const struct rig_camera *camera = &b->rig->cameras[c];
-        const double pixel_mm = vec3_length(rig_camera_centre_mm(camera)) / camera->fx_px;
-        gboolean planned = FALSE;
-        for (guint i = 0; i < b->views->len && !planned; i++)
-            planned = g_array_index(b->views, struct session_direction, i).device == c;
-        if (planned && pixel_mm < finest_mm) {
-            finest_mm = pixel_mm;
-            name = camera->name;
-        }
-    }
-    if (finest_mm == G_MAXDOUBLE || texel_mm >= FINE_TEXEL * finest_mm)
-        return;
-    g_autofree char *size = g_format_size((guint64)grid->width * (guint64)grid->height *
-                                          b->views->len * b->lights->len * BTF_VALUE_BYTES);
-    g_ptr_array_add(notes, g_strdup_printf("a texel is %.2g mm wide, but a pixel of camera %s, the "
-                                           "finest, sees %.2g mm: texels = %.0f shows as much; the "
-                                           "BTF would take %s before it is compressed",
-                                           texel_mm, name, finest_mm,
-                                           ceil(grid->width_mm / finest_mm), size));
-}
-
 static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
-
-    plan->notes = g_ptr_array_new_with_free_func(g_free);
     plan_predict_multiplexed(b, plan);
     plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
-    for (guint i = 0; i < b->notes->len; i++) {
-        const struct plan_note *note = &g_array_index(b->notes, struct plan_note, i);
-        g_ptr_array_add(plan->notes, g_strdup_printf("%d %s%s: %s", note->n, note->unit,
-                                                     note->n == 1 ? "" : "s", note->text));
-    }
-    plan_note_auto(b->conf, plan->notes);
-    plan_note_stop(b, plan);
-    plan_note_sampling(b, plan);
-    if (b->conf->multiplex != MULTIPLEX_NO)
-        g_ptr_array_add(plan->notes,
-                        multiplexed_note(&b->multiplex, plan->predicted_s, plan->alone_s));
     plan->multiplex = b->multiplex;
     b->multiplex.why = NULL;
-    plan_note_texels(b, plan->notes);
-    plan_note_bytes(b, plan);
-    if (b->views->len == 1)
-        g_ptr_array_add(plan->notes,
-                        g_strdup("one view: what is seen from there under each light (an "
-                                 "RTI set, for PTM and HSH); there will be nothing of "
-                                 "other views"));
-    else if (plan_is_absent(&b->timing->turntable))
-        g_ptr_array_add(
-            plan->notes,
-            g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
-                            "nothing of directions between them but what is interpolated",
-                            b->views->len));
+    plan->notes = plan_tell_notes(b, plan);
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
                                           .n_lights = (int)b->lights->len,
@@ -755,7 +603,6 @@ static void plan_clear_shot(gpointer shot) {
 
 static GArray *owning_array(gsize size, GDestroyNotify clear) {
     GArray *array = g_array_new(FALSE, FALSE, (guint)size);
-
     g_array_set_clear_func(array, clear);
     return array;
 }

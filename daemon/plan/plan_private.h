@@ -2,7 +2,7 @@
  * Shared by the parts of the planner: plan_directions.c finds the angles that show each direction,
  * plan.c makes shots of them, plan_blocked.c keeps the arc out of the pictures, plan_tour.c orders
  * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time,
- * plan_bytes.c disk space.
+ * plan_bytes.c disk space, plan_notes.c tells what was decided.
  */
 #pragma once
 
@@ -49,6 +49,14 @@ struct plan_note { /* what was re-planned or left out, how often */
     const char *unit; /* "pose", "shot" */
     int n;
 };
+
+/* Adds a note to b->notes, or counts it if there is one of the same text. */
+void plan_add_note(struct plan_build *b, const char *unit, const char *text);
+void plan_clear_note(gpointer note); /* a GDestroyNotify */
+
+/* The plan's notes, of char *, from b->notes and what the plan has come to: its times, frames and
+ * multiplex are set. */
+GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan);
 
 /* Views, lights and laser positions of a session, with the angles of turntable and arc that show
  * them. Errors PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER, _LIMITS. */
