@@ -64,8 +64,8 @@ struct lane {
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
-    /* Of the same generation: the pictures of a group that are here, their shots (without frames),
-     * and the shortest that each exposure of theirs was. */
+    /* The pictures of a group that have arrived in this generation, their shots (without frames),
+     * and the shortest time that each of their exposures took. */
     struct multiplex_pictures multiplex;
     struct job multiplexed_of[MULTIPLEX_MOST];
     gint64 multiplexed_us[PLAN_MAX_BRACKET];

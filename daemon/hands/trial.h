@@ -12,8 +12,8 @@ struct trial {
     Link *link;
     const struct session_conf *conf;
     const struct rig *rig;                   /* nominal */
-    int cameras[RIG_MAX_CAMERAS], n_cameras; /* those that the session plans with */
-    /* Those that the session plans with; the first four are, by the rig file, the brightest and the
+    int cameras[RIG_MAX_CAMERAS], n_cameras; /* the session plans with these */
+    /* The session plans with these lamps. By the rig file, the first four are the brightest and the
      * dimmest on the sample and two between. */
     int lamps[RIG_MAX_LAMPS], n_lamps;
     int lasers[RIG_MAX_LASERS], n_lasers;

@@ -409,7 +409,7 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const struct rig *rig,
                const struct rig_timing *timing, enum session_order wanted) {
     struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
-    /* Of a group of lamps the first shot is ordered, and the others follow it. */
+    /* The first shot of each group of lamps is ordered, and the others follow it. */
     g_autoptr(GArray) followers = multiplexed_take_followers(shots);
     g_autofree int *block_of = g_new0(int, shots->len);
     const int n_blocks = block_by_mount(shots, timing, block_of);

@@ -152,7 +152,7 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
-/* What the guardian knows of the daemon's silence. */
+/* How long the daemon has been silent. */
 struct silence {
     gint64 looked_us; /* at the clock */
     gint64 us;        /* since the last beat, as far as this process has run meanwhile */
