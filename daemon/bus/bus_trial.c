@@ -1,7 +1,7 @@
 #include "bus_trial.h"
 
+#include "base/program.h"
 #include "bus_errors.h"
-#include "capture/follower.h"
 #include "queue/queue.h"
 
 #include <stdio.h>
@@ -99,7 +99,7 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
                                   GError **error) {
     const gboolean on_bus =
         g_str_equal(bus->address, "system") || g_str_equal(bus->address, "session");
-    g_autofree char *program = follower_find_program("mesorig", error);
+    g_autofree char *program = program_find("mesorig", error);
     if (!program)
         return NULL;
     g_autofree char *text = trial_request(item);

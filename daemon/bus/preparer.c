@@ -1,7 +1,7 @@
 #include "preparer_private.h"
 
+#include "base/program.h"
 #include "bus_errors.h"
-#include "capture/follower.h"
 
 #include <signal.h>
 #include <string.h>
@@ -42,7 +42,7 @@ static char *find_program(GError **error) {
     g_autofree char *name = self ? g_path_get_basename(self) : NULL;
     if (name && (g_str_equal(name, "mesorigd") || g_str_has_prefix(name, "mesorigd (deleted")))
         return g_strdup("/proc/self/exe");
-    return follower_find_program("mesorigd", error);
+    return program_find("mesorigd", error);
 }
 
 static GVariant *preparer_bytes_of(gconstpointer data, gsize size) {

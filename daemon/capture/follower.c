@@ -1,5 +1,7 @@
 #include "follower.h"
 
+#include "base/program.h"
+
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -12,22 +14,6 @@ struct Follower {
     GCancellable *watch;
     gboolean running;
 };
-
-char *follower_find_program(const char *name, GError **error) {
-    g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
-    if (self) {
-        g_autofree char *folder = g_path_get_dirname(self);
-        char *beside = g_build_filename(folder, name, NULL);
-        if (g_file_test(beside, G_FILE_TEST_IS_EXECUTABLE))
-            return beside;
-        g_free(beside);
-    }
-    char *found = g_find_program_in_path(name);
-    if (!found)
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither beside this program nor in PATH: install it", name);
-    return found;
-}
 
 /* Runs between fork and exec: async-signal-safe calls only. */
 static void follower_prepare_child(gpointer parent) {
@@ -50,7 +36,7 @@ static void child_ended(GObject *source, GAsyncResult *result, gpointer data) {
 }
 
 Follower *follower_start(const char *directory, GError **error) {
-    g_autofree char *program = follower_find_program("mesorig", error);
+    g_autofree char *program = program_find("mesorig", error);
     if (!program)
         return NULL;
     g_autoptr(GSubprocessLauncher) launcher =

@@ -13,6 +13,3 @@ Follower *follower_start(const char *directory, GError **error);
 
 /* Asks the child to end, waits a moment for it, then makes it. NULL is ignored. */
 void follower_free(Follower *follower);
-
-/* A program of ours, beside this executable or in PATH; g_free(). */
-char *follower_find_program(const char *name, GError **error);

@@ -1,9 +1,9 @@
 #include "link_private.h"
 
 #include "base/input_file.h"
+#include "base/program.h"
 #include "bus/bus.h"
 #include "bus/bus_client.h"
-#include "capture/follower.h"
 
 #include <signal.h>
 #include <string.h>
@@ -103,7 +103,7 @@ static gboolean wait_for_daemon(Link *link, const char *address, GError **error)
 }
 
 Link *link_start(GError **error) {
-    g_autofree char *program = follower_find_program("mesorigd", error);
+    g_autofree char *program = program_find("mesorigd", error);
     g_autoptr(Link) link = g_new0(Link, 1);
     if (!program)
         return NULL;

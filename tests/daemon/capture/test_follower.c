@@ -1,5 +1,6 @@
 /* The program that processes beside a capture: found beside the daemon or in PATH, nice, told when
  * it fails, and ended with the capture, whatever it does. In its place are scripts. */
+#include "base/program.h"
 #include "capture/follower.h"
 
 #include <glib/gstdio.h>
@@ -52,7 +53,7 @@ static Follower *start(const char *script) {
 
 static void test_find_inside(void) {
     g_autoptr(GError) error = NULL;
-    g_assert_null(follower_find_program("mesorig-none", &error));
+    g_assert_null(program_find("mesorig-none", &error));
     g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
     assert_has(error->message, "mesorig-none is neither beside this program nor in PATH");
     g_clear_error(&error);
@@ -65,11 +66,11 @@ static void test_find_inside(void) {
     g_clear_error(&error);
 
     beside_write_in_path("mesorig", "exit 0");
-    g_autofree char *in_path = follower_find_program("mesorig", &error);
+    g_autofree char *in_path = program_find("mesorig", &error);
     g_assert_no_error(error);
     g_assert_true(g_str_has_suffix(in_path, "/in-path/mesorig"));
     const char *folder = beside_write("mesorig", "exit 0");
-    g_autofree char *beside = follower_find_program("mesorig", &error);
+    g_autofree char *beside = program_find("mesorig", &error);
     g_assert_no_error(error);
     g_autofree char *expected = g_build_filename(folder, "mesorig", NULL);
     g_assert_cmpstr(beside, ==, expected);

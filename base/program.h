@@ -1,0 +1,12 @@
+/* The programs of Mesorig, for those that start each other. Any thread. */
+#pragma once
+
+#include <glib.h>
+
+G_BEGIN_DECLS
+
+/* The path of a program: beside this executable, in ../libexec/mesorig from there, or in PATH;
+ * g_free(). NULL: G_FILE_ERROR_NOENT, which says what is not installed. */
+char *program_find(const char *name, GError **error);
+
+G_END_DECLS
