@@ -2,20 +2,27 @@
 
 #include "base/input_file.h"
 #include "base/new_file.h"
+#include "base/program.h"
 #include "vision.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+/* Descriptors that the program gets: the file, a file in memory for what it has read, a pipe. */
+enum { CHILD_FILE = 3, CHILD_RESULT, CHILD_TOLD };
+
 struct picture_child {
-    int result, told; /* descriptors: a file in memory, a pipe */
+    int result, told;
 };
 
 struct told {
@@ -38,23 +45,7 @@ void picture_child_tell(struct picture_child *child, int done, int n) {
         ;
 }
 
-static void picture_child_main(struct picture_child *child, int cpu_s, PictureChildFunc func,
-                               gpointer data) {
-    static const int ends[] = {SIGINT, SIGTERM, SIGHUP};
-    const struct rlimit limit = {(rlim_t)cpu_s, (rlim_t)cpu_s}, none = {0, 0};
-    GError *error = NULL;
-
-    /* Users cannot use what libraries print of a damaged file. */
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (nowhere >= 0)
-        dup2(nowhere, STDERR_FILENO);
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
-        signal(ends[i], SIG_DFL);
-    setrlimit(RLIMIT_CPU, &limit);
-    setrlimit(RLIMIT_CORE, &none);
-    if (func(child, data, &error))
-        _exit(0);
+G_NORETURN static void picture_child_end(struct picture_child *child, const GError *error) {
     const struct child_error head = {error && error->domain == INPUT_FILE_ERROR,
                                      error ? error->code : VISION_ERROR_FAILED};
     const char *message = error ? error->message : "what was read cannot be kept in memory";
@@ -62,6 +53,26 @@ static void picture_child_main(struct picture_child *child, int cpu_s, PictureCh
         picture_child_write(child, &head, sizeof head))
         picture_child_write(child, message, strlen(message) + 1);
     _exit(1);
+}
+
+void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func) {
+    const struct rlimit limit = {(rlim_t)cpu_s, (rlim_t)cpu_s}, none = {0, 0};
+    struct picture_child child = {CHILD_RESULT, CHILD_TOLD};
+    GError *error = NULL;
+    struct stat file;
+    if (argc != 4 || fstat(CHILD_FILE, &file) != 0 || fcntl(CHILD_RESULT, F_GETFD) < 0 ||
+        fcntl(CHILD_TOLD, F_GETFD) < 0) {
+        fprintf(stderr, "%s: a part of mesorig, which starts it to read a picture\n", argv[0]);
+        _exit(2);
+    }
+    const struct picture_job job = {argv[2], argv[1], CHILD_FILE, (guint64)file.st_size,
+                                    atoi(argv[3])};
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    setrlimit(RLIMIT_CPU, &limit);
+    setrlimit(RLIMIT_CORE, &none);
+    if (func(&child, &job, &error))
+        _exit(0);
+    picture_child_end(&child, error);
 }
 
 /* Until the child closes the pipe; FALSE: told has ended it. */
@@ -78,7 +89,7 @@ static gboolean picture_child_listen(int fd, PictureChildTold told, gpointer dat
     }
 }
 
-static GBytes *picture_child_result(const char *path, const char *reader, int status, int fd,
+static GBytes *picture_child_result(const char *path, const char *library, int status, int fd,
                                     GError **error) {
     const off_t length = lseek(fd, 0, SEEK_END);
     gsize at = 0;
@@ -102,45 +113,60 @@ static GBytes *picture_child_result(const char *path, const char *reader, int st
         }
     }
     g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                "%s: %s has crashed on it (%s): it is damaged", path, reader,
+                "%s: %s has crashed on it (%s): it is damaged", path, library,
                 WIFSIGNALED(status) ? g_strsignal(WTERMSIG(status)) : "without a result");
     return NULL;
 }
 
-GBytes *picture_child_run(const char *path, const char *reader, int cpu_s, PictureChildFunc func,
-                          gpointer data, PictureChildTold told, gpointer told_data,
-                          GError **error) {
-    int ends[2] = {-1, -1}, status = 0;
-    GBytes *result = NULL;
-    struct picture_child child = {memfd_create("mesorig-picture", MFD_CLOEXEC), -1};
+/* Starts the program with its three descriptors. −1: error. */
+static pid_t picture_child_start(const struct picture_job *job, int result, int told,
+                                 GError **error) {
+    static const int targets[] = {CHILD_FILE, CHILD_RESULT, CHILD_TOLD};
+    const int sources[] = {job->fd, result, told};
+    g_autofree char *program = program_find("mesorig-read-picture", error);
+    g_autofree char *most = g_strdup_printf("%d", job->most);
+    const char *const argv[] = {program, job->reader, job->path, most, NULL};
     pid_t pid = -1;
-    if (child.result >= 0 && pipe2(ends, O_CLOEXEC) == 0)
-        pid = fork();
-    if (pid == 0) {
-        child.told = ends[1];
-        close(ends[0]);
-        picture_child_main(&child, cpu_s, func, data);
-    }
-    if (pid < 0) {
+    if (program)
+        g_spawn_async_with_pipes_and_fds(NULL, argv, NULL,
+                                         G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL |
+                                             G_SPAWN_STDERR_TO_DEV_NULL,
+                                         NULL, NULL, -1, -1, -1, sources, targets,
+                                         G_N_ELEMENTS(targets), &pid, NULL, NULL, NULL, error);
+    return pid > 0 ? pid : -1;
+}
+
+/* Until the program ends, or told ends it. */
+static GBytes *picture_child_hear(const struct picture_job *job, const char *library, pid_t pid,
+                                  int told_fd, int result, PictureChildTold told, gpointer data,
+                                  GError **error) {
+    int status = 0;
+    const gboolean ended = picture_child_listen(told_fd, told, data, error);
+    if (!ended)
+        kill(pid, SIGKILL);
+    while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
+        ;
+    return ended ? picture_child_result(job->path, library, status, result, error) : NULL;
+}
+
+GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
+                          gpointer told_data, GError **error) {
+    int ends[2] = {-1, -1};
+    GBytes *ret = NULL;
+    const int result = memfd_create("mesorig-picture", MFD_CLOEXEC);
+    if (result < 0 || pipe2(ends, O_CLOEXEC) != 0) {
         g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED,
-                    "%s: no process can be started to read it: %s", path, g_strerror(errno));
+                    "%s: no process can be started to read it: %s", job->path, g_strerror(errno));
     } else {
+        const pid_t pid = picture_child_start(job, result, ends[1], error);
         close(ends[1]);
-        ends[1] = -1;
-        const gboolean ended = picture_child_listen(ends[0], told, told_data, error);
-        if (!ended)
-            kill(pid, SIGKILL);
-        while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
-            ;
-        if (ended)
-            result = picture_child_result(path, reader, status, child.result, error);
+        if (pid > 0)
+            ret = picture_child_hear(job, library, pid, ends[0], result, told, told_data, error);
+        close(ends[0]);
     }
-    for (int i = 0; i < 2; i++)
-        if (ends[i] >= 0)
-            close(ends[i]);
-    if (child.result >= 0)
-        close(child.result);
-    return result;
+    if (result >= 0)
+        close(result);
+    return ret;
 }
 
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n) {

@@ -1,8 +1,8 @@
 /*
- * Libraries that read whatever a file says (LibRaw, FFmpeg) run in a child process: a file on which
- * one of them crashes is an error that names it, and does not end the program. Any thread, since
- * the child is this program without its other threads; it must not use pools of threads that exist
- * already. What the libraries print is dropped.
+ * Libraries that read whatever a file says (LibRaw, FFmpeg) run in a program of their own,
+ * mesorig-read-picture, with limited processor time: a file on which one of them crashes is an
+ * error that names it, and does not end the program that wants the picture. What the libraries
+ * print is dropped. Any thread.
  */
 #pragma once
 
@@ -10,25 +10,40 @@
 
 G_BEGIN_DECLS
 
-struct picture_child;
+/* A file for the program to read. */
+struct picture_job {
+    const char *path;   /* for messages; it may lead elsewhere by now */
+    const char *reader; /* "raw" or "video" */
+    int fd;             /* of the file, open for reading */
+    guint64 length;     /* of the file, bytes */
+    int most;           /* frames of a video to keep; otherwise 0 */
+};
 
-/* In the child: reads a file and writes what it has read, in any form, by picture_child_write(). */
-typedef gboolean (*PictureChildFunc)(struct picture_child *child, gpointer data, GError **error);
-
-/* In the parent, for each picture_child_tell(). FALSE, with an error: the child is killed. */
+/* For each picture_child_tell(). FALSE, with an error: the program is killed. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
-/* FALSE: it cannot be written; the child ends with this as its error. */
-gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n);
-void picture_child_tell(struct picture_child *child, int done, int n);
-
-/* Runs func in a child with this much processor time, and returns what it has written; NULL: its
- * error, of told, or VISION_ERROR_IO: reader, the library's name, has crashed on path. told may be
- * NULL. */
-GBytes *picture_child_run(const char *path, const char *reader, int cpu_s, PictureChildFunc func,
-                          gpointer data, PictureChildTold told, gpointer told_data, GError **error);
+/* Runs the program and returns what it has written; NULL: its error, of told, or VISION_ERROR_IO:
+ * library, which reads this file, has crashed on it. told may be NULL. */
+GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
+                          gpointer told_data, GError **error);
 
 /* Takes the next n bytes of a result; FALSE: there are not so many. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
+
+/* The rest is for the program. */
+struct picture_child;
+
+/* Reads a file and writes what it has read, in any form, by picture_child_write(). The program ends
+ * then: nothing needs to be freed. */
+typedef gboolean (*PictureChildFunc)(struct picture_child *child, const struct picture_job *job,
+                                     GError **error);
+
+/* FALSE: it cannot be written; the program ends with this as its error. */
+gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n);
+void picture_child_tell(struct picture_child *child, int done, int n);
+
+/* Takes the arguments of picture_child_run(), and runs func with this much processor time. Does not
+ * return; wrong arguments end the program with exit code 2. */
+void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func) G_GNUC_NORETURN;
 
 G_END_DECLS

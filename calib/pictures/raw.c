@@ -8,8 +8,7 @@
 #include <libraw/libraw.h>
 #include <math.h>
 #include <string.h>
-
-#define MOST_CPU_S 120 /* of a picture */
+#include <unistd.h>
 
 gboolean raw_is(const char *path) {
     static const char *const ends[] = {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw",
@@ -117,27 +116,22 @@ static struct picture *raw_decode(const char *path, libraw_data_t *raw, char *by
     return raw_fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
 }
 
-struct raw_job {
-    const char *path;
-    char *bytes;
-    gsize length;
-};
-
 struct raw_head {
     int width, height;
     char cfa[RAW_CFA], sum[65];
 };
 
-/* In the child, which ends then: nothing is freed. */
-static gboolean raw_work(struct picture_child *child, gpointer data, GError **error) {
-    const struct raw_job *job = data;
+gboolean raw_child_read(struct picture_child *child, const struct picture_job *job,
+                        GError **error) {
     struct raw_head head = {0};
     libraw_data_t *raw =
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
-    if (!raw)
-        return raw_fail(job->path, error, "LibRaw cannot be started");
-    const struct picture *picture =
-        raw_decode(job->path, raw, job->bytes, job->length, head.cfa, error);
+    char *bytes = g_try_malloc(job->length + 1);
+    if (!raw || !bytes)
+        return raw_fail(job->path, error, "there is no memory to read it");
+    if (!input_file_read_at(job->fd, job->path, bytes, job->length, 0, error))
+        return FALSE;
+    const struct picture *picture = raw_decode(job->path, raw, bytes, job->length, head.cfa, error);
     if (!picture)
         return FALSE;
     head.width = picture->width;
@@ -149,14 +143,14 @@ static gboolean raw_work(struct picture_child *child, gpointer data, GError **er
 }
 
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error) {
-    struct raw_job job = {.path = path};
+    struct picture_job job = {.path = path, .reader = "raw"};
     struct raw_head head;
     gsize at = 0;
-    g_autofree char *bytes = job.bytes = input_file_read(path, G_MAXINT, &job.length, error);
-    if (!bytes)
+    job.fd = input_file_open(path, G_MAXINT, &job.length, error);
+    if (job.fd < 0)
         return NULL;
-    g_autoptr(GBytes) result =
-        picture_child_run(path, "LibRaw", MOST_CPU_S, raw_work, &job, NULL, NULL, error);
+    g_autoptr(GBytes) result = picture_child_run(&job, "LibRaw", NULL, NULL, error);
+    close(job.fd);
     if (!result)
         return NULL;
     if (picture_child_take(result, &at, &head, sizeof head) && head.width > 0 && head.height > 0 &&

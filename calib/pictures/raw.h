@@ -5,12 +5,13 @@
  * A pixel with the number n has the value (n − b) / (w − b), with b the black level at its place
  * and w white, both from the file or from LibRaw's table of cameras. 0 is black, 1 is white; noise
  * around black goes below 0. Nothing else is done to the numbers: no white balance, no demosaicing.
- * Orientation is ignored: pixels stay as on the sensor. LibRaw runs in a child process
- * (picture_child.h).
+ * Orientation is ignored: pixels stay as on the sensor. LibRaw runs in a
+ * program of its own (picture_child.h).
  */
 #pragma once
 
 #include "picture.h"
+#include "picture_child.h"
 
 G_BEGIN_DECLS
 
@@ -27,5 +28,8 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
 /* The same as raw_read(), but as a grey picture for calibration: balanced (picture_balance()); a
  * pixel that is white in the file stays at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
+
+/* For the program that reads: what raw_read() takes from it. */
+gboolean raw_child_read(struct picture_child *child, const struct picture_job *job, GError **error);
 
 G_END_DECLS

@@ -1,7 +1,6 @@
 #include "video.h"
 
 #include "base/input_file.h"
-#include "picture_child.h"
 #include "vision.h"
 
 #include <opencv2/imgproc.hpp>
@@ -13,7 +12,6 @@
 
 #define MOST_BYTES (256 << 20) /* of the frames that are kept */
 #define LEAST_KEPT 16u
-#define MOST_CPU_S 3600
 
 namespace {
 
@@ -136,12 +134,6 @@ bool open_video(cv::VideoCapture &capture, const char *path) {
     return false;
 }
 
-struct job {
-    const char *path, *name;
-    int fd, most;
-    guint64 length;
-};
-
 struct head {
     int width, height, n_frames;
     guint n_kept;
@@ -152,15 +144,39 @@ gboolean tell(int done, int n, gpointer data, GError **) {
     return TRUE;
 }
 
-/* In the child, which ends then: nothing is freed. */
-gboolean work(struct picture_child *child, gpointer data, GError **error) {
-    const auto *job = static_cast<const struct job *>(data);
+/* The frames as video_child_read() has written them. */
+bool take_frames(GBytes *from, struct video *video) {
+    struct head head = {};
+    gsize at = 0;
+    if (!picture_child_take(from, &at, &head, sizeof head) || head.width <= 0 || head.height <= 0)
+        return false;
+    video->width = head.width;
+    video->height = head.height;
+    video->n_frames = head.n_frames;
+    for (guint i = 0; i < head.n_kept; i++) {
+        const gsize n = (gsize)head.width * (gsize)head.height;
+        struct video_frame frame = {};
+        if (!picture_child_take(from, &at, &frame, sizeof frame) || n > g_bytes_get_size(from) - at)
+            return false;
+        frame.grey = g_new(guint8, n);
+        g_array_append_val(video->frames, frame);
+        if (!picture_child_take(from, &at, frame.grey, n))
+            return false;
+    }
+    return true;
+}
+
+} // namespace
+
+gboolean video_child_read(struct picture_child *child, const struct picture_job *job,
+                          GError **error) {
+    /* The file that is open, whatever the path leads to by now. */
+    g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job->fd);
     struct video video = {};
     video.frames = g_array_new(FALSE, FALSE, sizeof(struct video_frame));
     try {
         cv::VideoCapture capture;
-        cv::setNumThreads(1); /* those of the parent's pool are not in the child */
-        if (!is_video(job->fd) || !open_video(capture, job->name)) {
+        if (!is_video(job->fd) || !open_video(capture, name)) {
             g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
                         "%s is not a folder of pictures, and not a video that can be read",
                         job->path);
@@ -186,41 +202,13 @@ gboolean work(struct picture_child *child, gpointer data, GError **error) {
     return ok;
 }
 
-/* The frames as work() has written them. */
-bool take_frames(GBytes *from, struct video *video) {
-    struct head head = {};
-    gsize at = 0;
-    if (!picture_child_take(from, &at, &head, sizeof head) || head.width <= 0 || head.height <= 0)
-        return false;
-    video->width = head.width;
-    video->height = head.height;
-    video->n_frames = head.n_frames;
-    for (guint i = 0; i < head.n_kept; i++) {
-        const gsize n = (gsize)head.width * (gsize)head.height;
-        struct video_frame frame = {};
-        if (!picture_child_take(from, &at, &frame, sizeof frame) || n > g_bytes_get_size(from) - at)
-            return false;
-        frame.grey = g_new(guint8, n);
-        g_array_append_val(video->frames, frame);
-        if (!picture_child_take(from, &at, frame.grey, n))
-            return false;
-    }
-    return true;
-}
-
-} // namespace
-
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error) {
-    struct job job = {path, nullptr, -1, most, 0};
+    struct picture_job job = {path, "video", -1, 0, most};
     job.fd = input_file_open(path, G_MAXINT64, &job.length, error);
     if (job.fd < 0)
         return nullptr;
-    /* The file that is open, whatever the path leads to by now. */
-    g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job.fd);
-    job.name = name;
-    g_autoptr(GBytes) result =
-        picture_child_run(path, "FFmpeg", MOST_CPU_S, work, &job, progress, data, error);
+    g_autoptr(GBytes) result = picture_child_run(&job, "FFmpeg", progress, data, error);
     close(job.fd);
     if (!result)
         return nullptr;

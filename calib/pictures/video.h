@@ -4,11 +4,12 @@
  * A video is divided into windows of equal length, and the sharpest frame of each window is kept:
  * the one with the largest mean squared gradient, divided by the variance of the picture. A camera
  * or board that moves while the shutter is open blurs the frames; between two movements some are
- * sharp. FFmpeg runs in a child process (picture_child.h).
+ * sharp. FFmpeg runs in a program of its own (picture_child.h).
  */
 #pragma once
 
 #include "picture.h"
+#include "picture_child.h"
 
 G_BEGIN_DECLS
 
@@ -33,6 +34,9 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
  * (which may be NULL). Rotation that the file asks for is ignored: pixels stay as on the sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
+/* For the program that reads: what video_read() takes from it. */
+gboolean video_child_read(struct picture_child *child, const struct picture_job *job,
+                          GError **error);
 void video_free(struct video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)
 

@@ -113,6 +113,39 @@ static void test_crash(void) {
     assert_has(error->message, path);
 }
 
+static gboolean is_over;
+
+static gpointer use_memory(gpointer unused) {
+    while (!g_atomic_int_get(&is_over))
+        g_free(g_malloc((gsize)g_random_int_range(1, 4000)));
+    return NULL;
+}
+
+/* The reader does not depend on what other threads do at the moment at which it is started. A child
+ * that is only forked inherits their locks, and waits for ever for the one of the memory. */
+static void test_busy_threads(void) {
+    g_autofree char *path = g_build_filename(folder, "busy.dng", NULL);
+    guint16 values[WIDTH * HEIGHT];
+    struct dng dng = {
+        .width = WIDTH, .height = HEIGHT, .values = values, .cfa = "rggb", .white = WHITE};
+    GThread *threads[2];
+    fill(values);
+    write_dng(path, &dng);
+    alarm(300);
+    for (gsize i = 0; i < G_N_ELEMENTS(threads); i++)
+        threads[i] = g_thread_new("busy", use_memory, NULL);
+    for (int i = 0; i < 10; i++) {
+        g_autoptr(GError) error = NULL;
+        char cfa[RAW_CFA];
+        g_autoptr(Picture) picture = raw_read(path, cfa, &error);
+        g_assert_no_error(error);
+    }
+    g_atomic_int_set(&is_over, TRUE);
+    for (gsize i = 0; i < G_N_ELEMENTS(threads); i++)
+        g_thread_join(threads[i]);
+    alarm(0);
+}
+
 /* OpenCV's photographs as mosaics of a sensor that sees red and blue weaker, with the levels of a
  * camera: the lens is that of the photographs. */
 #define OPENCV_FOCAL_PX 532.8 /* of 13 of them; its standard error is 0.6 px */
@@ -172,6 +205,7 @@ int main(int argc, char **argv) {
         g_test_add_data_func(levels[i].path, &levels[i], test_levels);
     g_test_add_func("/camera raw/refused", test_refused);
     g_test_add_func("/camera raw/crash", test_crash);
+    g_test_add_func("/camera raw/busy threads", test_busy_threads);
     g_test_add_func("/camera raw/boards", test_boards);
     const int code = g_test_run();
     remove_tree(folder);
