@@ -6,7 +6,8 @@
 
 struct video_load {
     char *who;
-    GPtrArray *links; /* sysfs folders of USB devices: the link is that towards the computer */
+    GPtrArray
+        *links; /* sysfs folders of USB devices; each stands for its link towards the computer */
     double mb_s;
 };
 
