@@ -12,13 +12,13 @@ G_BEGIN_DECLS
 
 struct picture_child;
 
-/* In the child: reads a file and writes what it has read, in any form, by picture_child_write(). */
+/* Runs in the child: reads a file and writes the result in any form by picture_child_write(). */
 typedef gboolean (*PictureChildFunc)(struct picture_child *child, gpointer data, GError **error);
 
-/* In the parent, for each picture_child_tell(). FALSE, with an error: the child is killed. */
+/* Runs in the parent for each picture_child_tell(). FALSE with an error kills the child. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
-/* FALSE: it cannot be written; the child ends with this as its error. */
+/* Returns FALSE if the bytes cannot be written; the child then ends with that error. */
 gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n);
 void picture_child_tell(struct picture_child *child, int done, int n);
 
@@ -28,7 +28,7 @@ void picture_child_tell(struct picture_child *child, int done, int n);
 GBytes *picture_child_run(const char *path, const char *reader, int cpu_s, PictureChildFunc func,
                           gpointer data, PictureChildTold told, gpointer told_data, GError **error);
 
-/* Takes the next n bytes of a result; FALSE: there are not so many. */
+/* Takes the next n bytes of a result. Returns FALSE if fewer are left. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
 G_END_DECLS

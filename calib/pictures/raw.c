@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_CPU_S 120 /* of a picture */
+#define MOST_CPU_S 120 /* processor time for one picture */
 
 gboolean raw_is(const char *path) {
     static const char *const ends[] = {".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw",
