@@ -257,7 +257,10 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
         cameras[problem->sights[i].camera] = TRUE;
     }
     if (seen == 0) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "no picture shows a post or ball lit by a lamp; check the target's "
+                    "description, its place and "
+                    "the exposure");
         return FALSE;
     }
     problem->fit_arc = spread_rad(problem) >= LEAST_ARC;

@@ -135,7 +135,9 @@ static gboolean raw_work(struct picture_child *child, gpointer data, GError **er
     libraw_data_t *raw =
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
     if (!raw)
-        return raw_fail(job->path, error, "LibRaw cannot be started");
+        return raw_fail(
+            job->path, error,
+            "LibRaw cannot be started for lack of memory; close other programs and try again");
     const struct picture *picture =
         raw_decode(job->path, raw, job->bytes, job->length, head.cfa, error);
     if (!picture)
@@ -168,7 +170,8 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
                                sizeof(float) * (gsize)head.width * (gsize)head.height))
             return g_steal_pointer(&picture);
     }
-    raw_fail(path, error, "what LibRaw has read of it is not whole");
+    raw_fail(path, error,
+             "LibRaw returned an incomplete picture; copy the file again, or convert it to DNG");
     return NULL;
 }
 

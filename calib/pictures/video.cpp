@@ -230,8 +230,8 @@ struct video *video_read(const char *path, int most, VideoProgress progress, gpo
     g_array_set_clear_func(video->frames, clear_frame);
     if (take_frames(result, video))
         return video;
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO, "%s: what FFmpeg has read is not whole",
-                path);
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                "%s: FFmpeg returned incomplete frames; copy the file again, or convert it", path);
     video_free(video);
     return nullptr;
 }
