@@ -394,7 +394,8 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
         if (!virtual_rig_add_section(rig, &sections[i], error))
             return NULL;
     if (!rig->world) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: no device of it has a world",
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                    "%s: no device names a simulated world; give their sections the key world",
                     config_path(rig->config));
         return NULL;
     }
