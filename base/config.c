@@ -25,7 +25,7 @@ struct Config {
     GHashTable *lines;  /* "class name" -> line of that section; keys owned */
     GArray *problems;   /* of struct config_problem; NULL: mistakes has them */
     Mistakes *mistakes; /* the loader's; NULL after loading */
-    gboolean broken;    /* a heading is */
+    gboolean broken;    /* a section heading could not be parsed */
 };
 
 GQuark config_error_quark(void) {
@@ -62,7 +62,7 @@ static gboolean G_GNUC_PRINTF(4, 5)
     return FALSE;
 }
 
-/* text is what stands between the brackets, trimmed. */
+/* text: the trimmed text between the brackets. */
 static gboolean config_add_section(Config *config, const char *text, int line, GError **error) {
     if (!*text || strpbrk(text, "[]"))
         return syntax_error(error, config, line, "a section is written as [class] or [class name]");
@@ -88,7 +88,7 @@ static gboolean config_add_section(Config *config, const char *text, int line, G
     return TRUE;
 }
 
-/* NULL: there is none yet. */
+/* Returns NULL before the first section. */
 static struct config_section *last_section(const Config *config) {
     const guint n = config->sections->len;
     return n ? &g_array_index(config->sections, struct config_section, n - 1) : NULL;
@@ -147,7 +147,7 @@ static void take_line(Config *config, char *text, int line) {
     struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
     GError *error = NULL;
-    /* A second "driver": the heading between the two is missing. */
+    /* A second key "driver" in a section shows that a heading is missing between the two. */
     const gboolean second = last && g_str_has_prefix(text, "driver") &&
                             strcspn(text, " \t=") == strlen("driver") &&
                             config_value(last, "driver", NULL);
@@ -185,7 +185,7 @@ static int line_at(const char *text, const char *at) {
     return line;
 }
 
-/* FALSE: it is no text at all. */
+/* Returns FALSE if the file is not text. */
 static gboolean config_do_parse(Config *config, gsize length) {
     const char *text = config->text;
     GError *error = NULL;
@@ -242,7 +242,7 @@ Config *config_load_checked(const char *path, Mistakes *mistakes) {
     return text ? config_new(text, length, path, mistakes) : NULL;
 }
 
-/* Takes ownership of config; NULL with mistakes. */
+/* Returns config; if there are mistakes, frees it, sets the error and returns NULL. */
 static Config *config_without(Config *config, const Mistakes *mistakes, GError **error) {
     if (mistakes_report(mistakes, error))
         return config;
@@ -263,7 +263,7 @@ Config *config_load_lenient(const char *path, GError **error) {
         return NULL;
     for (gsize i = 0; i < length; i++)
         if (bytes[i] == '\0')
-            bytes[i] = '\1'; /* a control character, for which the line is refused */
+            bytes[i] = '\1'; /* the parser refuses lines with control characters */
     char *text = g_utf8_make_valid(bytes, (gssize)length);
     return config_new(text, strlen(text), path, NULL);
 }

@@ -17,7 +17,7 @@ GQuark config_error_quark(void); /* its errors carry details: base/error_details
 enum config_error {
     CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
-    CONFIG_ERROR_MISSING, /* a required key, or a section that another one names */
+    CONFIG_ERROR_MISSING, /* a required key is missing, or a section that another section names */
     CONFIG_ERROR_VALUE,   /* not a number, NaN, out of range, wrong unit */
 };
 
@@ -29,8 +29,8 @@ struct config_section {
     char *class_name;     /* first word */
     char *name;           /* the rest, or NULL */
     int line;
-    gboolean broken;     /* its heading was not understood: what stands below is to be skipped */
-    gboolean incomplete; /* a line below it was not understood: keys may be missing */
+    gboolean broken;     /* its heading could not be parsed: skip the keys below it */
+    gboolean incomplete; /* one of its lines could not be parsed: keys may be missing */
     GPtrArray *keys;     /* of char *, in file order, NULL-terminated; owned by the Config */
     GHashTable *entries; /* the entries; private to the Config */
 };
@@ -45,7 +45,8 @@ Config *config_load(const char *path, GError **error);
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
-/* Whether all headings could be parsed: if so, a section that is not found is really missing. */
+/* Returns whether all headings could be parsed. Only then is a section that is not found truly
+ * missing. */
 gboolean config_has_all_sections(const Config *config);
 
 /* An error in a line of a file that was read leniently. */
@@ -83,10 +84,10 @@ const struct config_section *config_sections(const Config *config, gsize *ret_n)
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
-/* A key's raw value, or NULL; ret_line may be NULL. Owned by the Config. */
+/* Returns the raw value of a key, or NULL; ret_line may be NULL. The Config owns the text. */
 const char *config_value(const struct config_section *section, const char *key, int *ret_line);
 
-/* All keys of a section in file order, NULL-terminated. Owned by the Config. */
+/* Returns all keys of a section in file order, NULL-terminated. The Config owns them. */
 const char *const *config_keys(const struct config_section *section);
 
 /* A path as written in the file, made absolute; free with g_free(). */

@@ -3,7 +3,7 @@
 #include <string.h>
 
 struct details {
-    char *file, *subject, *text, *what, *advice; /* text: what and advice as they are shown */
+    char *file, *subject, *text, *what, *advice; /* text: what and advice, joined for display */
     int line;
 };
 
@@ -24,7 +24,7 @@ static struct details *details_of(const GError *error) {
 }
 
 static void details_init(GError *error) {
-    (void)error; /* GLib has zeroed it */
+    (void)error; /* GLib has already zeroed the details */
 }
 
 static void details_copy(const GError *from, GError *to) {

@@ -40,9 +40,9 @@ void error_details_add_place(GError **error, const char *file, int line, const c
  * The error then has no subject and advice; domain and code remain. */
 void error_details_replace(GError **error, const char *text);
 
-int error_details_line(const GError *error); /* of the place; 0: none, or not known */
+int error_details_line(const GError *error); /* line of the place; 0: none, or not known */
 
-/* NULL: none, or not known. Owned by the error. */
+/* These return NULL if there is none or it is not known. The error owns the strings. */
 const char *error_details_subject(const GError *error);
 const char *error_details_file(const GError *error); /* of the place */
 const char *error_details_advice(const GError *error);

@@ -51,7 +51,7 @@ int file_lock_take(const char *path, const char *what, GError **error) {
         if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&
             opened.st_ino == named.st_ino) {
             if (ftruncate(fd, 0) != 0 || dprintf(fd, "%ld\n", (long)getpid()) < 0)
-                g_debug("%s: %s", path, g_strerror(errno)); /* only a message needs it */
+                g_debug("%s: %s", path, g_strerror(errno)); /* it only serves messages */
             return fd;
         }
         close(fd);

@@ -17,5 +17,5 @@ int file_lock_take_output(const char *path, char **ret_lock, GError **error);
 
 void file_lock_give(int lock, const char *path); /* −1 is ignored */
 
-/* Only tells whether it is locked: a process that takes the lock meanwhile is not disturbed. */
+/* Tells whether the file is locked, without taking the lock even for a moment. */
 gboolean file_lock_is_held(const char *path);

@@ -9,11 +9,11 @@
 #define LEASE_US      (60 * G_USEC_PER_SEC)
 #define LEASE_POLL_US 10000
 
-#define AT_ONCE ((gsize)1 << 20) /* bytes by which a buffer grows first */
+#define AT_ONCE ((gsize)1 << 20) /* bytes that a buffer grows by at first */
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
 
-/* FALSE. */
+/* Sets the error. Returns FALSE always. */
 static gboolean G_GNUC_PRINTF(4, 5) input_file_fail(const char *path, enum input_file_error code,
                                                     GError **error, const char *format, ...) {
     va_list arguments;

@@ -18,9 +18,9 @@ G_BEGIN_DECLS
 GQuark input_file_error_quark(void);
 enum input_file_error {
     INPUT_FILE_ERROR_KIND,      /* not a regular file */
-    INPUT_FILE_ERROR_TOO_LARGE, /* or it grows */
-    INPUT_FILE_ERROR_TEXT,      /* not a text */
-    INPUT_FILE_ERROR_CUT,       /* it has become shorter */
+    INPUT_FILE_ERROR_TOO_LARGE, /* larger than the limit, or it grows beyond it */
+    INPUT_FILE_ERROR_TEXT,      /* not text */
+    INPUT_FILE_ERROR_CUT,       /* it became shorter while it was read */
 };
 
 /* Propagates an error of this module, of which it takes ownership, in another domain: with the code
@@ -33,14 +33,14 @@ void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 
-/* The kind of a file of this mode: "a FIFO", "a directory", … */
+/* Returns the kind of a file by its mode: "a FIFO", "a directory", … */
 const char *input_file_kind(mode_t mode);
 
 /* Opens a regular file of at most max_bytes for reading; links are followed. Returns the
  * descriptor; −1: error. ret_bytes, which may be NULL: the file's length. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error);
 
-/* All of a file of at most max_bytes, and a NUL after it; g_free(). ret_length may be NULL. */
+/* Reads a whole file of at most max_bytes and appends a NUL; g_free(). ret_length may be NULL. */
 char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GError **error);
 
 /* The same for a file that must be text: without a NUL in it. */

@@ -26,7 +26,7 @@ static void append_double(GString *to, double value) {
         g_string_append(to, "null");
         return;
     }
-    /* The shortest that comes back as the same number. */
+    /* Finds the shortest text that reads back as the same number. */
     for (int digits = 6; digits <= 17; digits++) {
         char format[8];
         g_snprintf(format, sizeof(format), "%%.%dg", digits);
@@ -88,7 +88,7 @@ static void json_append(GString *to, GVariant *value) {
     case G_VARIANT_CLASS_TUPLE:
         append_children(to, value);
         break;
-    default: { /* whole numbers: their text without a type is JSON */
+    default: { /* integers: GVariant text without the type is JSON */
         g_autofree char *text = g_variant_get_type_string(value)[0] == 'y'
                                     ? g_strdup_printf("%u", g_variant_get_byte(value))
                                     : g_variant_print(value, FALSE);

@@ -2,12 +2,12 @@
 
 #include "error_details.h"
 
-/* A file of 1 MiB can have half a million. */
+/* A file of 1 MiB can contain half a million mistakes; only this many are kept. */
 #define KEPT 1000
 
 struct Mistakes {
     GPtrArray *list;   /* of GError *, in the order in which they were found */
-    GHashTable *texts; /* of those in the list, whose they are */
+    GHashTable *texts; /* set of the texts of the errors in list, which owns them */
     guint n_dropped;
 };
 

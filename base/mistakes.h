@@ -8,7 +8,7 @@
 
 typedef struct Mistakes Mistakes;
 
-#define MISTAKES_SHOWN 20 /* of further ones the error gives only the number */
+#define MISTAKES_SHOWN 20 /* the error lists this many and only counts the others */
 
 Mistakes *mistakes_new(void);
 void mistakes_free(Mistakes *mistakes); /* NULL is ignored */

@@ -9,10 +9,11 @@
 
 #define END       ".part"
 #define DIGITS    8
-#define MOST_NAME 200 /* bytes of the name that are repeated in that of the file beside it */
+#define MOST_NAME 200 /* bytes of the final name with which the name of the .part file begins */
 #define TRIES     100
 
-/* The last folder of relative, or of all of it; −1: errno. */
+/* Opens the folder of relative, or with all relative itself. Returns −1 and sets errno on failure.
+ */
 static int open_folder(const char *directory, const char *relative, gboolean all) {
     g_auto(GStrv) parts = g_strsplit(relative, "/", -1);
     int folder = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);

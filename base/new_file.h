@@ -19,7 +19,7 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
 /* Writes n bytes to a descriptor, in as many steps as that takes. FALSE: errno says why. */
 gboolean new_file_write(int fd, const void *bytes, gsize n);
 
-/* Writes n bytes behind those that are there. FALSE: errno says why. */
+/* Appends n bytes to the file. Returns FALSE and sets errno on failure. */
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 
 /* Renames the file to its name; sync: the file and its folder entry are on disk on return. For each

@@ -123,7 +123,8 @@ static gboolean parse_choice(const struct option *option, const char *text, int 
     return FALSE;
 }
 
-/* Items between ';', trimmed; one ';' at the end may stand as in GKeyFile. NULL: one is empty. */
+/* Splits a list at ';' and trims its items. As in GKeyFile, the last item may end with ';'. Returns
+ * NULL if an item is empty. */
 static char **split_list(const char *text, GError **error) {
     g_auto(GStrv) items = g_strsplit(text, ";", -1);
     guint n = g_strv_length(items);
@@ -204,7 +205,7 @@ static gsize stem_length(const char *name) {
     return length;
 }
 
-/* Sets the error; returns the key that was meant, or NULL. */
+/* Sets the error for an unknown key. Returns the key that was probably meant, or NULL. */
 static const char *unknown_key(const struct option_target *targets, gsize n_targets,
                                const struct config_section *section, const char *const *also,
                                const char *key, GError **error) {
@@ -275,7 +276,7 @@ gboolean options_check_key(const struct option *table, const struct config_secti
 gboolean options_read(const struct option_target *targets, gsize n_targets,
                       const struct config_section *section, const char *const *also,
                       Mistakes *mistakes) {
-    g_autoptr(GPtrArray) meant = g_ptr_array_new(); /* by keys that are misspelt */
+    g_autoptr(GPtrArray) meant = g_ptr_array_new(); /* the options that misspelt keys meant */
     gboolean good = !section->incomplete;
     for (const char *const *key = config_keys(section); *key; key++) {
         gboolean known = also && (g_strv_contains(also, *key) || g_strv_contains(also, "*"));
@@ -298,7 +299,7 @@ gboolean options_read(const struct option_target *targets, gsize n_targets,
             if (!config_value(section, option->name, NULL) &&
                 (section->incomplete ||
                  g_ptr_array_find_with_equal_func(meant, option->name, g_str_equal, NULL)))
-                g_error_free(error); /* another mistake is its cause */
+                g_error_free(error); /* a mistake that is reported already has caused it */
             else
                 mistakes_add(mistakes, error);
         }

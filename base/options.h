@@ -63,10 +63,10 @@ gboolean options_read(const struct option_target *targets, gsize n_targets,
 gboolean options_set(const struct option *option, const char *text, gpointer target,
                      GError **error);
 
-/* The option of that name; NULL: there is none. */
+/* Returns the option of that name; NULL if there is none. */
 const struct option *options_find(const struct option *table, const char *name);
 
-/* The range as text, as in "1 to 32"; NULL where any value will do. g_free() */
+/* Returns the range as text, for example "1 to 32"; NULL if all values are allowed. g_free() */
 char *options_range(const struct option *option);
 
 /* Checks one key of a section: that the table or also has it, and that its value is valid. */

@@ -21,5 +21,6 @@ struct team {
                  float *ret_mine);
 };
 
-/* A rank's part of n things, in multiples of a step: from *ret_first to before *ret_end. */
+/* Gives a rank its part of n things, *ret_first … *ret_end − 1; parts begin at multiples of step.
+ */
 void team_part(const struct team *team, int rank, int n, int step, int *ret_first, int *ret_end);

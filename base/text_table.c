@@ -25,7 +25,7 @@ void text_table_free(TextTable *table) {
     g_free(table);
 }
 
-/* One line's fields, trimmed. NULL: a quote that is not closed. */
+/* Splits a line into trimmed fields. Returns NULL if a quote is not closed. */
 static GPtrArray *text_table_split(const char *text) {
     g_autoptr(GPtrArray) fields = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GString) field = g_string_new(NULL);

@@ -15,10 +15,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TextTable, text_table_free)
 
 const char *text_table_path(const TextTable *table);
 int text_table_rows(const TextTable *table);
-int text_table_line(const TextTable *table, int row);            /* of the file, from 1 */
+int text_table_line(const TextTable *table, int row); /* line of the file, counted from 1 */
 int text_table_column(const TextTable *table, const char *name); /* −1: there is none */
 
-/* The text of a field; "" if there is no such column (−1). */
+/* Returns the text of a field; "" if column is −1. */
 const char *text_table_text(const TextTable *table, int row, int column);
 
 /* otherwise: the value if the field is empty or there is no such column. FALSE: the field is not a

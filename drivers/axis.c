@@ -22,13 +22,13 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
-    gboolean doubt;        /* it did not stop, or a fault has ended its last motion */
+    gboolean doubt; /* it may still turn: it did not stop, or its last motion ended in a fault */
     gboolean driver_moves; /* the driver has not reported yet; FALSE while settling */
     gboolean stopping;
     gboolean
         slack_unknown; /* stopped on the way: the next move takes up backlash in either direction */
     gboolean another_leg;
-    double target_deg; /* of the last leg, in the driver's count */
+    double target_deg; /* target of the present leg, in the angle that the driver counts */
     guint deadline, settle;
 };
 
@@ -149,7 +149,7 @@ static void axis_on_deadline(gpointer data) {
         DEVICE_ERROR_TIMEOUT, axis->device.who,
         "still %s at its deadline, last seen at %.3f°" ERROR_ADVICE "check drive and cable",
         activity_name(axis), axis->driver->position(axis));
-    /* Do not wait for its answer: the position is unknown in any case. */
+    /* The answer does not matter: the position is unknown in any case. */
     axis->state->driver_moves = FALSE;
     axis->driver->stop(axis, NULL);
     axis_do_fault(axis, error);
@@ -251,7 +251,7 @@ gboolean axis_stop(Axis *axis, GError **error) {
     if (state->activity == IDLE || state->stopping)
         return TRUE;
     state->stopping = TRUE;
-    if (!state->driver_moves) { /* settling: it stands already */
+    if (!state->driver_moves) { /* settling: the drive already stands */
         axis_settle(axis, 0);
         return TRUE;
     }

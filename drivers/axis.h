@@ -27,7 +27,7 @@ struct axis_motion {
     double accel_deg_s2; /* > 0, also to stop */
     double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
     double settle_ms;    /* from arrival until the load is still; the class waits for it */
-    double homing_s;     /* that homing takes, for predictions; 0: not known */
+    double homing_s;     /* duration of homing, for predictions; 0: not known */
 };
 
 /* The options of a motion, for a driver's table; the driver adds its own row for homing_s. at:
@@ -100,7 +100,7 @@ gboolean axis_home(Axis *axis, GError **error);
  * that is NaN or outside the limits. */
 gboolean axis_move(Axis *axis, double target_deg, GError **error);
 
-/* Does nothing, successfully, on an axis that stands. */
+/* On an axis that stands, does nothing and succeeds. */
 gboolean axis_stop(Axis *axis, GError **error);
 
 /* Stops any motion, also one that another program has started, of which axis_stop() does not know.
@@ -109,7 +109,8 @@ gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
 enum device_safety axis_safety(const Axis *axis); /* whether it stands */
-gboolean axis_is_moving(const Axis *axis); /* until its event was delivered, settling included */
+/* TRUE until the event of the motion was delivered, settling included. */
+gboolean axis_is_moving(const Axis *axis);
 double axis_position_deg(Axis *axis);
 
 /* For drivers: reports how a homing, move or stop has ended. Call it from the main loop's thread,

@@ -68,7 +68,7 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
                           const char *const *also, Clock *clock, GError **error);
 gboolean camera_open_finish(Camera *camera, GError **error);
 
-/* Both. */
+/* Calls camera_open_begin() and camera_open_finish(). */
 Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
                     const char *const *also, Clock *clock, GError **error);
 void camera_close(Camera *camera); /* disarms; NULL is ignored */
@@ -82,7 +82,7 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
-/* One at a time. Different frames have different shot numbers; a retake has the same. */
+/* Allows one trigger at a time. Each frame has its own shot number; a retake keeps it. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera);

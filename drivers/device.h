@@ -54,9 +54,9 @@ struct driver_info {
     void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
 };
 
-/* The known state of a device that was commanded off or to stop. */
+/* What is known about a device after the command to switch off or to stop. */
 enum device_safety {
-    DEVICE_SAFE,   /* it has confirmed that since the last command; drivers read it back */
+    DEVICE_SAFE,   /* it has confirmed the last command; drivers read the state back */
     DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise */
     DEVICE_TOLD,   /* it has not answered yet */
 };
@@ -66,8 +66,8 @@ struct device {
     const struct driver_info *info;
     char *name; /* from the section: "[axis turntable]" is "turntable" */
     Clock *clock;
-    gpointer priv; /* the driver's, of info->priv_size */
-    /* During the driver's open() alone: for errors that name file and line. */
+    gpointer priv; /* state of the driver, of info->priv_size bytes */
+    /* Set only during the driver's open(), for errors that name file and line. */
     const struct config_section *section;
     char *who; /* class and name, the subject of its errors: "axis turntable" */
 };

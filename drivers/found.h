@@ -14,15 +14,16 @@
 
 struct found {     /* strings are owned */
     char *bus;     /* "usb", "video", "gige", "usb3-vision", "serial", "modbus" */
-    char *address; /* where: "1-2.4", "/dev/video0", "192.168.0.10" */
-    char *what;    /* the maker's and the device's name, as it says itself */
-    char *serial;  /* empty: it says none */
+    char *address; /* address on its bus: "1-2.4", "/dev/video0", "192.168.0.10" */
+    char *what;    /* names of maker and device, as the device reports them */
+    char *serial;  /* empty if the device reports none */
     char *section; /* of a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL: no driver
                       is for it */
     char *note;    /* why the device cannot be used as it is; NULL: it can be used */
 };
 
-/* Added to the list, for the scan to fill further; what and serial may be NULL. */
+/* Appends a device to the list and returns it, for the scan to complete; what and serial may be
+ * NULL. */
 struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
                         const char *serial);
 GPtrArray *found_list_new(void); /* of struct found, which it owns */

@@ -19,14 +19,14 @@ typedef struct Frame Frame;
 struct Frame {
     gint ref_count;
     guint64 shot; /* as given to camera_trigger() */
-    guint64 id;   /* the device's own, counting up, wraps only if the driver says so */
+    guint64 id;   /* counter of the device, increasing; wraps only if the driver says so */
     gint64 exposure_start_us, exposure_end_us; /* on the Clock's scale */
     gint64 exposure_us;                        /* as configured */
     int width, height;
     enum cfa cfa;
     int bits;            /* of the ADC: values are 0 .. 2^bits - 1 */
     double black_level;  /* in those units, nominal */
-    gboolean incomplete; /* some of its data was lost on the way */
+    gboolean incomplete; /* some of its data was lost in transmission */
     guint16 *pixels;     /* height rows of width, top row first, owned */
 };
 

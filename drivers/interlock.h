@@ -29,7 +29,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
 guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
 void interlock_unlisten(Interlock *interlock, guint id);
 
-/* FALSE until a driver has reported that it is closed, and again when its state cannot be read. */
+/* Returns FALSE until the driver reports a closed contact, and while the state cannot be read. */
 gboolean interlock_is_closed(const Interlock *interlock);
 gboolean interlock_is_lost(const Interlock *interlock);
 

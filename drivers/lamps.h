@@ -16,7 +16,8 @@ struct lamps_driver {
     gboolean (*open)(LampBank *bank, GError **error);
     /* Switches all lamps off, then releases the device. */
     void (*close)(LampBank *bank);
-    /* Start; ended by lamps_report() once. index -1 with on FALSE: all. */
+    /* Starts to switch; the driver then calls lamps_report() once. Index -1 with on FALSE: all
+     * lamps. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 
@@ -46,7 +47,8 @@ gboolean lamps_all_off(LampBank *bank, GError **error);
 gboolean lamps_is_on(const LampBank *bank, int index);     /* as last reported */
 enum device_safety lamps_safety(const LampBank *bank);     /* of all its lamps */
 gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
-double lamps_hours(const LampBank *bank, int index);       /* burnt since opened */
+/* Returns the hours that the lamp was on since the bank was opened. */
+double lamps_hours(const LampBank *bank, int index);
 
 /* For drivers: answers each set() once, in order. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);

@@ -39,7 +39,7 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data);
  * laser is switched off at once, whether or not anything listens. */
 void laser_guard(Laser *laser, Interlock *interlock);
 
-/* Off always works, on is refused with DEVICE_ERROR_INTERLOCK while the interlock is open. */
+/* Always accepts off; refuses on with DEVICE_ERROR_INTERLOCK while the interlock is open. */
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 gboolean laser_is_on(const Laser *laser); /* as last reported, or asked for */
 enum device_safety laser_safety(const Laser *laser);

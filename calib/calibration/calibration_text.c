@@ -174,7 +174,7 @@ char *calibration_to_text(const struct calibration *calibration) {
         for (int i = 0; i < n; i++) {
             const char *at =
                 (const char *)calibration + groups[k].offset + (gsize)i * groups[k].size;
-            if (!*(const gboolean *)at) /* not known */
+            if (!*(const gboolean *)at) /* this part was not calibrated */
                 continue;
             g_autofree char *name = calibration_text_name_of(&groups[k], i);
             g_string_append_printf(text, "\n[%s]\n", name);
@@ -321,7 +321,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
                 continue;
             if (!fields_read(r->file, r->path, name, groups[k].fields, none, at, error))
                 return FALSE;
-            *(gboolean *)at = TRUE; /* known */
+            *(gboolean *)at = TRUE; /* this part is calibrated */
         }
     }
     if (!calibration_text_keep_extra(r, to, error))

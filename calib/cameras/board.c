@@ -23,7 +23,8 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
 
 /* Number of white squares, which have markers, above a row. */
 static int whites_before(const struct board *board, int row) {
-    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* of an odd number of columns */
+    /* With an odd number of columns, rows alternate. */
+    const int more = board->white_first ? (row + 1) / 2 : row / 2;
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 
@@ -231,7 +232,7 @@ int board_n_corners(const struct board *board) {
                                            : board->columns * board->rows;
 }
 
-/* The middle of a cell of the grid; the origin is the centre of the board, y points up. */
+/* Returns the middle of a cell of the grid; the origin is the centre of the board, y points up. */
 static void board_cell_mm(const struct board *board, double column, double row, double ret[2]) {
     ret[0] = (column + 0.5 - board->columns / 2.0) * board->square_mm;
     ret[1] = (board->rows / 2.0 - row - 0.5) * board->square_mm;
@@ -262,7 +263,7 @@ void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
     }
 }
 
-/* −1: the square has none. */
+/* Returns the number of the marker in a square; −1 if it has none. */
 static int marker_of(const struct board *board, int column, int row) {
     if (board->print == BOARD_MARKERS)
         return (board->kalibr ? board->rows - 1 - row : row) * board->columns + column;
@@ -341,7 +342,7 @@ static double board_value_at(const struct board *board, const guint8 *bits, int 
     const int marker = marker_of(board, column, row);
     if (board->print != BOARD_MARKERS && marker < 0)
         return (column + row + board->white_first) % 2 == 1;
-    const double part = board->marker_mm / board->square_mm; /* of a marker in its cell */
+    const double part = board->marker_mm / board->square_mm; /* share of a cell's side */
     const double u = (x - column - 0.5) / part + 0.5, v = (y - row - 0.5) / part + 0.5;
     const gboolean beside = u < 0 || u >= 1, above = v < 0 || v >= 1;
     if (beside || above)

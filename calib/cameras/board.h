@@ -43,8 +43,8 @@ struct board {
                          next, which is half the distance of neighbours in a staggered row */
     double marker_mm; /* side of a marker; 0: there are none */
     double circle_mm; /* diameter of a circle; 0: there are none */
-    char dictionary[24];  /* as in vision.h */
-    gboolean kalibr;      /* markers in the manner of Kalibr */
+    char dictionary[24];  /* name of a dictionary of vision.h */
+    gboolean kalibr;      /* markers are printed as Kalibr prints them */
     double thickness_mm;  /* height of the print above the surface that the board lies on */
     gboolean white_first; /* the top left square is white. board_find() finds that out where a
                              chessboard looks the same upside down */

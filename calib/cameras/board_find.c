@@ -519,9 +519,9 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
                              corners->len);
 }
 
-struct points { /* of the board, as they should appear */
+struct points { /* points of the board with the values that the picture should show */
     int n;
-    float *x, *y, *value; /* one block, which x owns */
+    float *x, *y, *value; /* one allocation, freed by x */
 };
 
 /* Projects a grid of points of the board with their printed values. */

@@ -24,14 +24,14 @@ G_BEGIN_DECLS
 #define BUNDLE_CAMERA     18 /* parameters of a camera, in the order of its covariance */
 
 struct bundle_camera {
-    enum rig_lens lens; /* parameters that it does not have stay as they are */
+    enum rig_lens lens; /* parameters that the model does not have are not changed */
     double intrinsics[BUNDLE_INTRINSICS];
     double prior[BUNDLE_INTRINSICS];       /* prior values, */
     double prior_sigma[BUNDLE_INTRINSICS]; /* and their standard deviations; 0: no prior */
     double rotation[9], shift[3];          /* camera = rotation · rig + shift */
     double nominal_centre[3];              /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
-    int stop;     /* the lens is that of the camera so many before this one; 0: its own */
+    int stop;     /* offset back to the camera whose lens it shares; 0: it has its own */
     double noise; /* factor by which the sigmas of its observations are too small */
     /* Out: fx … p2, ω, shift, k4, k5, k6, the order of enum calibration_camera_parameter; 0 where
      * fixed. */
@@ -51,7 +51,7 @@ struct bundle_stop {
 };
 
 struct bundle_observation {
-    int camera, stop, picture, corner; /* picture, corner: for the caller */
+    int camera, stop, picture, corner; /* picture and corner are only for the caller */
     double board_mm[2], seen_px[2];
     /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;
@@ -68,7 +68,7 @@ struct bundle {
     double bend_sigma; /* standard deviation of each about 0, a prior; 0: they stay as they are */
     gboolean fix_azimuth; /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
     double robust;        /* Huber's threshold in standard deviations; 0: plain least squares */
-    gboolean coarse;      /* stops when the cost falls by less than 1e-5 of it a step */
+    gboolean coarse;      /* stops when a step lowers the cost by less than 1e-5 of it */
 };
 
 /* Minimises in place. FALSE with a BUNDLE_ERROR if it does not converge. */

@@ -13,8 +13,8 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_LEFT  1e-6  /* share of a residual that the fit must have left */
-#define LEAST_RCOND 1e-15 /* of JᵀJ, scaled to a unit diagonal */
+#define LEAST_LEFT  1e-6  /* least share of a residual that remains after the fit */
+#define LEAST_RCOND 1e-15 /* least reciprocal condition number of JᵀJ with unit diagonal */
 #define MOST_OWN    (BUNDLE_CAMERA + 6 + 1 + 3) /* columns of a picture: camera, lay, angle, bend */
 
 struct factor {
@@ -115,7 +115,7 @@ static gboolean picture_score(const struct factor *factor, const struct bundle_l
     return TRUE;
 }
 
-/* y of a row of a prior. */
+/* Computes the score y of one row of a prior. */
 static gboolean prior_score(const struct factor *factor, const struct bundle_linear *linear,
                             int row, double *ret_y) {
     const int n = factor->n;
@@ -125,7 +125,7 @@ static gboolean prior_score(const struct factor *factor, const struct bundle_lin
     return LAPACKE_dtrtrs(LAPACK_COL_MAJOR, 'L', 'N', 'N', n, 1, factor->g, n, ret_y, n) == 0;
 }
 
-/* y of all pictures and all rows of priors, one after the other. */
+/* Returns the scores y of all pictures, then those of all rows of priors. */
 static GArray *scores(const struct bundle *bundle, const struct factor *factor,
                       const struct bundle_linear *linear) {
     g_autoptr(GHashTable) pictures =

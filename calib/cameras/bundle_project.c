@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-#define LEAST_Z     1e-6 /* of a point before the camera */
-#define LEAST_BELOW 1e-3 /* of a rational lens: beyond its pole corners would be mirrored */
+#define LEAST_Z     1e-6 /* least z of a point in front of the camera */
+#define LEAST_BELOW 1e-3 /* least denominator; beyond the pole of a lens the image is mirrored */
 
 static struct mat3 product(const double a[9], const struct mat3 *b) {
     struct mat3 ret;

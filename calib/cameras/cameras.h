@@ -102,10 +102,11 @@ struct cameras_result {
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
     double bend_mm[2];                 /* lowest and highest corner of the bent board; 0, 0: flat */
-    gboolean arm_known;                /* what follows: the arm's axis was fitted; */
-    struct rig_swing_fit arm;          /* and */
-    guint32 predicted;                 /* the cameras (bits) whose poses it gave */
-    double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter between pictures; ≥ 1 */
+    gboolean arm_known;                /* the axis of the arm was fitted; */
+    struct rig_swing_fit arm;          /* its fit; valid if arm_known */
+    guint32 predicted;                 /* cameras (bits) whose poses the axis gave */
+    double inflation[RIG_MAX_CAMERAS]; /* factor of the variances, from the scatter between
+                                          pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 typedef struct cameras_result CamerasResult;

@@ -5,10 +5,10 @@
 #include <string.h>
 
 #define RAD(deg)      ((deg) * (G_PI / 180))
-#define MOST_OFF_DEG  1  /* of the stops from a turn about the axis, RMS */
-#define MOST_LEAN_DEG 20 /* of the axis from the rig file's */
+#define MOST_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
+#define MOST_LEAN_DEG 20 /* largest angle between the axis and that of the rig file */
 
-/* The calibrated stop of the same camera whose angle is nearest; −1: there is none. */
+/* Returns the calibrated stop of the same camera with the nearest angle; −1 if there is none. */
 static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
     int nearest = -1;
     double best_deg = G_MAXDOUBLE;

@@ -60,7 +60,7 @@ static int n_set_aside(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* A geometry on which only a minority agrees may be accidental. */
+/* Refuses a geometry on which only a minority agrees: it may be accidental. */
 static gboolean check_photographs(const struct cameras_work *work, GError **error) {
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);

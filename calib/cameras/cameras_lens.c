@@ -5,11 +5,11 @@
 #include <string.h>
 
 #define FOLDS       5
-#define WIDE_SIGMA  1   /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
-#define ROBUST      3   /* times the noise: threshold of Huber's loss */
-#define MOST_LOSS   4.5 /* times the noise: a corner farther off counts as one that is so far off */
-#define SIGNIFICANT 2   /* standard errors of the summed differences of losses; of a bend 1 */
-#define BENT        0.02 /* of half the board's longer side, there: prior standard deviation */
+#define WIDE_SIGMA  1    /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
+#define ROBUST      3    /* times the noise: threshold of Huber's loss */
+#define MOST_LOSS   4.5  /* times the noise: larger residuals count as this one */
+#define SIGNIFICANT 2    /* standard errors of the summed differences of losses; of a bend 1 */
+#define BENT        0.02 /* prior sigma of a bend at half the longer side, over that length */
 
 void cameras_set_lens(struct bundle_camera *camera, enum rig_lens lens) {
     static const int distortion[] = {4, 5, 6, 9, 10, 11}; /* k1 … k6 */

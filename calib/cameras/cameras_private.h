@@ -39,7 +39,7 @@ gboolean cameras_progress(struct cameras_work *work, GError **error);
  * FALSE: they do not turn about one axis, or not about the rig file's. */
 gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
                          struct rig_swing_fit *ret, GError **error);
-/* Takes the axis over, and places the stops without pictures by it. */
+/* Copies the axis to the result, and places stops without pictures by it. */
 void cameras_place_stops(const struct cameras_work *work, struct calibration *calibration,
                          struct cameras_result *result);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
@@ -75,9 +75,9 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
  * other stops of the camera determine. */
 gboolean cameras_is_predicted(const struct cameras_work *work, int camera);
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error);
-/* By the cameras whose pictures showed the board to the detector. */
+/* Uses only cameras in whose pictures the detector found the board. */
 gboolean cameras_check_start(const struct cameras_work *work, GError **error);
-/* Whether most pictures agree. */
+/* Refuses a result that most pictures contradict. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error);
 gboolean cameras_check_result(const struct cameras_work *work, GError **error);
 double cameras_tilt_rad(const struct bundle_lay *lay);

@@ -8,7 +8,7 @@
 
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
-#define HINT_PICTURES   4    /* pictures that are searched for another board */
+#define HINT_PICTURES   4    /* number of pictures that are searched for another board */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {

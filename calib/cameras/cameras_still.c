@@ -1,9 +1,11 @@
-/* The frame of a rig without a turntable: level by a board, in the plane by the rig file. */
+/* Sets the frame of a rig without a turntable: a flat board defines level, the rig file the rest.
+ */
 #include "cameras_private.h"
 
 #include <string.h>
 
-#define MOST_TILT_RAD (5 * (G_PI / 180)) /* of a board that lies flat, by the nominal cameras */
+/* Largest tilt of a flat board, as the nominal cameras see it. */
+#define MOST_TILT_RAD (5 * (G_PI / 180))
 
 gboolean cameras_level(struct cameras_work *work, GError **error) {
     struct bundle_lay *flat = &work->bundle.lays[0];

@@ -11,8 +11,8 @@ enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BL
 
 #define MOST_PIXELS 6000
 #define MIN_PIXELS  40
-#define EDGE_PX     7   /* pixels that far from the expected edge are used, */
-#define BETWEEN     0.4 /* or that part of the white between two circles */
+#define EDGE_PX     7   /* largest distance of the pixels used from the expected edge, */
+#define BETWEEN     0.4 /* but at most this share of the gap between two circles */
 #define MOST_CALLS  (60 * (N + 1))
 #define TOLERANCE   1e-7
 

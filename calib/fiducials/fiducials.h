@@ -14,8 +14,8 @@ struct fiducial_scene { /* the commanded state in which a picture was taken; poi
     const struct rig *rig;
     int camera, lamp;
     double turntable_rad, arc_rad;
-    const struct radiometry_camera *radiometry;    /* of the camera, and */
-    const struct radiometry_lamp *lamp_radiometry; /* of the lamp; NULL: unknown */
+    const struct radiometry_camera *radiometry;    /* radiometry of the camera; NULL: unknown */
+    const struct radiometry_lamp *lamp_radiometry; /* radiometry of the lamp; NULL: unknown */
 };
 
 struct fiducial_seen {
@@ -57,9 +57,9 @@ gboolean fiducials_fit(const struct rig *rig, const struct fiducial_seen *seen, 
  * deviation: the zero of the turntable, or one or several cameras. */
 struct fiducials_check {
     int n_seen;
-    double rms_px; /* of their displacements, before any explanation */
+    double rms_px; /* RMS of the displacements before any cause is fitted */
     gboolean slipped;
-    double slip_deg, slip_error_deg; /* of the turntable, counter-clockwise */
+    double slip_deg, slip_error_deg; /* rotation of the turntable, counter-clockwise */
     struct {
         int n_seen;
         gboolean moved;

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #define STEP_RAD   1e-5
-#define CERTAIN    4.0 /* standard errors */
+#define CERTAIN    4.0 /* standard errors from which an angle is certain */
 #define MOST_TURNS (RIG_MAX_CAMERAS + 1)
 #define PRIOR_RAD  0.02 /* prior of any angle: bounds those that are hardly determined */
 

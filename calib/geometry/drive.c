@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
-#define ROUNDS    4                   /* of fit and estimate */
+#define ROUNDS    4                   /* rounds of fit and estimate */
 #define WORTH     4 /* weight of the prior, in angles: a few angles give a poor estimate */
 
 void drive_init(struct drive *drive, int most) {

@@ -11,7 +11,7 @@
 struct drive {
     double *angles_rad; /* n commanded angles */
     int n;
-    int at;           /* index of the first one's error among the parameters */
+    int at;           /* parameter index of the error of the first angle */
     double sigma_rad; /* standard deviation of the errors */
 };
 
@@ -19,7 +19,7 @@ struct drive {
 void drive_init(struct drive *drive, int most);
 void drive_clear(struct drive *drive);
 
-/* Index of an angle; a new one is added. */
+/* Returns the index of an angle, which it adds if it is new. */
 int drive_angle(struct drive *drive, double angle_rad);
 
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,

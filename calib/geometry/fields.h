@@ -15,8 +15,8 @@ struct field {
     int n;
     gboolean integer;
     double min, max;
-    gboolean optional; /* 0 if a file does not have it */
-    gboolean sparing;  /* and not written while all of it is 0: files of earlier versions lack it */
+    gboolean optional; /* a file may lack the field; its value is then 0 */
+    gboolean sparing; /* not written if all values are 0, since files of earlier versions lack it */
 };
 
 /* "key=value" lines. An optional integer that is 0 is left out. */

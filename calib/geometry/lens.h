@@ -20,7 +20,7 @@ enum rig_lens {
 };
 /* "polynomial", "rational", "fisheye". */
 const char *rig_lens_name(enum rig_lens lens);
-/* FALSE: there is none of that name. */
+/* Returns FALSE if no lens model has that name. */
 gboolean rig_lens_by_name(const char *name, enum rig_lens *ret);
 
 G_END_DECLS

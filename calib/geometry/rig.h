@@ -30,7 +30,7 @@
 #define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
 #define RIG_MOST_RESPONSE  1e12
 #define RIG_MOST_INTENSITY 1e6 /* W/sr */
-#define RIG_MOST_STRETCH   0.5 /* of a sweep, either way */
+#define RIG_MOST_STRETCH   0.5 /* largest relative stretch of a sweep, in both directions */
 #define RIG_MAX_LASERS     16
 #define RIG_MAX_FIDUCIALS  16
 #define RIG_NAME           32
@@ -45,7 +45,7 @@ struct rig_camera {
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
-    int on_arm;      /* 1: the camera arm carries it, and this is its place with the arm at */
+    int on_arm; /* 1: the camera arm carries it; its pose here is that with the arm at arm_deg */
     double arm_deg;
     int stop; /* number of the stop among those of its device, from 0; 0 if it has only one */
 };
@@ -68,10 +68,11 @@ struct rig_lamp {
     struct vec3 aim; /* unit */
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
-    int fixed;        /* 1: the arc's angle does not matter to it */
-    int on_probe;     /* 1: the probe carries it, and this is its place with the probe at */
+    int fixed;        /* 1: it stands by itself; the arc does not move it */
+    int on_probe; /* 1: the probe carries it; its position here is that with the probe at probe_deg
+                   */
     double probe_deg;
-    int stop; /* as a camera's */
+    int stop; /* number of the stop, as for a camera */
 };
 
 /* A line laser on the light arc, or one that stands by itself (fixed), as a lamp: a sheet of light
@@ -117,7 +118,7 @@ struct rig {
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc */
-    double arc_width_mm;  /* of the arc and its lamps, which hide parts of a camera's frame */
+    double arc_width_mm;  /* width of arc and lamps, which hide parts of a camera's frame */
 };
 
 /* The number of a camera's first stop, and of a lamp's. Cameras (lamps) for which it is the same
@@ -133,7 +134,7 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
  * of the set have that it carries. If it carries none of them, at the rig's first stop; 0 if there
  * is no arm. */
 double rig_arm_deg(const struct rig *rig, guint32 cameras);
-/* The same for the probe and a lamp; −1: none. */
+/* Does the same for the probe and a lamp; lamp −1: no lamp. */
 double rig_probe_deg(const struct rig *rig, int lamp);
 
 /* The name of the device that a camera or lamp NAME@ANGLE is a stop of, of at most RIG_NAME. */

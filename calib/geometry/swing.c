@@ -51,7 +51,7 @@ static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_
     return sine < 1e-12 ? vec3(0, 0, 0) : vec3_scale(twice, atan2(sine, cosine) / (2 * sine));
 }
 
-/* The next pair of stops of one camera that are known and apart; FALSE: there is none left. */
+/* Finds the next pair of known, different stops of one camera. Returns FALSE if none is left. */
 static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) {
     for (;;) {
         if (++*k >= rig->n_cameras) {

@@ -21,10 +21,10 @@ void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct ri
  * it. */
 struct rig_swing_fit {
     struct rig_swing swing;
-    int n_pairs;            /* of stops of one camera */
-    double angle_rms_rad;   /* between the rotations of pairs and those about the axis, */
-    double position_rms_mm; /* and between the centres of their cameras */
-    double zero_rad;        /* by which the cameras stand on from the nominal ones, in the mean */
+    int n_pairs;          /* number of pairs of stops of one camera */
+    double angle_rms_rad; /* RMS deviation of the pairs' rotations from rotations about the axis */
+    double position_rms_mm; /* RMS deviation of the camera centres */
+    double zero_rad;        /* mean angle of the cameras beyond their nominal positions */
 };
 
 /* Finds the arm's axis from the poses of its cameras. known: the cameras (bits) whose poses are

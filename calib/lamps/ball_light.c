@@ -8,13 +8,14 @@
 #include <string.h>
 
 #define PARALLEL  1e-9 /* relative determinant below which the rays are parallel */
-#define AGREE     3.0  /* standard deviations within which a ray agrees, but at least */
+#define AGREE     3.0  /* standard deviations within which a ray agrees; at least AGREE_RAD */
 #define AGREE_RAD (0.5 * G_PI / 180)
 #define NEAREST   3.0 /* radii: a light is at least this far from the balls */
 #define KNOWN     0.5 /* largest relative error of a known position */
-#define CONE_RAYS 24  /* of an outline, that a ball is found by */
+#define CONE_RAYS 24  /* rays of the outline from which a ball is located */
 
-/* Unit direct of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁ over det A. */
+/* Solves A x = b. The inverse of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁
+ * over det A. */
 gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret) {
     struct vec3 r[3];
     for (int i = 0; i < 3; i++)

@@ -20,9 +20,9 @@
                          less may be the horizon's, mirrored in the ball */
 #define EDGES       3 /* candidate edges per ray, strongest first: the ball itself has edges, too */
 #define NEIGHBOURS  3.0  /* factor of the standard error: neighbouring edges are correlated */
-#define AGREE       0.01 /* of the radius: distance within which an edge agrees */
+#define AGREE       0.01 /* share of the radius within which an edge agrees */
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
-#define ROUNDS      5    /* of fitting with outlier rejection */
+#define ROUNDS      5    /* rounds of fitting with outlier rejection */
 #define FLOOR_PX    0.1  /* lower bound of the standard deviation */
 #define MOST_STEPS  4096
 

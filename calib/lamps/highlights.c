@@ -15,14 +15,14 @@
 #define SIGHT_PX    0.03  /* standard deviation of a centroid */
 #define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
 #define SPECK       4     /* smaller spots are dust or hot pixels */
-#define STREAK      4.0   /* aspect from which a spot is a hair or a scratch, */
+#define STREAK      4.0   /* aspect ratio from which a spot is a hair or a scratch, */
 #define CORE        0.8 /* unless its part above this share of the peak is round: a brushed ball */
 #define COMPARABLE  0.3 /* share of the best spot's energy from which another may be the lamp */
-#define MOST_SPOTS  256 /* examined, brightest first */
+#define MOST_SPOTS  256 /* number of spots that are examined, brightest first */
 #define SLANT       0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
 #define SPOT_SHARE  0.2 /* largest area of a spot, in areas of the ball's picture */
 
-#define STAYS 0.5 /* share of a spot's height that the others show if it is no lamp */
+#define STAYS 0.5 /* a spot that other pictures show at this share of its height is no lamp */
 
 #define NOWHERE 0 /* label of pixels without a spot */
 
@@ -42,7 +42,7 @@ struct spot {
     float height;      /* peak above the background */
     double energy;     /* sum of squares above the background: both brightness and size count */
     struct highlight light; /* position in the window */
-    double share;           /* of the peak, that bounds the light */
+    double share;           /* share of the peak above which pixels belong to the light */
     gboolean streak, halo, cut, stays;
 };
 

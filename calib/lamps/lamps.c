@@ -13,11 +13,12 @@
 G_DEFINE_QUARK(lamps_error, lamps_error)
 
 #define REJECT          4.5
-#define LEAST_SIGHTS    6                 /* to locate a lamp */
+#define LEAST_SIGHTS    6                 /* least number of sights that locate a lamp */
 #define LEAST_ARC       (60 * G_PI / 180) /* least range of arc angles that determines the axis */
 #define MOST_LAMP_MM    10.0              /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
-#define EXCHANGED       5.0 /* times nearer to another lamp's place than to its own */
+/* A lamp that is nearer to another's place than to its own by this factor is exchanged. */
+#define EXCHANGED 5.0
 
 /* Columns of the parameters that a sight depends on: arc, lamp, mark and its size, camera,
  * drives. */
@@ -173,7 +174,8 @@ static void lamps_find_shift(const struct problem *problem, const struct lamp_si
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-/* Whether a sight depends on the arc: a post itself and a lamp that stands by itself do not. */
+/* Returns whether a sight depends on the arc. That of a post itself, or of a fixed lamp, does not.
+ */
 static gboolean is_on_arc(const struct problem *problem, const struct lamp_sight *sight) {
     return sight->lamp >= 0 && !problem->rig->lamps[sight->lamp].fixed;
 }
@@ -255,7 +257,10 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
         cameras[problem->sights[i].camera] = TRUE;
     }
     if (seen == 0) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "no picture shows a post or ball lit by a lamp; check the target's "
+                    "description, its place and "
+                    "the exposure");
         return FALSE;
     }
     problem->fit_arc = spread_rad(problem) >= LEAST_ARC;
@@ -394,7 +399,7 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
     for (int i = 0; i < ret->target.n;
-         i++) /* otherwise another round would use the measured sizes as a prior */
+         i++) /* keep the given sizes: another round must not use measured ones as its prior */
         ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
     for (int k = 0; problem->fit_arc && k < 2; k++) {
         ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
@@ -449,7 +454,7 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
-/* Each lamp is found where it truly is: exchanged names show as exchanged places. */
+/* Finds exchanged names: each lamp is then nearest to the nominal place of the other. */
 static gboolean lamps_check_places(const struct rig *rig, const struct lamps_result *ret,
                                    GError **error) {
     for (int i = 0; i < rig->n_lamps; i++) {

@@ -37,7 +37,7 @@ enum lamps_error {
     LAMPS_ERROR_TARGET,     /* the target's description is invalid */
     LAMPS_ERROR_PICTURES,   /* posts, balls or lamps that should be visible are not */
     LAMPS_ERROR_DEGENERATE, /* the pictures do not determine all parameters */
-    LAMPS_ERROR_MISTAKE,    /* what is known of the pictures is wrong; the message says what */
+    LAMPS_ERROR_MISTAKE, /* the given facts about the pictures are wrong; the message says which */
 };
 
 /* Advice of an error about two exchanged lamps; printf arguments: the names of both. */
@@ -53,18 +53,18 @@ enum lamps_error {
 enum lamp_target_kind { LAMP_POLES, LAMP_BALLS };
 
 struct lamp_mark {
-    double x_mm, y_mm; /* of its foot in the sample frame, approximate */
+    double x_mm, y_mm; /* approximate position of its foot in the sample frame */
     double size_mm;    /* a post's height above the plate, a ball's radius */
 };
 
 struct lamp_target {
     enum lamp_target_kind kind;
     double plane_mm;    /* height of the plate's top above the turntable */
-    double radius_mm;   /* of the posts */
+    double radius_mm;   /* radius of the posts */
     double plate_mm[2]; /* the plate's size along x and y; centred */
     struct lamp_mark marks[LAMP_MAX_MARKS];
     int n;
-    double tolerance_mm; /* of the marks' sizes, standard deviation */
+    double tolerance_mm; /* standard deviation of the marks' sizes */
 };
 
 /* A key file; see etc/demo/poles.conf. */
@@ -85,12 +85,12 @@ struct lamps_result {
     struct rig rig; /* with lamps and arc as estimated; the aim keeps its angle to the origin */
     gboolean seen[RIG_MAX_LAMPS];
     double covariance_mm2[RIG_MAX_LAMPS][3][3]; /* of the lamp's position with the arc at 0 */
-    int sights[RIG_MAX_LAMPS];                  /* used */
+    int sights[RIG_MAX_LAMPS];                  /* number of sights that were used */
     double zero_error_rad;
     gboolean arc_known; /* whether the axis was determined; else it is the nominal one */
     double tilt_error_rad[2], centre_error_mm[2];
-    struct lamp_target target; /* with the estimated positions of the marks */
-    double rms;                /* of the sights used: mm on the plate, or px */
+    struct lamp_target target; /* the target with the estimated positions of its marks */
+    double rms;                /* RMS residual of the used sights: mm on the plate, or px */
     double sigma;              /* residuals over their expected standard deviation */
     double turntable_rad,
         drive_rad; /* standard deviation of the angle errors of turntable and arc */

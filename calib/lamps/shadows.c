@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-#define LIT            0.8  /* of the maximum: lit as well */
-#define PATTERN        0.5  /* of the plate's level: its own pattern is brighter */
+#define LIT            0.8 /* share of the maximum from which a pixel counts as lit */
+#define PATTERN        0.5 /* share of the plate's level; the printed pattern of a plate is brighter */
 #define LEAST_CONTRAST 0.35 /* least contrast of a shadow */
 #define MOST_RESIDUAL  0.12 /* largest RMS residual of the shape, over the lit level */
 #define LEAST_PIXELS   30
@@ -273,7 +273,7 @@ static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 la
     if (!shadow_streak(w->target, w->mark, w->view->turntable_rad, body ? eye_mm : lamp_mm,
                        &w->streak) ||
         vec3_length(vec3_sub(w->streak.to, w->streak.from)) < w->target->radius_mm)
-        return; /* the shadow is under the post's own foot */
+        return; /* the post's foot covers the shadow */
     /* Collects everything that may overlap the shadow or the post. */
     w->n_others = 0;
     for (int i = 0; i < w->target->n; i++) {

@@ -47,7 +47,7 @@ static void score_streak(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
-/* every: uses every so-many-th picture. */
+/* Scores a pose of the plate; uses only every n-th picture, n = every. */
 static double score_pose(ShadowView *const *views, int n, const struct lamp_target *target,
                          const struct plate_pose *pose, int every) {
     struct lamp_target moved;

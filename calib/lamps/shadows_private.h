@@ -10,7 +10,7 @@ struct shot {
     float *values; /* relative to the lit plate; NaN: not on the plate */
 };
 
-struct pattern { /* of a pixel */
+struct pattern { /* statistics of one pixel over the pictures */
     float sum;   /* sum of the values in the pictures in which it is lit */
     int n;       /* number of those pictures */
     float least; /* least value that counts as lit */
@@ -19,11 +19,11 @@ struct pattern { /* of a pixel */
 struct ShadowView {
     const struct rig *rig;
     const struct plate_map *map;
-    struct lamp_target target; /* for plate and plane */
+    struct lamp_target target; /* its plate and the height of its plane are used */
     int camera;
     double turntable_rad;
     GArray *shots;           /* struct shot */
-    struct pattern *pattern; /* the plate's own; NULL until needed */
+    struct pattern *pattern; /* pattern of the plate itself; NULL until needed */
 };
 
 /* Estimates the plate's pattern on the first call, from all pictures added so far. */

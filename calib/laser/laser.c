@@ -19,15 +19,16 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define LEAST_HEIGHTS 2.0 /* mm: least difference of the heights */
 #define STEP_POINTS   12  /* least points of a step on each height, to report its sheet */
 
-#define EXCHANGED 5.0 /* times nearer to another laser's place than to its own */
+/* A laser that is nearer to another's place than to its own by this factor is exchanged. */
+#define EXCHANGED 5.0
 
-#define MISFIT_MM      0.03 /* RMS from which on the heights of planes are doubted */
-#define WORST          0.05 /* share of points that are nowhere near a sheet */
-#define MOST_OFF_MM    0.3  /* a point further off counts so much, also one that was rejected */
-#define HEIGHT_BETTER  3.0  /* times less RMS tells that a height was wrong */
-#define HEIGHT_ERRORS  5.0  /* standard errors that it must differ by */
-#define HEIGHT_POINTS  2000 /* of a laser, are enough to tell */
-#define HEIGHT_AS_GOOD 1.5  /* times the RMS of another height is no worse */
+#define MISFIT_MM      0.03 /* from this RMS on, the heights of the planes are checked */
+#define WORST          0.05 /* share of the points that may be far from every sheet */
+#define MOST_OFF_MM    0.3 /* bound of the distance that a point contributes, also a rejected one */
+#define HEIGHT_BETTER  3.0 /* factor by which another height must lower the RMS */
+#define HEIGHT_ERRORS  5.0 /* least difference of the heights, in standard errors */
+#define HEIGHT_POINTS  2000 /* points of each laser that are used for this check */
+#define HEIGHT_AS_GOOD 1.5  /* within this factor of its RMS, another height fits as well */
 
 #define ARC 4 /* number of parameters of the arc; they come first */
 
@@ -47,8 +48,8 @@ struct problem {
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
     int *swing_of;   /* n: index of the arc's angle; −1: a laser that stands by itself */
-    double plane_mm; /* points at this height may be at another one; NAN: none */
-    int height_at;   /* parameter: how much higher their plane is */
+    double plane_mm; /* the height of this plane is adjusted, too; NAN: none */
+    int height_at;   /* index of the parameter: how much higher their plane is */
     int n_parameters;
 };
 
@@ -101,7 +102,8 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         struct rig_plane sheet =
             rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
         struct vec3 p = point->point_mm;
-        if (p.z == problem->plane_mm) { /* along the line of sight to the other plane */
+        /* Moves the point along the line of sight to the unknown plane. */
+        if (p.z == problem->plane_mm) {
             const struct vec3 way = vec3_sub(p, eyes[point->camera]);
             p = vec3_add(p, vec3_scale(way, x[problem->height_at] / way.z));
         }
@@ -111,10 +113,10 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     }
 }
 
-struct levels { /* heights of a laser's points */
+struct levels { /* range of the heights of a laser's points */
     double low_mm, high_mm;
     int n, n_low, n_high;
-    int sweep; /* one of its sweeps */
+    int sweep; /* number of one of its sweeps */
 };
 
 /* Range of heights of a laser's points, and numbers below and above its middle. */
@@ -349,7 +351,7 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
     return TRUE;
 }
 
-/* Each laser is found where it truly is: exchanged names show as exchanged places. */
+/* Finds exchanged names: each laser is then nearest to the nominal place of the other. */
 static gboolean laser_check_places(const struct problem *problem, const double *x, GError **error) {
     const struct rig *rig = problem->rig;
     for (int i = 0; i < rig->n_lasers; i++) {
@@ -409,7 +411,8 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     return TRUE;
 }
 
-/* Adjusts again with the height of the plane at plane_mm unknown. INFINITY: that tells nothing. */
+/* Adjusts with the height of the plane at plane_mm unknown. Returns INFINITY if that proves
+ * nothing. */
 static double laser_with_height(struct problem *problem, const struct laser_arc *arc,
                                 const char *const *sweep_names, double plane_mm, double *ret_by_mm,
                                 double *ret_error_mm) {
@@ -423,7 +426,7 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
         return INFINITY;
     *ret_by_mm = x[problem->height_at];
     gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
-    for (int i = 0; i < problem->n && tells; i++) /* two planes in one fit anything */
+    for (int i = 0; i < problem->n && tells; i++) /* if two planes coincide, any height fits */
         tells = problem->points[i].point_mm.z == plane_mm ||
                 fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= LEAST_HEIGHTS;
     fit_result_clear(&fitted);

@@ -21,7 +21,7 @@ enum laser_error {
     LASER_ERROR_DEGENERATE, /* planes of one height only, or too few steps */
     LASER_ERROR_SWEEP,   /* the direction of a sweep is reversed, or its range differs much from the
                             commanded one */
-    LASER_ERROR_MISTAKE, /* what is known of the sweeps is wrong; the message says what */
+    LASER_ERROR_MISTAKE, /* the given facts about the sweeps are wrong; the message says which */
 };
 
 struct laser_point {
@@ -50,9 +50,9 @@ struct laser_result {
     double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
-    double rms_mm[RIG_MAX_LASERS];                /* of the distances of points from their sheets */
-    int points[RIG_MAX_LASERS];                   /* used */
-    double tilt_error_rad[2], centre_error_mm[2]; /* of the arc */
+    double rms_mm[RIG_MAX_LASERS];                /* RMS distance of the points from their sheets */
+    int points[RIG_MAX_LASERS];                   /* number of points that were used */
+    double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* one flag per point; owned */

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #define LEAST_RAD   (0.05 * G_PI / 180) /* a smaller spread is no sign of a mistake */
-#define BETTER      5.0                 /* times less spread shows that the mistake was made */
+#define BETTER      5.0 /* factor by which undoing a mistake must lower the spread */
 #define MOST_PLANES 16
 #define DEG         (180 / G_PI)
 
@@ -66,7 +66,8 @@ static struct laser_point undo(const struct rig *rig, const struct planes *plane
     return p;
 }
 
-/* Infinite: a laser turns the other way, or by quite another angle, than commanded. */
+/* Returns infinity if a laser turns in the wrong direction, or by an angle far from the commanded
+ * one. */
 static double spread_rad(const struct rig *rig, const struct laser_point *points, int n,
                          const struct planes *planes, const struct mistake *mistake) {
     struct line {

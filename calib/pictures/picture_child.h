@@ -14,12 +14,12 @@ G_BEGIN_DECLS
 struct picture_job {
     const char *path;   /* for messages; it may lead elsewhere by now */
     const char *reader; /* "raw" or "video" */
-    int fd;             /* of the file, open for reading */
-    guint64 length;     /* of the file, bytes */
+    int fd;             /* the file, open for reading */
+    guint64 length;     /* bytes of the file */
     int most;           /* frames of a video to keep; otherwise 0 */
 };
 
-/* For each picture_child_tell(). FALSE, with an error: the program is killed. */
+/* Called for each picture_child_tell(). FALSE with an error kills the program. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
 /* Runs the program and returns what it has written; NULL: its error, of told, or VISION_ERROR_IO:
@@ -27,7 +27,7 @@ typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **er
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 
-/* Takes the next n bytes of a result; FALSE: there are not so many. */
+/* Takes the next n bytes of a result. Returns FALSE if fewer are left. */
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
 /* The rest is for the program. */
@@ -38,7 +38,7 @@ struct picture_child;
 typedef gboolean (*PictureChildFunc)(struct picture_child *child, const struct picture_job *job,
                                      GError **error);
 
-/* FALSE: it cannot be written; the program ends with this as its error. */
+/* Returns FALSE if the bytes cannot be written; the program then ends with that error. */
 gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n);
 void picture_child_tell(struct picture_child *child, int done, int n);
 

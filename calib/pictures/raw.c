@@ -128,7 +128,8 @@ gboolean raw_child_read(struct picture_child *child, const struct picture_job *j
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
     char *bytes = g_try_malloc(job->length + 1);
     if (!raw || !bytes)
-        return raw_fail(job->path, error, "there is no memory to read it");
+        return raw_fail(job->path, error,
+                        "there is no memory to read it; close other programs and try again");
     if (!input_file_read_at(job->fd, job->path, bytes, job->length, 0, error))
         return FALSE;
     const struct picture *picture = raw_decode(job->path, raw, bytes, job->length, head.cfa, error);
@@ -162,7 +163,8 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
                                sizeof(float) * (gsize)head.width * (gsize)head.height))
             return g_steal_pointer(&picture);
     }
-    raw_fail(path, error, "what LibRaw has read of it is not whole");
+    raw_fail(path, error,
+             "LibRaw returned an incomplete picture; copy the file again, or convert it to DNG");
     return NULL;
 }
 

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <unistd.h>
 
-#define MOST_BYTES (256 << 20) /* of the frames that are kept */
+#define MOST_BYTES (256 << 20) /* limit of the memory for the frames that are kept */
 #define LEAST_KEPT 16u
 
 namespace {
@@ -19,7 +19,7 @@ void clear_frame(gpointer data) {
     g_free(static_cast<struct video_frame *>(data)->grey);
 }
 
-/* Noise adds to all frames alike; half the size has less of it. */
+/* Returns the mean squared gradient over the variance, at half size, which has less noise. */
 double sharpness_of(const cv::Mat &grey) {
     cv::Mat half, dx, dy;
     cv::Scalar mean, deviation;
@@ -40,7 +40,7 @@ void merge_windows(GArray *frames) {
     }
 }
 
-/* One more frame; every: a window's length. */
+/* Adds a frame; every: length of a window in frames. */
 void take(struct video *video, const cv::Mat &grey, int every) {
     const gsize n = grey.total();
     struct video_frame frame = {video->n_frames, sharpness_of(grey), nullptr};
@@ -124,7 +124,8 @@ bool is_video(int fd) {
     return (head[0] == 0x47 && head[188] == 0x47) || (head[4] == 0x47 && head[196] == 0x47);
 }
 
-/* FFmpeg, or OpenCV's own reader of Motion JPEG. No other: some take a path for more than that. */
+/* Uses only FFmpeg or OpenCV's Motion JPEG reader: others may interpret a path as a URL or
+ * pipeline. */
 bool open_video(cv::VideoCapture &capture, const char *path) {
     for (int by : {cv::CAP_FFMPEG, cv::CAP_OPENCV_MJPEG})
         if (capture.open(path, by)) {
@@ -217,8 +218,8 @@ struct video *video_read(const char *path, int most, VideoProgress progress, gpo
     g_array_set_clear_func(video->frames, clear_frame);
     if (take_frames(result, video))
         return video;
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO, "%s: what FFmpeg has read is not whole",
-                path);
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                "%s: FFmpeg returned incomplete frames; copy the file again, or convert it", path);
     video_free(video);
     return nullptr;
 }

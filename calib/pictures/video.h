@@ -21,11 +21,12 @@ struct video_frame {
 
 typedef struct video {
     int width, height;
-    int n_frames;   /* that were read */
+    int n_frames;   /* number of frames that were read */
     GArray *frames; /* of struct video_frame, in order */
 } Video;
 
-/* Called after each frame; n: as the file says, which may be wrong. FALSE ends the reading. */
+/* Called after each frame; n: the number that the file states, possibly wrong. FALSE ends the
+ * reading. */
 typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error);
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG, by its

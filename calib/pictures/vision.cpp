@@ -221,7 +221,7 @@ struct picture *vision_read(const char *path, GError **error) {
     return ret;
 }
 
-/* ret_bits: as vision_read_codes(); null: values, as vision_read_colour(). */
+/* Reads codes as vision_read_codes(), or with ret_bits NULL values as vision_read_colour(). */
 static gboolean read_in_colour(const char *path, int *ret_width, int *ret_height,
                                gboolean *ret_grey, int *ret_bits, float **ret_rgb, GError **error) {
     gsize length = 0;

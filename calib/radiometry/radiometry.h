@@ -60,7 +60,7 @@ struct tile_shot {
 /* Mean over the pixels of one colour in one of about a hundred cells of a picture. */
 struct tile_cell {
     int shot, camera, colour;
-    double basis[RADIOMETRY_FLAT]; /* of the flat field, mean over the pixels */
+    double basis[RADIOMETRY_FLAT]; /* basis functions of the flat field, mean over the pixels */
     struct vec3 point_mm;
     double signal;   /* DN per second */
     double error;    /* its standard error */
@@ -85,9 +85,9 @@ struct tile_fit {
     struct radiometry_lamp lamps[RIG_MAX_LAMPS];
     double residual; /* RMS, relative */
     double quality;  /* χ² per degree of freedom; 1 if model and noise are right */
-    int degrees;     /* of freedom */
-    int rejected;    /* cells */
-    double *output;  /* of each shot's lamp, relative to its mean; g_free() */
+    int degrees;     /* degrees of freedom */
+    int rejected;    /* number of rejected cells */
+    double *output;  /* of each shot's lamp, relative to that lamp's mean; g_free() */
     double *output_error;
 };
 void tile_fit_clear(struct tile_fit *fit);

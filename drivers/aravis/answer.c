@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest drift between two quartz clocks. */
+/* Upper bound of the relative drift between two quartz clocks. */
 #define DRIFT       100e-6
 #define ROUNDING_US 20
 
@@ -50,7 +50,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     if (state->clock.valid && stamp_ns > 0)
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
-        return TRUE; /* its first packet is missing; the class will refuse it */
+        return TRUE; /* its first packet is missing: the class refuses the frame */
     /* A camera without a clock: use the time at which its frame began to arrive. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);

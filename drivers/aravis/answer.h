@@ -7,10 +7,10 @@
 struct answer_state {
     const struct aravis_limits *limits;
     struct aravis_clock clock;
-    gint64 asked_us; /* when the clock was */
+    gint64 asked_us; /* when the clock was last read */
     gint64 exposure_us;
     guint64 shot;
-    gint64 sent_us; /* the trigger that waits */
+    gint64 sent_us; /* when the trigger that waits for its frame was sent */
     guint64 base, last_raw;
     gboolean stamp_is_end;
 };

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* After a frame from before the trigger: how long to wait for the right one. */
+/* Time to wait for the right frame after one that was exposed before the trigger. */
 #define STALE_US G_USEC_PER_SEC
 
 /* How much longer than announced an exposure may last; less is within the uncertainty of the
@@ -11,14 +11,14 @@
 #define OVERTIME_US 1000
 
 struct aravis_camera {
-    struct aravis_options options; /* first: the table is of it */
+    struct aravis_options options; /* the first member: the options table describes it */
     AravisWorker *worker;
     struct aravis_limits limits;
     struct camera_settings settings;
     GError *lost;
     guint exposed_timer, stale_timer;
     gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
-    gint64 before_us;  /* of the old frame */
+    gint64 before_us;  /* how long before the trigger the old frame was exposed */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)

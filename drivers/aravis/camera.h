@@ -12,9 +12,9 @@
 extern const struct camera_driver aravis_camera_driver;
 
 struct aravis_found {
-    char *id;       /* what Aravis calls it: vendor, model and serial number */
-    char *serial;   /* what to write for "device" if its address changes */
-    char *address;  /* of a GigE Vision camera; else NULL */
+    char *id;       /* the name that Aravis gives it: vendor, model and serial number */
+    char *serial;   /* value for the option "device" that stays valid if the address changes */
+    char *address;  /* IP address of a GigE Vision camera; else NULL */
     char *model;    /* vendor and model, for people */
     char *protocol; /* "GigEVision", "USB3Vision" */
 };

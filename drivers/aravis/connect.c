@@ -101,7 +101,8 @@ static gboolean is_any(const char *id, const char *const *names, gsize n) {
     return FALSE;
 }
 
-/* Looks on the buses only, since searching the network takes a second. NULL: not found. */
+/* Searches USB only, since a search of the network takes a second. Returns NULL if the camera is
+ * not found. */
 static char *look_up_usb(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *found = NULL;
@@ -130,7 +131,8 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
     return found;
 }
 
-/* Its address for GigE Vision, else what Aravis opens it by; NULL: not there. */
+/* Returns the IP address of a GigE Vision camera or the Aravis id of another one; NULL if it is not
+ * there. */
 static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);

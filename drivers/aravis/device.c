@@ -13,7 +13,7 @@
 #define N_BUFFERS 6
 #define N_ASKED   5
 
-/* Bootstrap registers of every GigE Vision camera: its clock. */
+/* Bootstrap registers of the clock, which every GigE Vision camera has. */
 #define STAMP_CONTROL 0x0944
 #define STAMP_HIGH    0x0948
 #define STAMP_LOW     0x094c
@@ -33,8 +33,8 @@ struct AravisDevice {
     ArvCamera *camera;
     ArvStream *stream;
     struct aravis_limits limits;
-    double ticks_per_us; /* GigE Vision; 0: none */
-    gboolean sfnc_clock; /* TimestampLatch, in ns */
+    double ticks_per_us; /* clock frequency of a GigE Vision camera; 0: no clock */
+    gboolean sfnc_clock; /* the clock is read by TimestampLatch, in ns */
     char **warnings;
     gint unplugged; /* atomic: a USB camera has left the bus */
 };
@@ -96,7 +96,7 @@ static gboolean set_features(AravisDevice *device, GError **error) {
     return TRUE;
 }
 
-/* The rig file's "features" set it: this is deliberate. */
+/* Returns whether the option "features" in the rig file sets the feature on purpose. */
 static gboolean aravis_device_asked_for(const AravisDevice *device, const char *feature) {
     gsize n = strcspn(feature, "[");
     for (char **f = device->options->features; f && *f; f++) {
@@ -166,7 +166,7 @@ static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
                 format = format ? format : f;
                 coloured = coloured || f->cfa == CFA_MONO ? coloured : f;
             }
-    /* What a sensor with colour filters sends as Mono is computed from several pixels. */
+    /* A camera with colour filters computes each Mono value from several pixels. */
     if (coloured && !aravis_device_is_grey(device))
         format = coloured;
     for (guint i = 0; i < n; i++) {
@@ -290,7 +290,8 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
                      (guint)(options->resend_ms * 1000), "packet-timeout",
                      (guint)(options->resend_ms * 4000), "frame-retention",
                      (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
-        /* Aravis does so only once the first packet is there: too late for the first frame. */
+        /* Aravis sizes the buffer only when the first packet arrives, too late for the first frame.
+         */
         socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), room);
     }
     for (int i = 0; i < N_BUFFERS; i++)
@@ -451,7 +452,8 @@ static gboolean read_clock(AravisDevice *device, double *ret_us, double *ret_aft
     return why == NULL;
 }
 
-/* The time was latched between request and answer; the quickest of several is the most exact. */
+/* The camera latches its time between request and answer; the quickest of several attempts is the
+ * most exact. */
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     *ret = (struct aravis_clock){.error_us = HUGE_VAL};
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)

@@ -48,7 +48,8 @@ const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
  * NULL-terminated. Owned by the device. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
-gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
+/* Tells what Aravis knows, without a request to the camera. */
+gboolean aravis_device_has_control(AravisDevice *device);
 
 /* TRUE: the camera has to be opened again after a frame has not come. The endpoint of a USB
  * camera's stream may be halted then, and Aravis clears that only when it opens the camera. */
@@ -64,7 +65,7 @@ gboolean aravis_device_stop(AravisDevice *device, GError **error);
 /* Triggers the camera by its software command, or by a pulse on its input line. */
 gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 
-/* Takes a buffer that has arrived, which the caller gives back; NULL: there is none. */
+/* Returns a buffer that has arrived, or NULL. The caller returns it by aravis_device_push(). */
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 
@@ -76,7 +77,8 @@ struct aravis_clock {
 };
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret);
 
-/* Frees why, an error of Aravis, and sets one that names what failed; TRUE if why is NULL. */
+/* Replaces why, an error of Aravis, by an error that names what failed. Returns TRUE if why is
+ * NULL. */
 gboolean aravis_device_check(GError *why, const char *what, GError **error);
 
 /* TRUE for errors after which the camera has to be opened again. */

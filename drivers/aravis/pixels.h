@@ -13,14 +13,14 @@ enum aravis_packing {
 };
 
 struct aravis_format {
-    const char *name; /* as the camera's PixelFormat names it */
-    guint32 code;     /* of the Pixel Format Naming Convention */
+    const char *name; /* value of the camera's feature PixelFormat */
+    guint32 code;     /* code by the Pixel Format Naming Convention */
     enum cfa cfa;
     int bits;
     enum aravis_packing packing;
 };
 
-/* NULL: none of those that can be used. */
+/* Returns NULL if the format cannot be used. */
 const struct aravis_format *aravis_format_by_name(const char *name);
 const struct aravis_format *aravis_format_by_code(guint32 code);
 

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-/* More positions of a selector than this are not tried. */
+/* Limit of the positions of a selector that are tried. */
 #define MAX_POSITIONS 64
 
 enum effect { UNSTEADY, SCALED, CURVED, NEIGHBOURS, MIXED, INVENTED, UNEVEN, OTHER, PACKED };
@@ -88,9 +88,10 @@ struct survey {
     gboolean switch_off;
 };
 
-struct visit { /* of a feature at all positions of its selectors */
+struct visit { /* the state of a feature over all positions of its selectors */
     gboolean available, on;
-    char *position, *value, *why; /* of the first that is on, else of the last */
+    /* At the first position where it is on, else at the last position. */
+    char *position, *value, *why;
 };
 
 void aravis_raw_free(struct aravis_raw *raw) {
@@ -154,9 +155,9 @@ static void raw_survey_end(struct survey *survey) {
     g_hash_table_unref(survey->selectors);
 }
 
-/* One feature as its selectors stand */
+/* One feature at the present position of its selectors */
 
-/* "Off", "OFF", "Disabled", "ContrastMode_Off" of ContrastMode. */
+/* Accepts "Off", "OFF", "Disabled", and "ContrastMode_Off" for the feature ContrastMode. */
 static gboolean raw_means_off(const char *feature, const char *entry) {
     static const char *const words[] = {"Off", "None", "Disable", "Disabled", "False", "No"};
     gsize n = strlen(feature);
@@ -173,7 +174,7 @@ static gboolean raw_entry_fits(ArvGcFeatureNode *node, const char *neutral, cons
                    : entry && raw_means_off(arv_gc_feature_node_get_name(node), entry);
 }
 
-/* The strength at which it does nothing: 1 of a factor is 100 of one in percent. */
+/* Returns the strength at which the function has no effect; a factor of 1 is 100 in percent. */
 static double raw_neutral_strength(ArvGcFeatureNode *node, const char *neutral) {
     double strength = neutral ? g_ascii_strtod(neutral, NULL) : 0;
     const char *unit = ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_unit(ARV_GC_FLOAT(node)) : NULL;
@@ -216,7 +217,7 @@ static gboolean raw_set_strength(ArvGcFeatureNode *node, double strength, GError
     return !*why;
 }
 
-/* Writes what makes it neutral. FALSE: why says why not. */
+/* Writes the value at which the feature has no effect. Returns FALSE and sets why on failure. */
 static gboolean raw_neutralise(ArvGcFeatureNode *node, const char *neutral, GError **why) {
     if (arv_gc_feature_node_get_actual_access_mode(node) == ARV_GC_ACCESS_MODE_RO) {
         g_set_error_literal(why, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "it can only be read");
@@ -246,7 +247,7 @@ static gboolean raw_can_be_used(ArvGcFeatureNode *node, GError **why) {
            arv_gc_feature_node_is_available(node, why) && !*why;
 }
 
-/* FALSE with why: the camera is lost. */
+/* Returns FALSE and sets why if the camera is lost. */
 static gboolean raw_visit_one(const struct survey *survey, ArvGcFeatureNode *node,
                               const char *neutral, const char *position, struct visit *visit,
                               GError **why) {
@@ -280,7 +281,8 @@ static gboolean raw_visit_one(const struct survey *survey, ArvGcFeatureNode *nod
     return TRUE;
 }
 
-/* At all positions of its selectors from the given one on. */
+/* Visits a feature at all positions of its selectors; from: the first selector that is not set yet.
+ */
 static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
                           guint from, const char *position, struct visit *visit, GError **why) {
     const GPtrArray *selectors =
@@ -309,7 +311,7 @@ static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, c
     return answered;
 }
 
-/* A function: its features in order, until one is neutral. */
+/* Switches a function off: tries its features in order until one is neutral. */
 static gboolean raw_function(const struct survey *survey, gsize i, GPtrArray *found, GError **why) {
     g_auto(GStrv) names = g_strsplit(functions[i].features, " ", -1);
     struct aravis_raw *raw = NULL;
@@ -357,7 +359,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
                : NULL;
 }
 
-/* Unknown ones */
+/* Features that the table lacks */
 
 static gboolean raw_in_table(const char *feature) {
     gsize n = strlen(feature);
@@ -374,7 +376,7 @@ static gboolean raw_sounds_altering(const char *feature) {
         "shading", "vignet",   "flatfi",  "ffc",      "prnu",    "hdr",    "satura", "hue",
         "contras", "colortra", "correct", "processe", "enhance", "compres"};
     if (g_str_has_prefix(feature, "LogicBlock") || g_str_has_suffix(feature, "Selector"))
-        return FALSE; /* of input lines; of which the selected feature counts */
+        return FALSE; /* logic blocks belong to input lines; a selector has no effect of its own */
     g_autofree char *low = g_ascii_strdown(feature, -1);
     for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
         if (strstr(low, words[i]))

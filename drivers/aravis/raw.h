@@ -10,10 +10,10 @@
 /* A function that the camera has, such as gamma. */
 struct aravis_raw {
     const char *what;   /* "gamma" */
-    const char *effect; /* its effect on measured values, as a sentence */
+    const char *effect; /* its effect on measured values: a full sentence for messages */
     char *feature;      /* that switched it off, else the first that could; with the position of its
                          * selector: "LUTEnable[Luminance]" */
-    char *value;        /* of that feature, now */
+    char *value;        /* the present value of that feature */
     char *why;          /* NULL: it is off; else why it is not */
     gboolean unsteady;  /* while it is on, the same light gives other values from frame to frame */
 };

@@ -33,28 +33,28 @@ struct event {
 };
 
 struct AravisWorker {
-    gint ref_count; /* the main loop's, the thread's, and each event's */
+    gint ref_count; /* references of the main loop, the thread and each event */
     struct aravis_options options;
     GAsyncQueue *jobs;
 
-    /* The main loop's. */
+    /* Used by the main loop alone. */
     struct aravis_hooks hooks;
     gpointer data;
     gboolean closed;
     guint generation;
     gint64 begun_us;
 
-    GMutex mutex; /* of what follows */
+    GMutex mutex; /* guards the fields down to sent_us */
     GCond cond;
     gboolean opened, ended;
     GError *open_error;
-    char **warnings;  /* of the first time that it was opened */
+    char **warnings;  /* warnings from when the camera was first opened */
     gboolean pending; /* a trigger was sent and not answered */
     guint armed;      /* the generation that is armed */
     gint64 sent_us;
 
-    /* The thread's. */
-    AravisDevice *device; /* NULL: lost */
+    /* Used by the thread alone. */
+    AravisDevice *device; /* NULL: the camera is lost */
     struct aravis_limits limits;
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
@@ -111,7 +111,7 @@ static void aravis_worker_event_free(gpointer data) {
     g_free(event);
 }
 
-/* Takes frame and error. */
+/* Sends an event to the main loop; takes ownership of frame and error. */
 static void post(AravisWorker *worker, enum event_kind kind, guint generation, gint64 us,
                  Frame *frame, GError *error) {
     struct event *event = g_new(struct event, 1);
@@ -124,7 +124,7 @@ static void push(AravisWorker *worker, struct job job) {
     g_async_queue_push(worker->jobs, g_memdup2(&job, sizeof job));
 }
 
-/* In Aravis's threads. */
+/* Functions that run in the threads of Aravis. */
 
 static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer) {
     AravisWorker *worker = data;
@@ -138,7 +138,7 @@ static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer)
     g_mutex_unlock(&worker->mutex);
 }
 
-/* In the worker's thread. */
+/* Functions that run in the worker's thread. */
 
 static void set_pending(AravisWorker *worker, gboolean pending, guint generation) {
     g_mutex_lock(&worker->mutex);
@@ -162,7 +162,7 @@ static void aravis_worker_lose(AravisWorker *worker, GError *error) {
     close_device(worker);
 }
 
-/* Takes the error. */
+/* Takes ownership of error. */
 static void aravis_worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);
     post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
@@ -283,7 +283,7 @@ static void take_buffer(AravisWorker *worker, const struct job *unused) {
             post(worker, FAILED, generation, 0, NULL, error);
         else
             post(worker, STALE, generation, before_us, NULL, NULL);
-        pending = !frame && !error; /* after an old frame it still waits */
+        pending = !frame && !error; /* after an old frame the trigger still waits */
         g_mutex_lock(&worker->mutex);
         worker->pending = pending;
         g_mutex_unlock(&worker->mutex);
@@ -336,7 +336,7 @@ static gpointer aravis_worker_work(gpointer data) {
     return NULL;
 }
 
-/* In the main loop. */
+/* Functions that run in the main loop. */
 
 static gboolean wait_for(AravisWorker *worker, const gboolean *what, double seconds) {
     gint64 until = g_get_monotonic_time() + (gint64)(seconds * 1e6);

@@ -20,7 +20,7 @@ struct aravis_hooks {
     void (*stale)(gint64 before_us, gpointer data);
     /* The last request failed, and a waiting trigger has ended. Takes the error. */
     void (*failed)(GError *error, gpointer data);
-    /* error: why the camera cannot be used now; NULL: it can again. */
+    /* The camera cannot be used because of error; error NULL: it can be used again. */
     void (*lost)(const GError *error, gpointer data);
 };
 

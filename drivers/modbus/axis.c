@@ -7,18 +7,18 @@
 
 #define DEADLINE_MS 1500
 #define COMMAND_MS                                                                                 \
-    3000 /* for a drive that is held up; the class waits 4 s more than a move takes */
+    3000 /* a busy drive may answer late; the class waits 4 s longer than a move takes */
 #define IDLE_MS       200 /* between polls of a drive that stands */
 #define LEAST_UNHEARD 3   /* failed polls in a row before a drive is lost: the delay may be ours */
-#define MAX_WRITES    6   /* of one list in the section */
-#define MAX_WORDS     8   /* of one write */
+#define MAX_WRITES    6   /* writes in one list of the section */
+#define MAX_WORDS     8   /* registers of one write */
 
 enum phase { STANDING, MOVING, HOMING, STOPPING };
 enum bits { BITS_16, BITS_32 };
 enum order { HIGH_FIRST, LOW_FIRST };
 enum kind { HOLDING, INPUT };
 
-struct number { /* a register, or two */
+struct number { /* one register, or two consecutive ones */
     int address, bits;
 };
 
@@ -32,18 +32,18 @@ struct modbus_axis {
     int moving_bit, homed_bit, fault_bit, limit_bit;
     gboolean verify;
     char **setup, **start, **home, **stop, **clear, **watchdog;
-    struct modbus_watchdog own; /* of the drive */
+    struct modbus_watchdog own; /* the drive's own watchdog */
     double poll_ms, watchdog_ms, start_ms, stall_ms, lost_ms;
 
     ModbusBus *bus;
     enum phase phase;
     guint timer;
-    int n_commands; /* under way */
-    int n_unheard;  /* polls in a row */
+    int n_commands; /* commands without an answer yet */
+    int n_unheard;  /* polls in a row without an answer */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
     gint64 still_us, progress_us; /* last start or motion seen; last change of position */
-    gint64 heard_us, fed_us;      /* last answer; watchdog */
+    gint64 heard_us, fed_us;      /* last answer; last feeding of the watchdog */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
@@ -195,7 +195,7 @@ static void check_writes(const struct config_section *section, const char *key, 
                            *writes, MAX_WORDS);
 }
 
-/* They were checked before it was opened. */
+/* Adds writes of the section, which was checked before the device was opened. */
 static void add_writes(struct modbus_job *job, char *const *writes) {
     for (; *writes; writes++) {
         struct modbus_request parsed = {0};
@@ -271,7 +271,7 @@ static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbu
 static void report_fault(Axis *axis, GError *error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
-    if (priv->phase != STANDING) { /* stop it, whatever it does now */
+    if (priv->phase != STANDING) { /* stop the drive, whatever it does now */
         add_writes(&job, priv->stop);
         modbus_axis_command(axis, STANDING, &job);
     }
@@ -391,19 +391,20 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_homing(axis, job, moving);
     else if (priv->phase == STANDING)
         check_standing(axis, job, before);
-    else if (!moving && priv->was_still) /* twice in a row: it may not have begun at the first */
+    else if (!moving && priv->was_still) /* still in two polls in a row: at the first it may not
+                                            have begun to move */
         modbus_axis_finish(axis, AXIS_STOPPED);
     else
         priv->was_still = !moving;
 }
 
-/* The drive moves on whether it is polled or not: a late answer ends nothing. */
+/* The drive moves whether it is polled or not, so that a late answer does not end a move. */
 static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->polling = FALSE;
     if (priv->n_commands >
-        0) /* this state is from before the commands; the last of them polls again */
+        0) /* the answer is older than the commands; the last command polls again */
         return;
     poll_later(axis);
     if (error) {

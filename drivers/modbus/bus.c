@@ -8,26 +8,26 @@ struct task {
     gint ref_count;
     struct modbus_job job;
     int unit;
-    gint64 limit_us; /* from when the line is free for it */
+    gint64 limit_us; /* time limit from the moment when the line is free for the task */
     gint cancelled;  /* atomic */
     GError *error;
-    ModbusFunc func; /* main loop's thread alone; NULL once cancelled */
+    ModbusFunc func; /* used by the main loop's thread alone; NULL once cancelled */
     gpointer data;
-    gboolean waited, done; /* under the bus's mutex: modbus_bus_do() */
+    gboolean waited, done; /* for modbus_bus_do(); guarded by the mutex of the bus */
 };
 
 struct ModbusBus {
     int ref_count;
-    struct modbus_link link; /* a copy, but for bus */
+    struct modbus_link link; /* a copy; its bus is key */
     char *key;
     GThread *thread;
-    GMutex mutex; /* guards what follows */
+    GMutex mutex; /* guards the fields down to source */
     GCond work, finished;
     GQueue commands, polls, results; /* of struct task */
     gboolean quit;
     struct modbus_counts counts;
     GSource *source;
-    GList *waiting; /* main loop's thread alone: tasks that end in a call */
+    GList *waiting; /* used by the main loop's thread alone: tasks whose end calls back */
     struct modbus_line *line;
 };
 
@@ -36,7 +36,7 @@ struct bus_source {
     ModbusBus *bus;
 };
 
-static GHashTable *buses; /* by key */
+static GHashTable *buses; /* key → ModbusBus */
 
 static void task_unref(gpointer data) {
     struct task *task = data;
@@ -92,7 +92,7 @@ static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointe
     if (!task)
         return G_SOURCE_CONTINUE;
     bus->waiting = g_list_remove(bus->waiting, task);
-    if (task->func) /* which may end the bus */
+    if (task->func) /* func may free the bus */
         task->func(&task->job, task->error, task->data);
     task_unref(task);
     return G_SOURCE_CONTINUE;
@@ -250,7 +250,7 @@ void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const stru
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error) {
     struct task *task = task_new(link, job, deadline_ms);
-    task->ref_count = 2; /* the line's thread's, and this function's */
+    task->ref_count = 2; /* references of the line's thread and of this function */
     gint64 until_us = g_get_monotonic_time() + task->limit_us + EXTRA_WAIT_US;
     gboolean in_time = TRUE;
     task->waited = TRUE;

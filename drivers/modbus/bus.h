@@ -74,8 +74,8 @@ struct modbus_request {
     enum modbus_kind kind;
     int address, n;
     guint16 values[MODBUS_MAX_VALUES]; /* to write, or as read; bits are 0 or 1 */
-    gboolean verify; /* writes: read back and compare; reads: compare with what values held */
-    int coil;        /* MODBUS_PULSE_COIL: which one is on for that time, for verify */
+    gboolean verify; /* write: reads back and compares; read: compares with values as they are */
+    int coil;        /* MODBUS_PULSE_COIL: the coil that is on for that time; needed by verify */
 };
 
 /* Requests that are carried out together, in order, up to the first that fails. */
@@ -108,7 +108,7 @@ struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind k
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
                       gboolean poll, double deadline_ms, ModbusFunc func, gpointer data);
 
-/* The same, waiting for it: for a device's open() and close() alone. */
+/* Does the same and waits for the end; only for open() and close() of a device. */
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error);
 

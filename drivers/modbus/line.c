@@ -89,7 +89,7 @@ void modbus_line_free(struct modbus_line *line) {
     g_free(line);
 }
 
-/* -1 with errno. */
+/* Returns -1 and sets errno on failure. */
 static int open_serial(struct modbus_line *line) {
     line->taken = modbus_serial_take(line->link.bus);
     if (line->taken < 0)
@@ -119,7 +119,7 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
         return TRUE;
     }
     int why = errno;
-    /* libmodbus leaves an errno of 0, or that of its last try, when a name is not known. */
+    /* If a host name is unknown, libmodbus leaves errno at 0 or at that of its last attempt. */
     line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
     if (why == EWOULDBLOCK && !is_tcp(line)) {
@@ -253,7 +253,7 @@ static char *request_text(const struct modbus_line *line, int unit,
                            request->address, (guint)request->address);
 }
 
-/* The reply is damaged, or from another unit or transaction. */
+/* Returns whether the reply is damaged, or comes from another unit or transaction. */
 static gboolean is_damage(int why) {
     return why == EMBBADCRC || why == EMBBADDATA || why == EMBBADSLAVE || why == EMBBADEXC ||
            why == EMBUNKEXC || why == EMBMDATA;
@@ -263,7 +263,7 @@ static gboolean is_exception(int why) {
     return why >= EMBXILFUN && why <= EMBXGTAR;
 }
 
-/* Failures that a repetition may cure. */
+/* Returns whether a repetition may succeed. */
 static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
@@ -290,7 +290,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
-        /* Whole, but to another request. Over TCP it may be to none. */
+        /* The answer is whole, but belongs to another request; over TCP, possibly to none. */
         *ret_late |= distrust && is_damage(why) && why != EMBBADCRC && !is_tcp(line);
         if (why == EMBBADCRC && !distrust) {
             /* No earlier answer is outstanding: the damaged one was this request's. */
@@ -365,10 +365,11 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
-        /* This program may have been held up for all of the time: one try proves nothing. */
+        /* This program may have been suspended for the whole time, so that one attempt proves
+         * nothing. */
         if (tries + late == 0)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us);
-        /* The last chance to hear that it lives. */
+        /* Wait once more for a late answer, which proves that the device is alive. */
         if (!is_late && why == ETIMEDOUT && tries == line->link.retries && tries > 0)
             is_late = !await_silence(line, line->link.late_ms);
         late += is_late;

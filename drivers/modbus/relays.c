@@ -8,7 +8,7 @@
 /* A time written by function 5 must not be its "on", 0xff00. */
 #define MAX_PULSE 0x7fff
 
-/* Some relays of a board: a bank's, or the one of a laser. */
+/* Some relays of a board: those of a bank, or the one of a laser. */
 struct relays {
     struct modbus_link link;
     struct modbus_watchdog watchdog;
@@ -19,10 +19,10 @@ struct relays {
     const struct device *device;
     void (*lost)(gpointer device, GError *error);
     ModbusBus *bus;
-    gboolean on[MODBUS_MAX_VALUES]; /* as last answered */
-    int n_switching, n_feeding;     /* jobs under way */
-    gint64 fed_us;                  /* when it last answered that all is as it was switched */
-    guint timer;                    /* set while anything is on that has a watchdog */
+    gboolean on[MODBUS_MAX_VALUES]; /* states that the board last confirmed */
+    int n_switching, n_feeding;     /* jobs without an answer yet */
+    gint64 fed_us;                  /* when the board last confirmed all states */
+    guint timer;                    /* runs while a relay with a watchdog is on */
 };
 
 #define RELAYS(name) G_STRUCT_OFFSET(struct relays, name)
@@ -34,7 +34,7 @@ struct relays {
             "watchdog_after_s × watchdog_scale, again and again; −1: its coil stays on"         \
     }
 
-static GList *all_relays; /* all open ones: sections may share a board */
+static GList *all_relays; /* all open relays, since sections may share a board */
 
 static gboolean has_watchdog(const struct relays *relays) {
     return relays->watchdog.address >= 0 || relays->pulse_coil >= 0;
@@ -55,7 +55,7 @@ static void add_pulse(const struct relays *relays, struct modbus_job *job, int i
     request->verify = TRUE;
 }
 
-/* index −1: all of them. */
+/* Adds the request that switches relay index, or all of them with −1. */
 static void add_switch(const struct relays *relays, struct modbus_job *job, int index,
                        gboolean on) {
     if (on && relays->pulse_coil >= 0) {
@@ -100,7 +100,8 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
         error_details_add_subject(&why, relays->device->who);
         for (int i = 0; i < relays->n; i++)
             relays->on[i] = FALSE;
-        feed_later(relays); /* no more: the relays go off even if the line is dead */
+        feed_later(relays); /* stops feeding: the watchdog switches the relays off even if the line
+                               is dead */
         relays->lost((gpointer)relays->device, why);
     }
 }
@@ -323,7 +324,8 @@ static void modbus_relays_on_laser(const struct modbus_job *job, const GError *e
     gboolean on = job->requests[0].values[0] != 0;
     GError *failed = error ? g_error_copy(error) : NULL;
     relays_switched(relays, 0, on, error != NULL);
-    /* The command may have been carried out: switch off, so that nothing is on unknown to us. */
+    /* The device may have carried the command out: switch off, so that no laser stays on unnoticed.
+     */
     if (failed && on)
         relays_switch(relays, 0, FALSE, modbus_relays_on_laser_off);
     error_details_add_subject(&failed, laser->device.who);

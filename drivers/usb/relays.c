@@ -32,19 +32,19 @@ struct board {
     char *who, *serial, *path;
     UsbDevice *usb; /* NULL: unplugged */
     int n;
-    GList *jobs; /* under way */
+    GList *jobs; /* jobs that have not ended */
 };
 
-/* Some relays switched, then read back. */
+/* A job that switches some relays and reads them back. */
 struct job {
     struct board *board;
-    gpointer device; /* NULL: closed meanwhile: nothing is reported */
+    gpointer device; /* NULL: closed meanwhile, and nothing is reported */
     SwitchedFunc func;
     int index;
     gboolean on;
     guint mask;
     int n_left;
-    GError *error; /* the first one */
+    GError *error; /* the first error */
 };
 
 static GList *boards;
@@ -216,12 +216,12 @@ static void board_leave(struct board *board, gpointer device, guint mask) {
     board_unref(board);
 }
 
-/* Relays first to first + n - 1, counted from 1, as bits. */
+/* Returns the bits of relays first to first + n - 1, counted from 1. */
 static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
 
-/* What both classes keep: a bank's relays, or the one of a laser. */
+/* State of a lamp bank or a laser: its relays on a board. */
 struct usb_relays {
     char *serial, *path;
     int first, n;
@@ -229,7 +229,7 @@ struct usb_relays {
     struct board *board;
 };
 
-/* Takes relays of a board and leaves them off. n 0: up to its last one. */
+/* Takes relays of a board and leaves them off. n 0: all from first on. */
 static struct board *board_enter(const struct device *device, struct usb_relays *relays, int *n,
                                  GError **error) {
     const char *name = *relays->serial ? relays->serial : relays->path;

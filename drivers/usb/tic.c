@@ -73,7 +73,7 @@ struct tic {
 
     UsbDevice *usb;
     enum phase phase;
-    gboolean watched;       /* homed: it is polled while it stands, too */
+    gboolean watched;       /* the axis is homed, and polled also while it stands */
     gboolean asked;         /* a poll is under way */
     gboolean was_well;      /* a poll without errors has followed the last start */
     int n_started, n_asked; /* a poll sent before the last start proves nothing */
@@ -118,7 +118,7 @@ static const struct option options[] = {
 static const guint16 products[] = {0x00b3 /* T825 */, 0x00b5 /* T834 */, 0x00bd /* T500 */,
                                    0x00c9 /* T249 */, 0x00cb /* 36v4 */, 0};
 
-/* By bit of the error status. */
+/* Texts of the bits of the error status. */
 static const char *const error_texts[] = {
     "it was de-energized",
     "its motor driver reports an error" ERROR_ADVICE "check motor, wiring and temperature",
@@ -131,7 +131,7 @@ static const char *const error_texts[] = {
     "its ERR line is held high by another device",
 };
 
-/* The errors of a command timeout: the first ends with the next reset, the safe start remains. */
+/* A command timeout sets both errors. The next reset clears the first; the safe start remains. */
 enum { COMMAND_TIMEOUT_ERROR = 1 << 6, SAFE_START_ERROR = 1 << 7 };
 
 static gint32 get_i32(const guint8 *data) {

@@ -14,14 +14,14 @@ struct transfer {
     gpointer user;
 };
 
-/* One for the process while any device is open. */
+/* The process has one context while any device is open. */
 struct context {
     int refs;
     libusb_context *libusb;
     libusb_hotplug_callback_handle hotplug;
     GSource *source;
     GHashTable *tags; /* file descriptor -> tag of the source */
-    GQueue done;      /* of struct transfer: ended, not reported yet */
+    GQueue done;      /* of struct transfer: ended, but not reported yet */
     GList *devices;
 };
 
@@ -35,7 +35,7 @@ struct UsbDevice {
     libusb_device_handle *handle;
     char *who, *product, *serial;
     int interface; /* -1: none is claimed */
-    GList *flying; /* of struct transfer */
+    GList *flying; /* of struct transfer: submitted, not ended */
     UsbLostFunc lost_func;
     gpointer user;
     gboolean lost, reported;
@@ -315,7 +315,7 @@ const char *usb_product(const UsbDevice *usb) {
     return usb->product;
 }
 
-/* Empty if there is none, or it does not say. */
+/* Returns "" if there is no string or it cannot be read. */
 static char *read_string(UsbDevice *usb, guint8 index) {
     guint8 answer[255] = {0};
     struct usb_request request = {LIBUSB_ENDPOINT_IN,
@@ -376,7 +376,7 @@ static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
     return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
 }
 
-/* Also reads product and serial number. error is set again. */
+/* Opens the device and reads product and serial number. Replaces *error on failure. */
 static UsbDevice *try_open(struct context *context, const struct usb_match *match,
                            libusb_device *device, const struct libusb_device_descriptor *descriptor,
                            GError **error) {
@@ -408,7 +408,7 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-/* All that fit; error is the last failure to open one. */
+/* Returns all devices that fit; error: the last failure to open one. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {
     libusb_device **all = NULL;

@@ -27,16 +27,16 @@ struct v4l2_camera {
     char **controls_set;
     gboolean check_bandwidth;
 
-    const char *who; /* the device's own */
+    const char *who; /* name of the device; not owned */
     struct video_node node;
     struct video_setup setup;
     struct video_controls controls;
     struct video_stream stream;
     struct video_load *load;
-    struct camera_settings settings; /* exposure 0: none yet */
-    gint64 settled_us;               /* frames that began before are of older settings */
+    struct camera_settings settings; /* exposure 0: not configured yet */
+    gint64 settled_us;               /* frames that began earlier have older settings */
     guint64 shot;
-    gint64 earliest_us; /* at which the exposure of the wanted frame may have begun */
+    gint64 earliest_us; /* earliest start of the exposure of the wanted frame */
     guint source, timer;
     int broken; /* errno of a stream that broke while no frame was waited for */
 };

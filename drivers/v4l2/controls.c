@@ -130,7 +130,8 @@ static char *plain_name(const struct v4l2_queryctrl *control) {
     return g_string_free(plain, FALSE);
 }
 
-/* Where the control does nothing; FALSE: that is not known, or out of its range. */
+/* Finds the value at which the control has no effect. Returns FALSE if none is known or in range.
+ */
 static gboolean neutral_value(gsize i, const struct v4l2_queryctrl *control, gint64 *ret) {
     enum neutral neutral = altering[i].neutral;
     *ret = neutral == LEAST       ? MAX(control->minimum, MIN(altering[i].value, control->maximum))
@@ -194,7 +195,7 @@ char **video_controls_left(const struct video_node *node, char **settings) {
     return g_strv_builder_end(left);
 }
 
-/* names gets those of all controls, if it is not there. */
+/* Finds a control by name. If there is none, appends the names of all controls to names. */
 static gboolean find_named(const struct video_node *node, const char *name, GString *names,
                            struct v4l2_queryctrl *ret) {
     *ret = (struct v4l2_queryctrl){.id = V4L2_CTRL_FLAG_NEXT_CTRL};

@@ -12,7 +12,7 @@ enum video_packing {
     VIDEO_BYTES,  /* one byte per pixel */
     VIDEO_WORDS,  /* two bytes per pixel, low byte first, value in the low bits */
     VIDEO_MIPI10, /* four pixels in five bytes: their upper eight bits, then all lower bits */
-    VIDEO_MIPI12, /* two pixels in three bytes, likewise */
+    VIDEO_MIPI12, /* two pixels in three bytes: their upper eight bits, then all lower bits */
     VIDEO_YUYV,   /* luma in the even bytes */
     VIDEO_UYVY,   /* luma in the odd bytes */
 };
@@ -24,7 +24,7 @@ struct video_format {
     enum video_packing packing;
 };
 
-/* NULL: none that can be measured with. */
+/* Returns NULL if the format is unusable for measuring. */
 const struct video_format *video_format_find(guint32 fourcc);
 
 /* The better one for measuring of two; NULL is the worst. Bayer before mono before luma, then more
@@ -32,7 +32,7 @@ const struct video_format *video_format_find(guint32 fourcc);
 const struct video_format *video_format_better(const struct video_format *a,
                                                const struct video_format *b);
 
-/* "RG10": four characters, spaces at the end left out. g_free(). */
+/* Returns the four characters of a code without trailing spaces, for example "RG10". g_free() */
 char *video_fourcc_name(guint32 fourcc);
 gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 

@@ -6,7 +6,7 @@
 
 struct video_load {
     char *who;
-    GPtrArray *links; /* sysfs folders of USB devices: the link is that towards the computer */
+    GPtrArray *links; /* sysfs folders of USB devices: each, its link towards the computer */
     double mb_s;
 };
 

@@ -14,9 +14,9 @@
 
 struct video_node {
     int fd;                    /* -1: not open */
-    const char *who;           /* whose it is: "camera top"; not owned */
+    const char *who;           /* the device that uses it: "camera top"; not owned */
     char *path;                /* "/dev/video0" */
-    char *card, *driver, *bus; /* as it reports: "HD Webcam", "uvcvideo", "usb-…-1.2" */
+    char *card, *driver, *bus; /* as the node reports them: "HD Webcam", "uvcvideo", "usb-…-1.2" */
     guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
 };
 
@@ -33,16 +33,16 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
                          const char *bus, GError **error);
 void video_node_close(struct video_node *node); /* a closed one, or zeroes with fd -1, is allowed */
 
-/* All nodes that capture video by streaming, sorted: their paths. */
+/* Returns the sorted paths of all nodes that capture video by streaming. */
 GPtrArray *video_node_list(void);
 
-/* ioctl(2), again when interrupted; -1 with errno. */
+/* Calls ioctl(2), again if a signal interrupts it. Returns -1 and sets errno on failure. */
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
 
-/* The format that is set; -1 with errno. */
+/* Reads the present format. Returns -1 and sets errno on failure. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
-/* Sets width, height and fourcc; pix becomes what the device has set. -1 with errno. */
+/* Sets width, height and fourcc; pix returns the values that the device chose. -1: see errno. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
 /* Sets an error from errno; what: "could not start". Returns FALSE always. */
@@ -52,10 +52,10 @@ gboolean video_set_error(GError **error, const struct video_node *node, int code
 gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
                       const char *format, ...) G_GNUC_PRINTF(4, 5);
 
-/* Format numbers that it offers, some of which may be unusable for measuring. */
+/* Returns the codes of all formats of the node, also of those that are unusable for measuring. */
 GArray *video_node_formats(const struct video_node *node); /* of guint32 */
 
-/* "640 × 480, 1280 × 720", or a range; g_free(). */
+/* Returns the sizes as text, "640 × 480, 1280 × 720" or a range; g_free(). */
 char *video_node_sizes(const struct video_node *node, guint32 fourcc);
 
 /* sysfs folder of the device behind the node, symlinks resolved; NULL if there is none. g_free().

@@ -10,13 +10,13 @@
 struct video_request {
     const char *format; /* four characters, or empty: the best for measuring */
     int width, height;  /* 0: as it is set now */
-    double frame_rate;  /* 0: likewise */
+    double frame_rate;  /* 0: as it is set now */
 };
 
 struct video_setup {
     const struct video_format *format;
     int width, height;
-    gsize stride, bytes; /* a row's, and what a frame must have */
+    gsize stride, bytes; /* bytes of a row, and of a complete frame */
     gint64 interval_us;  /* from frame to frame */
     gboolean full_range; /* luma from 0 to 255 rather than 16 to 235 */
 };
@@ -25,7 +25,7 @@ struct video_setup {
 gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
                            struct video_setup *ret, GError **error);
 
-/* 10⁶ bytes per second that it sends. */
+/* Returns the data rate in 10⁶ bytes per second. */
 double video_setup_mb_s(const struct video_setup *setup);
 
 #define VIDEO_BUFFERS 4
@@ -38,7 +38,7 @@ struct video_stream {
     int n;
 };
 
-/* Buffers of at least setup's bytes, all queued; frames come from now on. */
+/* Allocates and queues the buffers, each of at least setup->bytes, and starts the stream. */
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
                             const struct video_setup *setup, GError **error);
 /* Stops the stream. A stream of zeroes, which was never started, is allowed. */

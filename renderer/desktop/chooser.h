@@ -11,8 +11,8 @@ typedef struct Chooser Chooser;
 
 enum chooser_what {
     CHOOSER_FILE,   /* one that can be opened */
-    CHOOSER_FOLDER, /* of a session */
-    CHOOSER_SAVE,   /* a name for a picture */
+    CHOOSER_FOLDER, /* the folder of a session */
+    CHOOSER_SAVE,   /* a file name to save a picture */
 };
 
 enum chooser_state {
@@ -30,5 +30,5 @@ void chooser_ask(Chooser *chooser, enum chooser_what what, const char *folder, c
 void chooser_close(Chooser *chooser);
 gboolean chooser_is_open(const Chooser *chooser);
 
-/* The outcome of the last question, once. */
+/* Returns the result of the last dialog, once. */
 enum chooser_state chooser_poll(Chooser *chooser, char **ret_path);

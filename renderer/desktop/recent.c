@@ -6,7 +6,7 @@ static char *recent_path(void) {
     return g_build_filename(g_get_user_data_dir(), "recently-used.xbel", NULL);
 }
 
-/* NULL: there is a list that cannot be read. */
+/* Returns NULL if the list exists and cannot be read. */
 static GBookmarkFile *recent_load(void) {
     g_autofree char *path = recent_path();
     g_autoptr(GError) error = NULL;

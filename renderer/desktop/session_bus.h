@@ -3,5 +3,6 @@
 
 #include <glib.h>
 
-/* Whether there is one. Where there is none, GDBus would start a bus that nobody else is on. */
+/* Returns whether there is a session bus. Without one, GDBus would start a bus without other
+ * clients. */
 gboolean session_bus_is_there(void);

@@ -16,6 +16,6 @@ void direction_textures_clear(struct direction_textures *textures);
 
 gint64 direction_textures_bytes(const struct direction_textures *textures);
 
-/* To texture units unit and unit + 1 of a program in use, as NAME_indices and NAME_weights. */
+/* Binds to units unit and unit + 1 of the current program, as NAME_indices and NAME_weights. */
 void direction_textures_bind(const struct direction_textures *textures, guint program,
                              const char *name, int unit);

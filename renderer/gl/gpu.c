@@ -13,7 +13,7 @@ struct Gpu {
     EGLContext context;
 };
 
-/* A display belongs to the process, not to us: it stays initialised for the next context. */
+/* A display belongs to the whole process: it stays initialised for the next context. */
 static EGLDisplay open_display(void) {
     static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
     static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
@@ -225,7 +225,7 @@ void gpu_fill_screen(void) {
     glDeleteVertexArrays(1, &empty);
 }
 
-/* The format and type of pixels that go with an internal format; of any other GL_RGBA, GL_FLOAT. */
+/* Gives the pixel format and type of an internal format; GL_RGBA and GL_FLOAT if it is unknown. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     static const struct {
         int internal_format;

@@ -21,7 +21,8 @@ typedef struct Gpu Gpu;
  * Without it, libepoxy would end the program at the first call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
-/* Through EGL without a surface (Mesa, or a card's device platform); made current. */
+/* Makes a context current through EGL without a surface (Mesa, or the platform of a graphics card).
+ */
 Gpu *gpu_new_headless(GError **error);
 void gpu_free(Gpu *gpu); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
@@ -40,7 +41,7 @@ gboolean gpu_check(const char *what, GError **error);
  * error. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
-/* The same in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
+/* Does the same in the language of OpenGL 4.3, if gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 

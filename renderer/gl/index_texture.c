@@ -11,7 +11,7 @@ struct IndexTexture {
     int size[2], sample[2];
 };
 
-/* Level 0, and below it all others beside each other. Returns the size of the whole. */
+/* Places level 0 at the top and all other levels side by side below it. Returns the total size. */
 static void index_texture_lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;

@@ -13,8 +13,9 @@ struct places_source {
 enum places_kind { PLACES_REPEATED, PLACES_INDEX, PLACES_ENDLESS, PLACES_KINDS };
 enum places_kind places_kind_of(const struct places_source *source);
 
-/* The constants of places.glsl: “#define …” lines. g_free() */
+/* Returns the constants of places.glsl as “#define …” lines. g_free() */
 char *places_constants(const struct places_source *source, gboolean nearest);
 
-/* Sets the texture and uniforms of a program in use. tiles: those of the shape each way. */
+/* Sets the texture and uniforms of the current program. tiles: number of tiles of the shape each
+ * way. */
 void places_bind(const struct places_source *source, const float tiles[2], guint program);

@@ -246,7 +246,7 @@ static gboolean same_key(const struct key *a, const struct key *b) {
            a->options.straight == b->options.straight && a->options.volume == b->options.volume;
 }
 
-/* FNV-1a over what casts, not 0. */
+/* Returns an FNV-1a hash of everything that casts shadows; never 0. */
 static guint64 parts_hash(const struct visibility_scene *s) {
     guint64 hash = 14695981039346656037U;
     for (int k = 0; k < s->n_parts; k++) {

@@ -7,7 +7,7 @@
 #define FACE_BYTES   16
 #define HEADER_BYTES 16 /* of the lists' buffer: their number */
 
-#define VARIANTS (4 * PLACES_KINDS) /* of the programs */
+#define VARIANTS (4 * PLACES_KINDS) /* number of variants of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
@@ -124,7 +124,7 @@ static void visibility_clear(guint framebuffer, GLbitfield what) {
     glClear(what);
 }
 
-/* Whether any face was left to peel where no visible surface was found yet. */
+/* Returns whether faces are left to peel at pixels without a visible surface. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);

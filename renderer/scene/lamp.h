@@ -9,7 +9,7 @@
  * room for it. */
 struct viewer_settings lamp_settings(const struct viewer_settings *settings);
 
-gboolean lamp_any_near(const struct viewer_settings *settings); /* of the further ones */
+gboolean lamp_any_near(const struct viewer_settings *settings); /* only further lamps */
 
 /* radius: of the mesh. */
 struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);

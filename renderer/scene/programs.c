@@ -7,7 +7,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define OTHERS 11 /* shaders that are not the method's */
+#define OTHERS 11 /* number of shaders beside those of the method */
 
 struct Programs {
     const struct method *method;

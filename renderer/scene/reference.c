@@ -103,7 +103,7 @@ static gboolean reference_read_direction(const struct exr_part *part, const char
     return FALSE;
 }
 
-/* The first file determines the lights and texels. */
+/* Reads the lights and texels from the first file. */
 static gboolean reference_take_lights(Reference *r, const struct exr_file *file, GError **error) {
     for (guint k = 0; k < file->parts->len; k++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, k);
@@ -392,7 +392,7 @@ static void reference_shade(int part, gpointer data) {
     }
 }
 
-/* Lights × texels × stride floats, of which R G B are set. */
+/* Reads lights × texels × stride floats; only R, G and B are set. */
 static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
                                     GError **error) {
     static const char *const channels[] = {"R", "G", "B"};

@@ -33,8 +33,9 @@ struct viewer_lamp {
 struct viewer_settings {
     double camera_azimuth_deg, camera_elevation_deg;
     double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
-    double camera_pan[2];  /* offset of the point it looks at: right and up, in radii of the mesh */
-    double camera_fov_deg; /* of the picture's shorter side */
+    double camera_pan[2]; /* offset of the point that the camera looks at: right and up, in radii of
+                             the mesh */
+    double camera_fov_deg;                 /* of the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* direction of the light from the origin */
     double lamp;                           /* its brightness */
     double light_distance, light_cone_deg, light_inner_deg; /* as of viewer_lamp; it aims at the
@@ -90,7 +91,7 @@ gboolean viewer_open(Viewer *viewer, const struct method *method, const char *pa
 /* Takes the material that the method opened, if it succeeds. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
-/* Copies. A part whose material was not added is of the main one. */
+/* Copies the parts. A part without an added material shows the main material. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
 /* A scene has several materials: the functions above set the main one, number 0, and this one

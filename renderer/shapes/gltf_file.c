@@ -113,7 +113,7 @@ static guint32 word(const guint8 *bytes) {
     return bytes[0] | (guint32)bytes[1] << 8 | (guint32)bytes[2] << 16 | (guint32)bytes[3] << 24;
 }
 
-/* A .glb: a header, JSON, and maybe bytes. */
+/* Reads a .glb: a header, JSON, and optionally binary data. */
 static gboolean parse_binary(struct gltf *gltf, GBytes *file, GError **error) {
     gsize size;
     const guint8 *bytes = g_bytes_get_data(file, &size);
@@ -162,7 +162,7 @@ void gltf_clear(struct gltf *gltf) {
     g_clear_pointer(&gltf->buffers, g_ptr_array_unref);
 }
 
-/* Bytes within the URI, or a file below the folder of the glTF file. */
+/* Reads the bytes within a data URI, or of a file below the folder of the glTF file. */
 static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error) {
     const char *comma = strchr(uri, ',');
     if (g_str_has_prefix(uri, "data:")) {
@@ -221,7 +221,7 @@ GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error) {
     return g_bytes_new_from_bytes(buffer, (gsize)from, (gsize)n);
 }
 
-/* Where an accessor's numbers lie. */
+/* Location of the numbers of an accessor. */
 struct numbers {
     const guint8 *bytes;
     gsize n, stride;

@@ -20,10 +20,10 @@ enum gltf_wrap { GLTF_WRAP_REPEAT, GLTF_WRAP_CLAMP, GLTF_WRAP_MIRROR };
 struct gltf_material {
     char *name; /* "" where the file has none */
     float base[3], metallic, roughness;
-    float specular;    /* specularFactor: 0: no reflection at the surface of what is not metal */
-    float emission[3]; /* radiance of its front */
+    float specular;    /* specularFactor; 0: non-metals have no surface reflection */
+    float emission[3]; /* radiance that its front side emits */
     GBytes *picture; /* the file of its base colour's texture, which multiplies base; NULL: none */
-    char *unread;    /* why that file could not be read; NULL: it could, or there is none */
+    char *unread;    /* why that file could not be read; NULL: it was read, or there is none */
     enum gltf_wrap wrap[2]; /* of the picture, along u and v */
 };
 

@@ -14,5 +14,5 @@ struct vertex_shape {
     float bend[3];
 };
 
-/* One a vertex; g_free() it. */
+/* Returns one element per vertex. g_free() */
 struct vertex_shape *mesh_shapes(const struct mesh *mesh);

@@ -204,7 +204,7 @@ static gboolean trace_main_options(struct trace_options *ret, GError **error) {
     return trace_options_check(ret, error);
 }
 
-/* Before hours of work: the folders must be there. */
+/* Checks that the output folders exist before hours of work. */
 static gboolean trace_main_check_folder(const char *path, GError **error) {
     g_autofree char *folder = path != NULL ? g_path_get_dirname(path) : NULL;
     if (folder == NULL || access(folder, W_OK | X_OK) == 0)
@@ -239,7 +239,7 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
-/* What the file has and the picture has not. */
+/* Warns about contents of the file that the picture does not show. */
 static void trace_main_warn(const char *path, const TraceScene *scene) {
     for (guint k = 0; k < scene->surfaces->len; k++) {
         const struct trace_surface *surface =

@@ -15,7 +15,7 @@
 #define TRACE_ERROR trace_error_quark()
 GQuark trace_error_quark(void);
 enum trace_error {
-    TRACE_ERROR_SCENE,    /* what the scene lacks, or names that it does not have */
+    TRACE_ERROR_SCENE,    /* the scene lacks something, or a name is not in it */
     TRACE_ERROR_MATERIAL, /* a material's file cannot be used */
     TRACE_ERROR_SETTING,  /* out of range */
 };
@@ -58,7 +58,7 @@ typedef struct trace_scene {
     struct trace_choice lit; /* which area, by area and radiance; n = 0: there are none */
     GArray *lamps;           /* struct gltf_lamp */
     TraceSky *sky;           /* NULL: black */
-    gboolean has_relief;     /* of some surface */
+    gboolean has_relief;     /* some surface has relief */
     struct trace_camera camera;
 } TraceScene;
 

@@ -62,7 +62,7 @@ function perspective(halfY, aspect, near, far) {
     2 * near * far * depth, 0];
 }
 
-// Of settings with a distance: the matrix of world coordinates, and where the eye is.
+// Returns the matrix of world coordinates and the position of the eye, for settings with a distance.
 export function cameraMatrix(settings, radius, aspect) {
   const axes = axesOf(settings), [, halfY] = halfAngles(settings, aspect);
   const distance = settings.cameraDistance * radius, [panX, panY] = settings.cameraPan;

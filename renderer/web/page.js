@@ -7,7 +7,7 @@ const $ = id => document.getElementById(id);
 const canvas = $("picture");
 const slowMs = 60;  // a picture that takes longer is drawn coarser while something moves
 const fastMs = 250; // at rest it is drawn with supersampling if it took no longer than this
-const turnDeg = 0.35; // a pixel
+const turnDeg = 0.35; // turn per pixel of movement
 
 let viewer = null, settings = null, first = null;
 let coarse = 1, asked = false, restless = 0;
@@ -36,7 +36,7 @@ function drawNow(share, supersample) {
   const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   viewer.draw({ ...settings, supersample }, null, width, height);
-  viewer.gl.readPixels(0, 0, 1, 1, viewer.gl.RGBA, viewer.gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits
+  viewer.gl.readPixels(0, 0, 1, 1, viewer.gl.RGBA, viewer.gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits for the card
   return performance.now() - begun;
 }
 
@@ -239,7 +239,7 @@ async function start() {
   const material = await readMaterial(received.bytes, share => { $("bar").value = 0.5 + 0.4 * share; });
   received.bytes = null;
   $("step").textContent = "Preparing the picture";
-  await new Promise(resolve => setTimeout(resolve)); // shows that
+  await new Promise(resolve => setTimeout(resolve)); // lets the browser show the progress
   viewer = new Viewer(gl, material);
   material.data = null;
   const [[w, h]] = material.levels, mm = material.texel_mm;

@@ -7,7 +7,7 @@
 #include "eigenmaps/eigenmaps.h"
 #include "scene/hatching.h"
 
-/* Computes eigen-maps of the views that exist; *ret_n_views: their number. Blocks; any thread. */
+/* Computes eigen-maps of the views that exist, and their number. Blocks. Any thread. */
 struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error);
 
 /* All planned views, a GArray of struct planned_view; NULL with an error if session is not one. */

@@ -19,7 +19,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* The means to make pictures, and the results. */
+/* What is needed to make pictures, and the results. */
 struct studio {
     const struct viewer_options *o;
     const char *material; /* path */
@@ -123,7 +123,7 @@ static gboolean render_frames(struct studio *studio, GError **error) {
     g_autofree guint8 *sheet =
         o->sheet > 0 ? g_malloc0(3 * (gsize)o->width * o->height * o->sheet * rows) : NULL;
     studio->sheet = sheet;
-    /* Once, so that the shape keeps its size in all frames. */
+    /* Fits the camera once, so that the shape keeps its size in all frames. */
     viewer_fit(studio->viewer, &fitted, (double)o->width / o->height);
     for (int k = 0; k < o->n_series; k++) {
         g_autoptr(GArray) views = series_wait(o->argument, o->series[k], o->wait_s, error);
@@ -317,7 +317,7 @@ static int viewer_main_run(struct viewer_options *o) {
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);
     if (!good && o->render == NULL && o->close_after == 0 && !isatty(STDERR_FILENO))
-        notice_show("The viewer opens no window", error->message); /* else nobody would see it */
+        notice_show("The viewer opens no window", error->message); /* nobody would see stderr */
     if (good && o->json)
         viewer_main_report(&studio);
     else if (o->render != NULL)

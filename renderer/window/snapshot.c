@@ -19,7 +19,7 @@ static char *file_of(const char *path) {
     return path != NULL ? g_path_get_basename(path) : NULL;
 }
 
-/* All of them, as --lamp takes them. */
+/* Describes all lamps; the further ones are written in the form of --lamp. */
 static char *lamps_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "first %.10g, and %d more", s->lamp, s->n_lamps);
@@ -34,7 +34,7 @@ static char *lamps_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* Where the first lamp is. */
+/* Describes the position of the first lamp. */
 static char *light_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);

@@ -137,7 +137,7 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
  * next frame. */
 static void window_set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
-    g_autofree char *shape = g_path_get_basename(w->now.shape); /* may be a file */
+    g_autofree char *shape = g_path_get_basename(w->now.shape); /* a path if the shape is a file */
     g_autofree char *session =
         w->now.argument != NULL ? g_path_get_basename(w->now.argument) : NULL;
     const gboolean other = session != NULL && !g_str_equal(session, name);
@@ -155,7 +155,7 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     width -= panel_pixels(w);
-    if (width < 1 || height < 1) { /* until on_size() */
+    if (width < 1 || height < 1) { /* the size is known after on_size() */
         w->stale = FALSE;
         w->frames_due = 0;
         return TRUE;
@@ -227,12 +227,12 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     /* A demonstration at once, without the panel: reading the material may take seconds. */
     w->now.method = method_find(METHOD_DEMO);
     w->material = g_strdup(METHOD_DEMO);
-    if (w->start->environment != NULL) { /* until it is open, which may fail */
+    if (w->start->environment != NULL) { /* shown without it until it is open, which may fail */
         w->now.environment = NULL;
         w->now.settings.backdrop = FALSE;
         viewer_options_default_light(&w->now.settings, FALSE);
     }
-    w->now.compose.mode = COMPOSE_ONE; /* until there is a second */
+    w->now.compose.mode = COMPOSE_ONE; /* one picture until the second is open */
     w->now.second = NULL;
     if (!viewer_open(w->viewer, w->now.method, NULL, error) || !window_draw_frame(w, ret, error))
         return FALSE;

@@ -89,7 +89,7 @@ static void window_toggle_full_screen(struct window *w) {
     glfwSetWindowMonitor(w->glfw, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);
 }
 
-/* Esc: the topmost thing goes; the window never does. */
+/* Esc closes the topmost dialog or panel, never the window. */
 static void window_escape(struct window *w) {
     if (w->page != WINDOW_NO_PAGE)
         window_show_page(w, WINDOW_NO_PAGE);
@@ -120,22 +120,22 @@ static void window_reset(struct window *w) {
     *s = w->start->settings;
     s->tiles_u = before.tiles_u;
     s->tiles_v = before.tiles_v;
-    s->silhouettes = before.silhouettes; /* whose file may not be there */
-    s->backdrop = before.backdrop;       /* whose environment may have changed since */
+    s->silhouettes = before.silhouettes; /* the file of the MDF may not exist */
+    s->backdrop = before.backdrop;       /* the environment may have changed since */
     if ((w->environment != NULL) != (w->start->environment != NULL))
         viewer_options_default_light(s, w->environment != NULL);
     w->n_lamps = w->start->settings.n_lamps;
     window_relight(w);
 }
 
-/* With Ctrl. By the letter on the key, for the keyboard of any country. */
+/* Handles keys with Ctrl, by the letter printed on the key, for keyboards of any country. */
 static void on_chord(struct window *w, int key, int scancode, int mods) {
     const char *name = glfwGetKeyName(key, scancode);
     const char letter = name != NULL && name[1] == '\0' ? g_ascii_tolower(name[0]) : '\0';
     if (letter == 'q' || letter == 'w')
         glfwSetWindowShouldClose(w->glfw, GLFW_TRUE);
     else if (ui_wants_keyboard() || w->page == WINDOW_FILES)
-        return; /* copied and so on in a line of text */
+        return; /* a line of text handles copy and paste itself */
     else if (letter == 'o')
         window_ask_file(w, mods & GLFW_MOD_SHIFT ? CHOOSER_FOLDER : CHOOSER_FILE);
     else if (letter == 's')
@@ -178,7 +178,7 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         w->panel = !w->panel;
 }
 
-/* By character, for letters and signs are elsewhere on each keyboard. */
+/* Handles keys by their character, since layouts place letters and signs differently. */
 static void on_character(GLFWwindow *glfw, unsigned character) {
     struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->now.settings;

@@ -83,7 +83,7 @@ static void show_planned(struct window *w) {
     w->stale = TRUE;
 }
 
-/* What belonged to the material before, and where the files of another one are. */
+/* Drops the state of the previous material, and sets the paths of the new one. */
 static void change_argument(struct window *w, const char *argument) {
     g_autofree char *folder = g_file_test(argument, G_FILE_TEST_IS_DIR)
                                   ? g_build_filename(argument, "products", NULL)
@@ -211,7 +211,7 @@ gboolean window_take_opened(struct window *w, GError **error) {
         }
         if (!good)
             window_say(w, why->message);
-        else if (w->is_error) /* of what was tried before */
+        else if (w->is_error) /* the message is about an earlier attempt */
             window_say(w, NULL);
     }
     if (!w->first_open && !opener_is_busy(w->opener)) {
@@ -261,7 +261,7 @@ void window_compare_measured(struct window *w) {
                                 : "only a session has measured frames to compare with");
 }
 
-/* Until there are eigen-maps of the whole. */
+/* Follows the capture until the eigen-maps of all views exist. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
     int n_views = 0;
@@ -271,7 +271,7 @@ static void follow_live(struct window *w) {
     if (maps == NULL)
         return;
     const gboolean other =
-        w->live_maps != NULL && w->now.method != methods[0]; /* was chosen since */
+        w->live_maps != NULL && w->now.method != methods[0]; /* the user chose another method */
     w->n_live = n_views;
     eigenmaps_free(w->live_maps);
     w->live_maps = maps;

@@ -253,8 +253,8 @@ static gboolean sim_axis_move(Axis *axis, double target_deg, GError **error) {
 static gboolean sim_axis_stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     double speed, a = sim->motion.accel_deg_s2;
-    gboolean halted = sim->phase == STANDING && axis_is_moving(axis); /* by axis_halt() */
-    if (sim->phase == HOMING || halted) { /* homing: so slow that it stands at once */
+    gboolean halted = sim->phase == STANDING && axis_is_moving(axis); /* stopped by axis_halt() */
+    if (sim->phase == HOMING || halted) { /* homing is so slow that the axis stops at once */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {

@@ -24,10 +24,10 @@ struct sim_camera {
     gboolean gone;
     gint64 back_at_us;
     guint timer;
-    struct picture *picture; /* under way */
+    struct picture *picture; /* the picture that is being exposed or read out */
     Frame *last; /* the last frame delivered without a fault; a stale picture repeats it */
     int n_rendered;
-    gint64 rendering_us; /* CPU time */
+    gint64 rendering_us; /* CPU time of the rendering */
 };
 
 /* One exposure. Another thread renders it; it ends when its time is over and its pixels are there.

@@ -9,7 +9,7 @@ struct sim_lamps {
     int fault_dead_after;
 
     World *world;
-    int *lamps;     /* of the world, by index */
+    int *lamps;     /* index in the world of each lamp of the bank */
     int *switches;  /* how often each was switched on */
     GQueue pending; /* of struct pending, in order */
 };

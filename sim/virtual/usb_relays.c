@@ -11,7 +11,7 @@ struct VirtualRelays {
     char serial[6];
     int interface, n;
     guint state, stuck;
-    struct world_part parts[MAX_RELAYS]; /* what each powers */
+    struct world_part parts[MAX_RELAYS]; /* the lamp or laser that each relay powers */
 };
 
 #define INTERFACE(number, n_endpoints, class_) 9, 4, number, 0, n_endpoints, class_, 0, 0, 0

@@ -19,6 +19,7 @@ VirtualUsb *virtual_relays_usb(VirtualRelays *relays);
 gboolean virtual_relays_link(VirtualRelays *relays, int relay, World *world, const char *part,
                              GError **error);
 
-guint virtual_relays_state(VirtualRelays *relays);            /* a bit a relay */
-void virtual_relays_stick(VirtualRelays *relays, guint mask); /* these no longer switch */
-void virtual_relays_lose_power(VirtualRelays *relays);        /* as when unplugged: all fall off */
+guint virtual_relays_state(VirtualRelays *relays); /* one bit per relay */
+/* The relays in mask no longer switch. */
+void virtual_relays_stick(VirtualRelays *relays, guint mask);
+void virtual_relays_lose_power(VirtualRelays *relays); /* as when unplugged: all fall off */

@@ -28,7 +28,7 @@ struct VirtualTic {
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
 
-    struct world_part part; /* what it turns */
+    struct world_part part; /* the axis of the world that it turns */
     double steps_per_deg, zero_steps;
 };
 

@@ -32,7 +32,7 @@ void imager_reset(struct imager *imager) {
     imager_set_reg(imager, REG_FORMAT, imager_first_format(options->cfa));
     imager_set_reg(imager, REG_EXPOSURE_US, 10000);
     imager_set_reg(imager, REG_BLACK, (guint32)(options->black_level * 10));
-    imager_set_reg(imager, REG_AUTO_EXPOSURE, 1); /* as many cameras are delivered */
+    imager_set_reg(imager, REG_AUTO_EXPOSURE, 1); /* the default of many real cameras */
     for (guint i = 0; options->processing && i < VIRTUAL_PROCESSING; i++)
         imager_set_reg(imager, REG_PROCESSING + 4 * i, options->processing->first[i]);
     update_payload(imager);
@@ -139,7 +139,7 @@ static void imager_keep(struct imager *imager, struct imager_picture *picture) {
     imager->kept[0] = *picture;
 }
 
-/* FALSE: it was stopped. */
+/* Returns FALSE if the imager was stopped. */
 static gboolean wait_until(struct imager *imager, gint64 until_us) {
     while (!imager->quit && imager_reg(imager, REG_ACQUISITION) == 1)
         if (!g_cond_wait_until(&imager->cond, &imager->mutex, until_us))

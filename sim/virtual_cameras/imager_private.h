@@ -26,7 +26,7 @@
 #define REG_PROCESSING    0x1140 /* VIRTUAL_PROCESSING of them */
 #define REG_END           0x1180
 
-#define GENICAM_AT 0x10000 /* where the file begins */
+#define GENICAM_AT 0x10000 /* address of the GenICam file */
 
 #define MIN_EXPOSURE_US 10
 #define MAX_EXPOSURE_US 60000000
@@ -78,9 +78,9 @@ void imager_quit(struct imager *imager); /* ends the thread, if it was begun */
 void imager_clear(struct imager *imager);
 
 void imager_fail(struct imager *imager, const struct virtual_camera_faults *faults);
-void imager_pulse(struct imager *imager); /* on its input line */
+void imager_pulse(struct imager *imager); /* sends a pulse to the input line */
 
-/* All below with the mutex locked. */
+/* Call all functions below with the mutex locked. */
 
 guint32 imager_reg(const struct imager *imager, guint address);
 void imager_set_reg(struct imager *imager, guint address, guint32 value);
@@ -90,7 +90,8 @@ static inline gboolean imager_has_reg(guint64 address) {
 
 void imager_reset(struct imager *imager); /* registers as they were delivered */
 void imager_stop(struct imager *imager);
-void imager_write(struct imager *imager, guint address, guint32 value); /* with what it causes */
+/* Also triggers the effects of the register. */
+void imager_write(struct imager *imager, guint address, guint32 value);
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret);
 
 /* A byte of the GenICam file, which begins at address GENICAM_AT; 0 behind its end. */

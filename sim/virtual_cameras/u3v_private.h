@@ -90,7 +90,7 @@ static inline guint32 u3v_reg(const VirtualU3v *camera, guint address) {
     return (guint32)u3v_get(camera->memory + address, 4);
 }
 
-/* All with the mutex locked. */
+/* Call all of them with the mutex locked. */
 
 /* u3v_control.c */
 extern const struct imager_transport u3v_transport;
@@ -101,4 +101,4 @@ int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: none */
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
 int u3v_stream(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: nothing to send */
-void u3v_drop(VirtualU3v *camera);                          /* drops data not sent yet */
+void u3v_drop(VirtualU3v *camera);                          /* discards data that was not sent */

@@ -5,7 +5,7 @@
 
 #define FUTURE_US 100000
 
-/* otherwise: where the camera has no such control. */
+/* Returns the value of a control, or otherwise if the camera lacks it. */
 static gint32 v4l2_stream_setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
     const struct virtual_control *control = virtual_find_control(camera, id);
     return control ? control->value : otherwise;
@@ -26,7 +26,7 @@ struct shot {
     guint32 fourcc;
 };
 
-/* Locked; FALSE when the stream is over. */
+/* Call it with the mutex locked. Returns FALSE when the stream has ended. */
 static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
     while (camera->stream == stream && g_get_monotonic_time() < time_us)
         g_cond_wait_until(&camera->woken, &camera->mutex, time_us);
@@ -69,7 +69,8 @@ static void v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
     buffer->state = BUFFER_DONE;
 }
 
-/* Locked, but while the picture is made; FALSE when the stream is to end. */
+/* Call it with the mutex locked; it unlocks while it makes the picture. Returns FALSE at the end.
+ */
 static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
@@ -108,7 +109,7 @@ static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot 
     return TRUE;
 }
 
-/* Locked. The first frame that can still begin. */
+/* Finds the first frame that can still begin. Call it with the mutex locked. */
 static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = (gint64)(1e6 / camera->frame_rate), now = g_get_monotonic_time();
     struct shot shot = {.stream = stream,

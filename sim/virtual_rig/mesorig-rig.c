@@ -66,7 +66,7 @@ static gboolean virtual_rig_main_on_signal(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* One line of standard input. */
+/* Executes one line of standard input. */
 static void obey(VirtualRig *rig, const char *line) {
     g_auto(GStrv) words = g_strsplit(line, " ", 2);
     const char *command = words[0] ? words[0] : "";
@@ -97,7 +97,7 @@ static void on_line(GObject *source, GAsyncResult *result, gpointer rig) {
     g_autofree char *line =
         g_data_input_stream_read_line_finish(G_DATA_INPUT_STREAM(source), result, NULL, NULL);
     if (!line)
-        return; /* its end, which is not that of the devices */
+        return; /* the end of standard input does not end the devices */
     obey(rig, g_strstrip(line));
     read_command(G_DATA_INPUT_STREAM(source), rig);
 }
@@ -106,7 +106,7 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* NULL for a job in the background, which its terminal would stop. */
+/* Returns NULL in a background job, which the terminal would stop when it reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;
@@ -135,7 +135,7 @@ static int virtual_rig_main_run(void) {
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
     g_main_loop_run(loop);
     if (out_path)
-        g_unlink(out_path); /* its devices are gone */
+        g_unlink(out_path); /* the rig file is useless without its devices */
     return 0;
 }
 

@@ -11,7 +11,7 @@
 #define COUPLE_MS     1
 #define LAMP_UNIT     1
 
-#define FIRST_U3V_PORT (MAX_USB + 1) /* of the virtual bus */
+#define FIRST_U3V_PORT (MAX_USB + 1) /* first port of the virtual bus for a USB3 Vision camera */
 
 /* Timeouts of a line: a busy desktop computer answers later than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
@@ -73,7 +73,7 @@ void rig_list_device(VirtualRig *rig, const struct config_section *section, cons
     g_array_append_val(rig->devices, device);
 }
 
-/* All devices are of one world; one that names none is not in it. */
+/* All devices that name a world must name the same one. */
 static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     const char *path = config_value(section, "world", NULL);
     if (!path || !*path)
@@ -280,14 +280,15 @@ static gboolean virtual_rig_on_timer(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* In the camera's thread, as the exposure is over. */
+/* Runs in the thread of the camera when an exposure ends. */
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
     struct vision_camera *vision = data;
     struct world_state state;
     couple(vision->rig);
     g_mutex_lock(&vision->rig->coupling);
-    g_autoptr(World) world = world_ref(vision->rig->world); /* it may be replaced */
+    /* Another thread may replace the world. */
+    g_autoptr(World) world = world_ref(vision->rig->world);
     g_mutex_unlock(&vision->rig->coupling);
     world_snapshot(world, exposure->start_us, exposure->exposure_us, &state);
     world_expose(world, vision->camera, &state, exposure->exposure_us, exposure->gain_db,
@@ -393,7 +394,8 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
         if (!virtual_rig_add_section(rig, &sections[i], error))
             return NULL;
     if (!rig->world) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: no device of it has a world",
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                    "%s: no device names a simulated world; give their sections the key world",
                     config_path(rig->config));
         return NULL;
     }

@@ -20,7 +20,7 @@ typedef struct VirtualRig VirtualRig;
 
 struct virtual_rig_device {
     char *section; /* of the rig file: "camera cam15" */
-    char *driver;  /* that opens it */
+    char *driver;  /* driver that opens it */
     char *where;   /* "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
@@ -40,13 +40,13 @@ const char *virtual_rig_text(const VirtualRig *rig);
  * "NAME=value"; NULL if the rig has none; g_free(). */
 char *virtual_rig_environment(const VirtualRig *rig);
 
-/* As many as n. Owned by rig. */
+/* Returns an array of *ret_n devices. The rig owns it. */
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
 
-/* Faults of all its cameras from now on. */
+/* Sets the faults of all cameras from now on. */
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults);
 
-/* Faults of all its Modbus devices from now on. */
+/* Sets the faults of all Modbus devices from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
 /* Disconnects a device, or connects it again. name: that of its section, "cam30" or "camera cam30".
@@ -62,7 +62,7 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
 /* Interrupts the power of a GigE Vision camera. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* The lights that shine and the axes that move now. */
+/* Returns which lights shine and which axes move now. */
 struct virtual_rig_state {
     int n_lit, n_moving;
 };

@@ -1,4 +1,4 @@
-/* What somebody does at a virtual rig by hand: pulls plugs, and lays another sample on it. */
+/* Manual actions at a virtual rig: pulling plugs, and exchanging the sample. */
 #include "rig_private.h"
 
 #include <string.h>

@@ -9,9 +9,9 @@
 #include <math.h>
 
 #define MAX_STEPS_PER_DEG 1000
-#define MAX_STEPS_S       40000 /* a Tic's most are 50000 */
+#define MAX_STEPS_S       40000 /* a Tic allows up to 50000 */
 #define MAX_RELAYS        8
-#define SWITCH_DEG        1 /* beyond the axis's own limits */
+#define SWITCH_DEG        1 /* distance of the switch beyond the limits of the axis */
 
 /* All cameras hang on one SuperSpeed hub, which eight of 1024 × 768 pixels fit on. */
 #define HUB_MBIT_S 5000

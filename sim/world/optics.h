@@ -43,11 +43,11 @@ struct optics_camera {
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
     double k1, k2, p1, p2; /* seen = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan of the angle */
     struct v3 centre_mm, right, down, forward;
-    double blur_px;    /* of the lens, standard deviation */
+    double blur_px;    /* standard deviation of the blur of the lens */
     double vignetting; /* 1 − vignetting·(r/r_corner)² */
-    double falloff;    /* times cos^falloff of the angle to the axis */
+    double falloff;    /* the response falls with cos^falloff of the angle to the axis */
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
-    double colour[3];  /* of the response behind each filter, relative */
+    double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
     double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
 };
@@ -71,7 +71,7 @@ double optics_response(const struct optics_camera *camera, double x_px, double y
 struct optics_arc {
     double zero;
     struct v3 centre_mm, x, y, z; /* unit, perpendicular */
-    gboolean crooked;             /* anything but zero is not as it is meant to be */
+    gboolean crooked;             /* the arc deviates from its nominal axis */
 };
 
 /* Tilts the arc's axis z towards x and towards y by an angle each. */
@@ -99,7 +99,7 @@ double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm
  * sweep 0, up to start. */
 struct optics_laser {
     struct v3 position_mm, axis, forward; /* unit, perpendicular */
-    double start;                         /* sweep at which the sheet holds forward */
+    double start;                         /* sweep angle at which the sheet contains forward */
     double sigma;                         /* of the Gaussian profile, as an angle of the sweep */
     double fan;                           /* full angle in the sheet, evenly lit */
     double power_w;

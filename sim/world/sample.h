@@ -53,7 +53,7 @@ struct sample_options {
     gboolean smooth;
     double tilt_deg, tilt_towards_deg, turn_deg; /* plate: how it was put down */
     struct option_doubles offset_mm;             /* empty, or x and y */
-    struct option_doubles places_mm;             /* x, y and height or radius of each */
+    struct option_doubles places_mm; /* x, y, and height or radius of each post or ball */
     double radius_mm;
     char *path, *albedo_path;
 };

@@ -7,7 +7,7 @@
  * edges. */
 
 #define GAP   0.07 /* half the width of a gap, as a share of the period */
-#define BEVEL 0.05 /* of the period */
+#define BEVEL 0.05 /* width of the bevel, as a share of the period */
 #define CUTS  5    /* a face has CUTS² cells, since bounced light is known at vertices */
 
 /* corners counter-clockwise from outside, in a level or upright plane. */

@@ -7,15 +7,15 @@
  * sample's edge. Light and views pass between and below the upper pipes. */
 
 #define AROUND     28
-#define PIPE       0.84 /* radius of a pipe, of that of its sleeves */
-#define RADIUS     0.36 /* of a sleeve, most of the period */
+#define PIPE       0.84 /* radius of a pipe, as a share of that of its sleeves */
+#define RADIUS     0.36 /* radius of a sleeve: most of the period */
 #define PER_SLEEVE 24   /* rings of vertices from one sleeve to the next */
 
 struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    double sleeves, phase; /* how many along it, and where the first is, 0 … 1 */
+    double sleeves, phase; /* number of sleeves along the pipe, and place of the first, 0 … 1 */
     float albedo[3];
 };
 

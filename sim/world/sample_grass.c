@@ -8,7 +8,7 @@
 
 #define ALONG  8  /* rings of vertices from root to tip, less one */
 #define AROUND 6  /* vertices of a ring */
-#define BLADES 14 /* of a tuft */
+#define BLADES 14 /* blades of a tuft */
 
 struct blade {
     const struct sample_options *options;

@@ -9,7 +9,7 @@
 #define BALL_ALONG  80
 
 struct place {
-    double x, y, size; /* a post's height, a ball's radius */
+    double x, y, size; /* size: height of a post, or radius of a ball */
 };
 
 static void plate(struct vertex *vertex, gconstpointer data) {

@@ -12,7 +12,7 @@
 struct yarn {
     const struct sample_options *options;
     gboolean warp;
-    int index; /* of this kind */
+    int index; /* number of the yarn among the warps or wefts */
     double at_mm, length_mm, cross_pitch_mm;
     double middle_mm, swing_mm; /* height of the centre line, and its amplitude */
     double half_width_mm, half_height_mm;
@@ -108,7 +108,8 @@ static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolea
     int n_x = sample_count(o->width_mm, o->period_mm, 2),
         n_y = sample_count(o->height_mm, o->period_mm, 2);
     double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
-    double thick = o->relief_mm / 4.3; /* the swing and half a yarn, above and below the middle */
+    /* The amplitude and half a yarn, above and below the middle. */
+    double thick = o->relief_mm / 4.3;
     int n = warp ? n_x : n_y;
     for (int i = 0; i < n; i++) {
         struct yarn yarn = {.options = o, .warp = warp, .index = i};

@@ -7,7 +7,8 @@
 
 #include "world.h"
 
-struct truth_grid { /* texels of the reference plane, as in pipeline/pipeline.h, said again */
+struct truth_grid { /* texels of the reference plane; defined again, since the simulation shares no
+                       code with processing */
     int width, height;
     double width_mm, height_mm, reference_mm;
 };
@@ -23,13 +24,14 @@ struct truth_camera {
 };
 void truth_camera(World *world, int camera, struct truth_camera *ret);
 
-/* Where a camera truly sees a point of the rig frame, be it hidden or outside of the picture. */
+/* Projects a point of the rig frame by the true camera, also if it is hidden or outside of the
+ * picture. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
 
-struct truth_arc {       /* how it truly turns, rig frame */
+struct truth_arc {       /* its true axis, in the rig frame */
     double zero_deg;     /* added to the arc's angle */
     double axis[3];      /* unit, upwards */
-    double centre_mm[3]; /* where it goes through z = 0 */
+    double centre_mm[3]; /* intersection of the axis with z = 0 */
 };
 void truth_arc(World *world, struct truth_arc *ret);
 

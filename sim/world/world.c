@@ -39,7 +39,7 @@ World *world_get(const char *path, GError **error) {
     world->key = g_steal_pointer(&key);
     g_mutex_init(&world->lock);
     for (int i = 0; i < WORLD_MAX_LAMPS; i++)
-        world->power[i].on_us = G_MAXINT64; /* never was on */
+        world->power[i].on_us = G_MAXINT64; /* the lamp was never on */
     if (world_load(world, world->key, error))
         g_hash_table_insert(registry, world->key, world);
     else
@@ -194,7 +194,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
-            continue; /* one that shines shares the place with one that is dark */
+            continue; /* a lit laser may share its place with a dark one */
         ret->sweep_deg[place] = world->sweep_deg[i];
         ret->laser_on[place] = world->laser_on[i];
     }

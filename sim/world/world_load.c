@@ -214,7 +214,7 @@ static struct sample_random device_random(const struct world_options *options, c
     return (struct sample_random){sample_hash(seed + 0x9e3779b97f4a7c15u)};
 }
 
-static double deviate(struct sample_random *random) { /* nearly normal, within ±6 */
+static double deviate(struct sample_random *random) { /* approximately normal, within ±6 */
     double sum = -6;
     for (int i = 0; i < 12; i++)
         sum += sample_uniform(random);
@@ -406,7 +406,7 @@ static void load_sample(World *world, const struct world_options *all, const Con
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
                                Mistakes *);
 
-/* FALSE: no world file has such a section. */
+/* Returns FALSE if world files have no such section. */
 static gboolean load_section(World *world, const struct world_options *all,
                              const struct config_section *section, Mistakes *mistakes) {
     const struct {

@@ -13,7 +13,7 @@
 
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
-    gint64 on_us, off_us; /* the last time it was on */
+    gint64 on_us, off_us; /* times at which it was last switched on and off */
 };
 
 /* The sample's surface for light transport. Its vertices are the surfels of interreflection: each
@@ -25,7 +25,7 @@ struct scene {
     const guint32 (*triangles)[3];
     guint n_vertices, n_triangles;
     int n_gather;
-    guint32 *gather; /* n_gather a vertex; NO_TRIANGLE: the ray met nothing */
+    guint32 *gather; /* n_gather per vertex; NO_TRIANGLE: the ray hits nothing */
     float low[3], high[3];
     float table_albedo, table_radius_mm;
 };
@@ -51,7 +51,7 @@ struct World {
     double warm_up_s, warm_up_start, drift, drift_period_s;
     Cache *cache;
 
-    GMutex lock; /* of what follows */
+    GMutex lock; /* guards the fields below */
     double turntable_deg, arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
@@ -99,7 +99,7 @@ float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_m
 
 /* world_light.c */
 
-/* The bits of a number, for keys of the cache. */
+/* Returns the bits of a number, for keys of the cache. */
 static inline guint64 world_bits(double value) {
     guint64 word;
     memcpy(&word, &value, sizeof word);
@@ -116,9 +116,9 @@ guint64 world_carried_bits(gboolean carried, double deg);
  * between arc and turntable alone, unless the arc's axis differs from the turntable's; those for
  * fixed lights depend on the turntable alone. */
 struct light_pose {
-    double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
+    double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
     gboolean fixed;
-    double probe_deg; /* of lamps on the probe, else 0 */
+    double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -127,7 +127,7 @@ struct light_pose world_lamp_pose(const World *world, int lamp, double arc_deg, 
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose);
 struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose);
 
-/* A camera as it stands with the arm at an angle. */
+/* Returns the pose of a camera with the arm at an angle. */
 struct optics_camera world_camera_at(const World *world, int camera, double arm_deg);
 struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg);
 struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,

@@ -283,11 +283,11 @@ static void refused(void) {
         const char *text, *said;
         const char *usb;
     } cases[] = {
-        {"[rig]\nid = x\n", "no device of it has a world"},
+        {"[rig]\nid = x\n", "no device names a simulated world"},
         {"[axis a]\ndriver = tic-axis\n", "driver = tic-axis has no virtual device"},
         {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n", "no such camera"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
-        {"[axis a]\ndriver = sim-axis\n", "no device of it has a world"},
+        {"[axis a]\ndriver = sim-axis\n", "no device names a simulated world"},
         {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
         {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
     };
