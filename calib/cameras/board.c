@@ -23,8 +23,7 @@ static gboolean refuse(const char *spec, GError **error, const char *why) {
 
 /* Number of white squares, which have markers, above a row. */
 static int whites_before(const struct board *board, int row) {
-    /* With an odd number of columns, rows alternate. */
-    const int more = board->white_first ? (row + 1) / 2 : row / 2;
+    const int more = board->white_first ? (row + 1) / 2 : row / 2; /* rows of an odd length */
     return row * (board->columns / 2) + (board->columns % 2 ? more : 0);
 }
 

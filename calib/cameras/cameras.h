@@ -105,8 +105,7 @@ struct cameras_result {
     gboolean arm_known;                /* the axis of the arm was fitted; */
     struct rig_swing_fit arm;          /* its fit; valid if arm_known */
     guint32 predicted;                 /* cameras (bits) whose poses the axis gave */
-    double inflation[RIG_MAX_CAMERAS]; /* factor of the variances, from the scatter between
-                                          pictures; ≥ 1 */
+    double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter of pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 typedef struct cameras_result CamerasResult;

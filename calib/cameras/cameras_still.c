@@ -1,11 +1,9 @@
-/* Sets the frame of a rig without a turntable: a flat board defines level, the rig file the rest.
- */
+/* Sets the frame of a rig without a turntable: level by a flat board, the rest by the rig file. */
 #include "cameras_private.h"
 
 #include <string.h>
 
-/* Largest tilt of a flat board, as the nominal cameras see it. */
-#define MOST_TILT_RAD (5 * (G_PI / 180))
+#define MOST_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by the nominal cameras */
 
 gboolean cameras_level(struct cameras_work *work, GError **error) {
     struct bundle_lay *flat = &work->bundle.lays[0];
