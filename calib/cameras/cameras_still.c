@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#define MOST_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by the nominal cameras */
+#define MOST_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by nominal cameras */
 
 gboolean cameras_level(struct cameras_work *work, GError **error) {
     struct bundle_lay *flat = &work->bundle.lays[0];
