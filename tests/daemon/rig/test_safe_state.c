@@ -2,9 +2,9 @@
  * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
  * laser and each other device is a virtual one with a line of its own, which tells what it does. */
 #include "lib/find_guardian.h"
+#include "lib/lines.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
-#include "virtual/modbus.h"
 
 #include <fcntl.h>
 #include <gio/gio.h>
@@ -17,83 +17,32 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define MESORIGD   BUILD_DIR "/bin/mesorigd"
-#define WORLD      SOURCE_DIR "/tests/small/world.conf"
-#define LASER_COIL 3
-#define LAMPS      2
-#define FEW_CELLS  16 /* the short form of the matrix takes each sixteenth cell */
-#define STALLS     3
-#define STALL_US   (G_USEC_PER_SEC * 46 / 10) /* a little more than a hang takes */
-#define SLACK_US   (G_USEC_PER_SEC * 3 / 2)   /* a machine with more to do than this */
-
-enum which { LASER, BANK, DOOR, TURNTABLE, ARC, SWEEP, N_DEVICES };
-
-static const gboolean is_serial[N_DEVICES] = {[TURNTABLE] = TRUE, [ARC] = TRUE, [SWEEP] = TRUE};
+#define MESORIGD  BUILD_DIR "/bin/mesorigd"
+#define WORLD     SOURCE_DIR "/tests/small/world.conf"
+#define FEW_CELLS 16 /* the short form of the matrix takes each sixteenth cell */
+#define STALLS    3
+#define STALL_US  (G_USEC_PER_SEC * 46 / 10) /* a little more than a hang takes */
+#define SLACK_US  (G_USEC_PER_SEC * 3 / 2)   /* a machine with more to do than this */
 
 struct fixture {
     char *folder, *rig, *socket;
-    VirtualModbus *devices[N_DEVICES];
-    GString *text; /* of the rig file */
+    struct lines lines;
     GSubprocess *daemon;
     char *said;
 };
-
-static VirtualModbus *new_device(gboolean rtu) {
-    const struct virtual_modbus_options options = {
-        .rtu = rtu, .unit = 1, .speed_steps_s = 200, .accel_steps_s2 = 4000};
-    GError *error = NULL;
-    VirtualModbus *device = virtual_modbus_new(&options, &error);
-    g_assert_no_error(error);
-    return device;
-}
-
-static void add_device(struct fixture *fixture, enum which which, const char *heading,
-                       const char *keys) {
-    g_string_append_printf(fixture->text, "\n[%s]\n%s\nbus = %s\n", heading, keys,
-                           virtual_modbus_bus(fixture->devices[which]));
-}
-
-#define AXIS                                                                                       \
-    "driver = modbus-axis\nmin_deg = -90\nmax_deg = 90\nspeed_deg_s = 2\naccel_deg_s2 = 40\n"      \
-    "steps_per_deg = 100\ntarget_register = 0\nposition_register = 21\nstatus_register = 20\n"     \
-    "moving_bit = 0\nhomed_bit = 1\nfault_bit = 2\nstart = 2=1\nhome = 2=2\nstop = 2=3\n"          \
-    "poll_ms = 5"
-
-/* The axes stand first and the laser last, as nobody should have to mind. */
-static void write_text(struct fixture *fixture) {
-    g_string_assign(fixture->text, "# Für Prüfungen\n[rig]\nid = safe\nclock = real\n"
-                                   "arc_radius_mm = 500\narc_width_mm = 30\n");
-    add_device(fixture, TURNTABLE, "axis turntable", AXIS);
-    add_device(fixture, ARC, "axis arc", AXIS);
-    add_device(fixture, SWEEP, "axis sweep", AXIS);
-    add_device(fixture, DOOR, "interlock door", "driver = modbus-inputs\ninput = 0");
-    g_string_append(fixture->text, "\n[camera cam30]\ndriver = sim-camera\nworld = " WORLD
-                                   "\ntheta_deg = 30\nphi_deg = 0\ndistance_mm = 650\nwidth = 32\n"
-                                   "height = 32\nfocal_px = 333\nresponse = 6000\n");
-    add_device(fixture, BANK, "lamps bank", "driver = modbus-relays\nn = 2\nwarm_up_s = 1");
-    g_string_append(fixture->text, "\n[lamp lamp30]\nbank = bank\nindex = 0\ntheta_deg = 30\n"
-                                   "distance_mm = 500\n");
-    add_device(fixture, LASER, "laser top",
-               "driver = modbus-laser\nunit = 1\nsweep = sweep\ntheta_deg = 30\ndistance_mm = 480\n"
-               "coil = 3\nwarm_up_s = 0.1");
-}
 
 static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->folder = g_dir_make_tmp("mesorig-safe-XXXXXX", NULL);
     fixture->rig = g_build_filename(fixture->folder, "rig.conf", NULL);
     fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
-    fixture->text = g_string_new(NULL);
-    for (int i = 0; i < N_DEVICES; i++)
-        fixture->devices[i] = new_device(is_serial[i]);
-    virtual_modbus_set_input(fixture->devices[DOOR], 0, TRUE);
-    write_text(fixture);
+    lines_open(&fixture->lines, WORLD);
 }
 
 static void set_up_serial_laser(struct fixture *fixture, gconstpointer data) {
     set_up(fixture, data);
-    virtual_modbus_free(fixture->devices[LASER]);
-    fixture->devices[LASER] = new_device(TRUE);
-    write_text(fixture);
+    virtual_modbus_free(fixture->lines.devices[LASER]);
+    fixture->lines.devices[LASER] = lines_new_device(TRUE);
+    lines_write(&fixture->lines);
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer data) {
@@ -102,10 +51,8 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
         g_subprocess_wait(fixture->daemon, NULL, NULL);
         g_object_unref(fixture->daemon);
     }
-    for (int i = 0; i < N_DEVICES; i++)
-        g_clear_pointer(&fixture->devices[i], virtual_modbus_free);
+    lines_close(&fixture->lines);
     remove_tree(fixture->folder);
-    g_string_free(fixture->text, TRUE);
     g_free(fixture->folder);
     g_free(fixture->rig);
     g_free(fixture->socket);
@@ -113,17 +60,17 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
 }
 
 static void replace(struct fixture *fixture, const char *what, const char *with) {
-    g_assert_cmpuint(g_string_replace(fixture->text, what, with, 0), ==, 1);
+    g_assert_cmpuint(g_string_replace(fixture->lines.text, what, with, 0), ==, 1);
 }
 
 static void write_rig(struct fixture *fixture) {
-    g_assert_true(g_file_set_contents(fixture->rig, fixture->text->str, -1, NULL));
+    g_assert_true(g_file_set_contents(fixture->rig, fixture->lines.text->str, -1, NULL));
 }
 
 static void light_up(struct fixture *fixture) {
-    virtual_modbus_set_coil(fixture->devices[LASER], LASER_COIL, TRUE);
-    for (int i = 0; i < LAMPS; i++)
-        virtual_modbus_set_coil(fixture->devices[BANK], i, TRUE);
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    for (int i = 0; i < LINES_LAMPS; i++)
+        virtual_modbus_set_coil(fixture->lines.devices[BANK], i, TRUE);
 }
 
 static void write_lit_rig(struct fixture *fixture) {
@@ -131,17 +78,9 @@ static void write_lit_rig(struct fixture *fixture) {
     light_up(fixture);
 }
 
-static gboolean has_light(VirtualModbus *device) {
-    struct virtual_modbus_state state;
-    gboolean any = FALSE;
-    virtual_modbus_state(device, &state);
-    for (int i = 0; i < VIRTUAL_MODBUS_BITS; i++)
-        any |= state.coils[i];
-    return any;
-}
-
 static gboolean is_dark(struct fixture *fixture) {
-    return !has_light(fixture->devices[LASER]) && !has_light(fixture->devices[BANK]);
+    return !lines_has_light(fixture->lines.devices[LASER]) &&
+           !lines_has_light(fixture->lines.devices[BANK]);
 }
 
 /* Its exit code; what it prints is kept. */
@@ -178,19 +117,19 @@ static void test_well(struct fixture *fixture, gconstpointer data) {
 static void test_gone(struct fixture *fixture, gconstpointer data) {
     static const char *const names[N_DEVICES] = {"laser top",      "lamps bank", "",
                                                  "axis turntable", "axis arc",   "axis sweep"};
-    const enum which gone = (enum which)GPOINTER_TO_INT(data);
+    const enum line gone = (enum line)GPOINTER_TO_INT(data);
     g_autofree char *unsafe = g_strconcat(names[gone], ": NOT safe: ", NULL);
     /* Not where it was: another test may have a device there by now. */
     g_autofree char *bus =
-        g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->devices[gone]));
-    replace(fixture, bus, is_serial[gone] ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
+        g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->lines.devices[gone]));
+    replace(fixture, bus, lines_is_axis(gone) ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
     write_lit_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, gone == DOOR ? 0 : 1);
-    g_assert_true(gone == LASER || !has_light(fixture->devices[LASER]));
-    g_assert_true(gone == BANK || !has_light(fixture->devices[BANK]));
+    g_assert_true(gone == LASER || !lines_has_light(fixture->lines.devices[LASER]));
+    g_assert_true(gone == BANK || !lines_has_light(fixture->lines.devices[BANK]));
     for (int i = 0; i < N_DEVICES; i++) {
-        g_autofree char *good =
-            g_strdup_printf("%s: %s, read back\n", names[i], is_serial[i] ? "stands" : "off");
+        g_autofree char *good = g_strdup_printf("%s: %s, read back\n", names[i],
+                                                lines_is_axis((enum line)i) ? "stands" : "off");
         if (i != (int)gone && i != DOOR)
             assert_has(fixture->said, good);
     }
@@ -224,7 +163,7 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
         {"sweep = sweep", "sweep = swep", ""},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
-        write_text(fixture);
+        lines_write(&fixture->lines);
         replace(fixture, mistakes[i][0], mistakes[i][1]);
         write_lit_rig(fixture);
         const int code = safe_state(fixture);
@@ -249,12 +188,12 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
         {"[lamps bank]\n", "", "driver: was given before", TRUE},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
-        write_text(fixture);
+        lines_write(&fixture->lines);
         replace(fixture, cases[i].what, cases[i].with);
         write_lit_rig(fixture);
         g_assert_cmpint(safe_state(fixture), ==, 1);
-        g_assert_true(has_light(fixture->devices[LASER]) != cases[i].dark);
-        g_assert_false(has_light(fixture->devices[BANK]));
+        g_assert_true(lines_has_light(fixture->lines.devices[LASER]) != cases[i].dark);
+        g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
         assert_has(fixture->said, *cases[i].with ? "laser top: NOT safe: " : ": NOT safe: ");
         assert_has(fixture->said, cases[i].words);
         assert_says_not(fixture, "lamps and lasers are off, axes stand");
@@ -273,9 +212,9 @@ static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
 static void test_deaf(struct fixture *fixture, gconstpointer data) {
     const struct virtual_modbus_faults deaf = {.deaf = TRUE};
     write_lit_rig(fixture);
-    virtual_modbus_fail(fixture->devices[LASER], &deaf);
+    virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
     g_assert_cmpint(safe_state(fixture), ==, 1);
-    g_assert_false(has_light(fixture->devices[BANK]));
+    g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
     assert_has(fixture->said, "laser top: NOT safe: ");
     assert_has(fixture->said, "lamps bank: off, read back\n");
 }
@@ -306,14 +245,14 @@ static GPid hold(VirtualModbus *device, double seconds) {
 }
 
 static void test_held(struct fixture *fixture, gconstpointer data) {
-    const enum which which = (enum which)GPOINTER_TO_INT(data);
+    const enum line which = (enum line)GPOINTER_TO_INT(data);
     write_lit_rig(fixture);
-    const GPid pid = hold(fixture->devices[which], 60);
+    const GPid pid = hold(fixture->lines.devices[which], 60);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     kill(pid, SIGKILL);
     waitpid(pid, NULL, 0);
-    g_assert_false(has_light(fixture->devices[BANK]));
-    g_assert_true(has_light(fixture->devices[LASER]) == (which == LASER));
+    g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
+    g_assert_true(lines_has_light(fixture->lines.devices[LASER]) == (which == LASER));
     assert_has(fixture->said, which == LASER ? "laser top: NOT safe: " : "axis arc: NOT safe: ");
     g_autofree char *holder = g_strdup_printf("(process %d) uses it", pid);
     assert_has(fixture->said, holder);
@@ -322,7 +261,7 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
 
 static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
     write_lit_rig(fixture);
-    const GPid pid = hold(fixture->devices[LASER], 2);
+    const GPid pid = hold(fixture->lines.devices[LASER], 2);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     waitpid(pid, NULL, 0);
     g_assert_true(is_dark(fixture));
@@ -343,11 +282,11 @@ static void start_axis(VirtualModbus *device) {
 static void test_moving(struct fixture *fixture, gconstpointer data) {
     struct virtual_modbus_state state;
     write_rig(fixture);
-    start_axis(fixture->devices[ARC]);
-    virtual_modbus_state(fixture->devices[ARC], &state);
+    start_axis(fixture->lines.devices[ARC]);
+    virtual_modbus_state(fixture->lines.devices[ARC], &state);
     g_assert_true(state.moving);
     g_assert_cmpint(safe_state(fixture), ==, 0);
-    virtual_modbus_state(fixture->devices[ARC], &state);
+    virtual_modbus_state(fixture->lines.devices[ARC], &state);
     g_assert_false(state.moving);
     g_assert_cmpfloat(state.position_steps, <, 8000);
     assert_has(fixture->said, "axis arc: stands, read back\n");
@@ -417,10 +356,10 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
 
 /* With a device gone at the same time, and with signals to all of the daemon's group. */
 static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
-    const enum which gone = (enum which)GPOINTER_TO_INT(data);
+    const enum line gone = (enum line)GPOINTER_TO_INT(data);
     start_daemon(fixture);
     light_up(fixture);
-    g_clear_pointer(&fixture->devices[gone], virtual_modbus_free);
+    g_clear_pointer(&fixture->lines.devices[gone], virtual_modbus_free);
     kill(find_guardian(fixture->rig), SIGTERM);
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
     const gint64 took_us = wait_for_dark(fixture);
@@ -452,31 +391,18 @@ static void test_stalled(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
 }
 
-/* What becomes of a device at the moment at which the daemon ends. */
-enum failure { GONE, SILENT, DEAF, N_FAILURES };
-static const char *const failures[N_FAILURES] = {"gone", "silent", "deaf"};
-static const char *const device_names[N_DEVICES] = {"laser top",      "lamps bank", "door",
-                                                    "axis turntable", "axis arc",   "axis sweep"};
-
-static void fail_device(struct fixture *fixture, enum which which, enum failure how) {
-    const struct virtual_modbus_faults silent = {.cut = TRUE}, deaf = {.deaf = TRUE};
-    if (how == GONE)
-        g_clear_pointer(&fixture->devices[which], virtual_modbus_free);
-    else
-        virtual_modbus_fail(fixture->devices[which], how == SILENT ? &silent : &deaf);
-}
-
 /* One end of the daemon, one device, one failure of it: all other lights go off in time, the failed
  * device is named, and nothing is called safe that was not read back. */
-static void check_cell(struct fixture *fixture, int how, enum which which, enum failure failure) {
+static void check_cell(struct fixture *fixture, int how, enum line which,
+                       enum line_failure failure) {
     const gint64 most_us = (how == SIGSTOP ? 5 : 1) * G_USEC_PER_SEC;
     start_daemon(fixture);
     light_up(fixture);
-    fail_device(fixture, which, failure);
+    lines_fail(&fixture->lines, which, failure);
     const gint64 began_us = g_get_monotonic_time();
     g_subprocess_send_signal(fixture->daemon, how);
     for (int i = LASER; i <= BANK; i++)
-        while (i != (int)which && has_light(fixture->devices[i])) {
+        while (i != (int)which && lines_has_light(fixture->lines.devices[i])) {
             g_assert_cmpint(g_get_monotonic_time() - began_us, <, 30 * G_USEC_PER_SEC);
             g_usleep(2000);
         }
@@ -484,11 +410,11 @@ static void check_cell(struct fixture *fixture, int how, enum which which, enum 
     wait_for_guardian_end(fixture);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     read_log(fixture);
-    g_test_message("%s %s, %s: the other lights are off after %.2f s", device_names[which],
-                   failures[failure], g_strsignal(how), (double)took_us / 1e6);
+    g_test_message("%s %s, %s: the other lights are off after %.2f s", lines_names[which],
+                   lines_failures[failure], g_strsignal(how), (double)took_us / 1e6);
     g_assert_cmpint(took_us, <, most_us + SLACK_US);
     if (which != DOOR) {
-        g_autofree char *unsafe = g_strconcat(device_names[which], ": NOT safe: ", NULL);
+        g_autofree char *unsafe = g_strconcat(lines_names[which], ": NOT safe: ", NULL);
         assert_has(fixture->said, unsafe);
         assert_has(fixture->said, "the rig is NOT safe");
     }
@@ -497,8 +423,8 @@ static void check_cell(struct fixture *fixture, int how, enum which which, enum 
     else
         assert_has(fixture->said, "lamps and lasers are off, axes stand");
     for (int i = 0; i < N_DEVICES; i++) {
-        g_autofree char *good = g_strdup_printf("%s: %s, read back\n", device_names[i],
-                                                is_serial[i] ? "stands" : "off");
+        g_autofree char *good = g_strdup_printf("%s: %s, read back\n", lines_names[i],
+                                                lines_is_axis((enum line)i) ? "stands" : "off");
         if (i != (int)which && i != DOOR)
             assert_has(fixture->said, good);
     }
@@ -512,12 +438,12 @@ static void test_matrix(void) {
     int cells = 0, run = 0;
     for (gsize e = 0; e < G_N_ELEMENTS(ends); e++)
         for (int which = 0; which < N_DEVICES; which++)
-            for (int how = 0; how < (which <= BANK ? N_FAILURES : DEAF); how++) {
+            for (int how = 0; how < lines_n_failures((enum line)which); how++) {
                 struct fixture fixture = {0};
                 if (cells++ % FEW_CELLS != 0 && !all)
                     continue;
                 set_up(&fixture, NULL);
-                check_cell(&fixture, ends[e], (enum which)which, (enum failure)how);
+                check_cell(&fixture, ends[e], (enum line)which, (enum line_failure)how);
                 tear_down(&fixture, NULL);
                 run++;
             }
@@ -546,14 +472,14 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     const struct virtual_modbus_faults deaf = {.deaf = TRUE}, none = {0};
     start_daemon(fixture);
     light_up(fixture);
-    virtual_modbus_fail(fixture->devices[LASER], &deaf);
+    virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
     g_subprocess_send_signal(fixture->daemon, SIGTERM);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 1);
     read_log(fixture);
     assert_has(fixture->said, "the rig is NOT safe: ");
     assert_says_not(fixture, "the rig is safe");
-    virtual_modbus_fail(fixture->devices[LASER], &none);
+    virtual_modbus_fail(fixture->lines.devices[LASER], &none);
     wait_for_dark(fixture); /* by the guardian, which was not told to go */
     wait_for_guardian_end(fixture);
 }

@@ -1,0 +1,255 @@
+/* Every end of the service's daemon, with every device failing at that moment in every way, under
+ * systemd and in the sandbox of the unit: lights go off and axes stand. For the container of
+ * tests/nspawn/run, as its root. Without MESORIG_MATRIX in the environment: one cell. */
+#include "bus/bus.h"
+#include "lib/find_guardian.h"
+#include "lib/lines.h"
+#include "lib/process.h"
+
+#include <gio/gio.h>
+#include <pwd.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#define RIG      "/etc/mesorig/rig.conf"
+#define WORLD    "/etc/mesorig/world.conf"
+#define FAR_DEG  80.0 /* 40 s from home */
+#define WAIT_US  (60 * G_USEC_PER_SEC)
+#define SLACK_US (G_USEC_PER_SEC * 3 / 2) /* a machine with more to do than this */
+#define SAFE     "lamps and lasers are off, axes stand"
+
+/* BOTH: daemon and guardian are killed at once, which leaves ExecStopPost alone. */
+enum end { KILLED, ABORTED, STOPPED, BOTH, N_ENDS };
+static const char *const end_names[N_ENDS] = {"kill -9", "SIGABRT", "SIGSTOP",
+                                              "kill -9 of daemon and guardian"};
+static const int end_signals[N_ENDS] = {SIGKILL, SIGABRT, SIGSTOP, SIGKILL};
+
+struct cell {
+    enum end end;
+    enum line line;
+    enum line_failure failure;
+    double dark_s, stand_s;
+};
+
+static char *run_line(const char *line) {
+    g_auto(GStrv) argv = g_strsplit(line, " ", -1);
+    char *text = process_text(0, (const char *const *)argv);
+    return g_strchomp(text);
+}
+
+static void order(const char *line) {
+    g_free(run_line(line));
+}
+
+static void assert_is(const char *line, const char *wanted) {
+    g_autofree char *text = run_line(line);
+    if (strcmp(text, wanted) != 0)
+        g_error("%s: “%s” instead of “%s”", line, text, wanted);
+}
+
+static void assert_sandboxed(pid_t pid) {
+    g_autofree char *path = g_strdup_printf("/proc/%d/status", (int)pid);
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    assert_has(text, "NoNewPrivs:\t1\n");
+    assert_has(text, "Seccomp:\t2\n");
+    assert_has(text, "CapEff:\t0000000000000000\n");
+}
+
+static void call(GDBusConnection *bus, const char *method, GVariant *parameters) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GVariant) answer =
+        g_dbus_connection_call_sync(bus, BUS_NAME, BUS_PATH, BUS_NAME, method, parameters, NULL,
+                                    G_DBUS_CALL_FLAGS_NONE, WAIT_US / 1000, NULL, &error);
+    g_assert_no_error(error);
+}
+
+static gboolean all_move(const struct lines *lines) {
+    gboolean all = TRUE;
+    for (int i = TURNTABLE; i <= SWEEP; i++) {
+        struct virtual_modbus_state state;
+        virtual_modbus_state(lines->devices[i], &state);
+        all &= state.moving;
+    }
+    return all;
+}
+
+/* Of all devices but the one that has failed. */
+static gboolean is_dark_but(const struct lines *lines, enum line failed) {
+    gboolean dark = TRUE;
+    for (int i = LASER; i <= BANK; i++)
+        dark &= i == (int)failed || !lines_has_light(lines->devices[i]);
+    return dark;
+}
+
+static gboolean stands_but(const struct lines *lines, enum line failed) {
+    gboolean stands = TRUE;
+    for (int i = TURNTABLE; i <= SWEEP; i++) {
+        struct virtual_modbus_state state = {0};
+        if (i != (int)failed)
+            virtual_modbus_state(lines->devices[i], &state);
+        stands &= !state.moving;
+    }
+    return stands;
+}
+
+/* A rig in which everything shines and moves, by the daemon's own doing. Returns the daemon. */
+static pid_t start_service(struct lines *lines, GDBusConnection *bus) {
+    static const char *const axes[] = {"turntable", "arc", "sweep"};
+    const struct passwd *user = getpwnam("mesorig");
+    g_assert_nonnull(user);
+    for (int i = 0; i < N_DEVICES; i++)
+        if (lines_is_axis((enum line)i))
+            g_assert_cmpint(chown(virtual_modbus_bus(lines->devices[i]), user->pw_uid, (gid_t)-1),
+                            ==, 0);
+    g_assert_true(g_file_set_contents_full(RIG, lines->text->str, -1,
+                                           G_FILE_SET_CONTENTS_CONSISTENT, 0644, NULL));
+    /* Its starts are counted. A unit that systemd does not have in memory has no count. */
+    const char *const reset[] = {"systemctl", "--quiet", "reset-failed", "mesorigd", NULL};
+    g_autofree char *refused = NULL;
+    process_run(reset, NULL, &refused);
+    order("systemctl start mesorigd");
+    assert_is("systemctl show mesorigd -P WatchdogUSec", "30s");
+    g_autofree char *main_pid = run_line("systemctl show mesorigd -P MainPID");
+    const pid_t daemon = (pid_t)g_ascii_strtoll(main_pid, NULL, 10);
+    const pid_t guardian = find_guardian(RIG);
+    g_assert_cmpint(daemon, >, 0);
+    g_assert_cmpint(guardian, >, 0);
+    assert_sandboxed(daemon);
+    assert_sandboxed(guardian);
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        call(bus, "HomeAxis", g_variant_new("(s)", axes[i]));
+    call(bus, "SetLamp", g_variant_new("(sb)", "lamp30", TRUE));
+    call(bus, "SetLaser", g_variant_new("(sb)", "top", TRUE));
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, "MoveAxis",
+                               g_variant_new("(sd)", axes[i], FAR_DEG), NULL,
+                               G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL, NULL);
+    const gint64 began_us = g_get_monotonic_time();
+    while (!all_move(lines)) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(2000);
+    }
+    g_assert_true(lines_has_light(lines->devices[LASER]));
+    g_assert_true(lines_has_light(lines->devices[BANK]));
+    return daemon;
+}
+
+static void wait_safe(const struct lines *lines, struct cell *cell) {
+    const gint64 began_us = g_get_monotonic_time();
+    cell->dark_s = cell->stand_s = -1;
+    while (cell->dark_s < 0 || cell->stand_s < 0) {
+        const gint64 took_us = g_get_monotonic_time() - began_us;
+        if (took_us > WAIT_US)
+            g_error("%s: not safe after %d s", end_names[cell->end],
+                    (int)(WAIT_US / G_USEC_PER_SEC));
+        if (cell->dark_s < 0 && is_dark_but(lines, cell->line))
+            cell->dark_s = (double)took_us / 1e6;
+        if (cell->stand_s < 0 && stands_but(lines, cell->line))
+            cell->stand_s = (double)took_us / 1e6;
+        g_usleep(2000);
+    }
+}
+
+/* ExecStopPost has ended then, and the next start has not begun. */
+static void wait_for_unit(void) {
+    const gint64 began_us = g_get_monotonic_time();
+    for (;;) {
+        g_autofree char *state = run_line("systemctl show mesorigd -P SubState");
+        if (strcmp(state, "auto-restart") == 0)
+            return;
+        if (g_get_monotonic_time() - began_us > WAIT_US)
+            g_error("the unit is %s", state);
+        g_usleep(50000);
+    }
+}
+
+static int count(const char *text, const char *words) {
+    int n = 0;
+    for (const char *at = text; (at = strstr(at, words)); at += strlen(words))
+        n++;
+    return n;
+}
+
+/* The guardian and ExecStopPost each tell of every device what they have read back. */
+static void check_journal(const struct cell *cell, const char *said) {
+    const int reports = cell->end == BOTH ? 1 : 2;
+    for (int i = 0; i < N_DEVICES; i++) {
+        g_autofree char *safe = g_strdup_printf("%s: %s, read back\n", lines_names[i],
+                                                lines_is_axis((enum line)i) ? "stands" : "off");
+        g_autofree char *unsafe = g_strconcat(lines_names[i], ": NOT safe: ", NULL);
+        const gboolean failed = i == (int)cell->line;
+        if (i != DOOR && count(said, failed ? unsafe : safe) != reports)
+            g_error("not %d times “%s” in: %s", reports, failed ? unsafe : safe, said);
+    }
+    if (count(said, SAFE) != (cell->line == DOOR ? reports : 0))
+        g_error("“" SAFE "”, although not all was read back, or not although it was: %s", said);
+}
+
+static void run_cell(struct cell *cell, GDBusConnection *bus) {
+    struct lines lines = {0};
+    lines_open(&lines, WORLD);
+    g_autofree char *mark = run_line("journalctl -n 0 --show-cursor");
+    const pid_t daemon = start_service(&lines, bus);
+    const pid_t guardian = find_guardian(RIG);
+    g_usleep(G_USEC_PER_SEC); /* it is watching, and has heard of the daemon */
+
+    lines_fail(&lines, cell->line, cell->failure);
+    if (cell->end == BOTH)
+        kill(guardian, SIGKILL);
+    kill(daemon, end_signals[cell->end]);
+    wait_safe(&lines, cell);
+    wait_for_unit();
+    g_assert_true(is_dark_but(&lines, cell->line));
+    g_assert_true(stands_but(&lines, cell->line));
+    assert_is("systemctl show mesorigd -P Result", cell->end == ABORTED ? "core-dump" : "signal");
+
+    order("journalctl --sync");
+    const char *const journal[] = {"journalctl",     "--quiet",          "--no-pager",
+                                   "--output=cat",   "--unit",           "mesorigd",
+                                   "--after-cursor", strstr(mark, "s="), NULL};
+    g_autofree char *said = process_text(0, journal);
+    check_journal(cell, said);
+    order("systemctl stop mesorigd");
+    lines_close(&lines);
+
+    const gint64 most_us = (cell->end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US;
+    printf("%s %s, %s: dark after %.2f s, axes stand after %.2f s\n", lines_names[cell->line],
+           lines_failures[cell->failure], end_names[cell->end], cell->dark_s, cell->stand_s);
+    fflush(stdout);
+    g_assert_cmpfloat(cell->dark_s, <, (double)most_us / 1e6);
+    g_assert_cmpfloat(cell->stand_s, <, (double)most_us / 1e6);
+}
+
+int main(void) {
+    const gboolean all = g_getenv("MESORIG_MATRIX") != NULL;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GDBusConnection) bus = g_bus_get_sync(G_BUS_TYPE_SYSTEM, NULL, &error);
+    g_assert_no_error(error);
+    assert_is("systemctl show mesorigd -P Type", "notify");
+    assert_is("systemctl show mesorigd -P ProtectSystem", "strict");
+
+    int n_all = 0;
+    for (int end = 0; end < N_ENDS; end++) {
+        double dark_s = 0, stand_s = 0;
+        int n = 0;
+        for (int line = 0; line < N_DEVICES; line++)
+            for (int how = 0; how < lines_n_failures((enum line)line); how++) {
+                struct cell cell = {(enum end)end, (enum line)line, (enum line_failure)how, 0, 0};
+                if (!all && (end != KILLED || line != LASER || how != SILENT))
+                    continue;
+                run_cell(&cell, bus);
+                dark_s = MAX(dark_s, cell.dark_s);
+                stand_s = MAX(stand_s, cell.stand_s);
+                n++;
+            }
+        if (n > 0)
+            printf("%s: %d cells, dark after %.2f s at most, axes stand after %.2f s at most\n",
+                   end_names[end], n, dark_s, stand_s);
+        n_all += n;
+    }
+    printf("%d cells\n", n_all);
+    return 0;
+}
