@@ -12,6 +12,7 @@ struct seed_result {
     char violation[512]; /* "invariant: what is broken" */
     int life;            /* after which it was found, from 1 */
     int lives, kills, cuts, failed_calls, rotten, misplaced;
+    int in_groups;  /* kills and power cuts while several lamps at once were taken */
     guint64 digest; /* of everything that happened, in order; 0: the order is not fixed */
 };
 
@@ -21,5 +22,7 @@ typedef struct Reference Reference;
 Reference *reference_new(const char *folder, char **ret_broken);
 void reference_free(Reference *reference); /* NULL is ignored; the folder stays */
 
-/* said: what is printed of it, or NULL. */
-void run_seed(const Reference *reference, guint32 seed, GString *said, struct seed_result *ret);
+/* session: 0 … SCHEDULE_SESSIONS − 1, or −1: the seed decides. said: what is printed of it, or
+ * NULL. */
+void run_seed(const Reference *reference, guint32 seed, int session, GString *said,
+              struct seed_result *ret);

@@ -15,11 +15,12 @@
 #include "base/json.h"
 #include "disk_model.h"
 #include "run_seed.h"
+#include "schedule.h"
 
 #define MAX_JOBS 256
 #define TELL_US  (5 * G_USEC_PER_SEC) /* between lines of progress that are not on a terminal */
 
-static int n_seeds = 200, from_seed = 1, one_seed = -1, n_jobs;
+static int n_seeds = 200, from_seed = 1, one_seed = -1, n_jobs, session = -1;
 static gboolean verbose, json, twice, until_found;
 
 static const GOptionEntry entries[] = {
@@ -28,6 +29,8 @@ static const GOptionEntry entries[] = {
     {"jobs", 0, 0, G_OPTION_ARG_INT, &n_jobs, "Run as many at once (default: one a processor)",
      "N"},
     {"seed", 0, 0, G_OPTION_ARG_INT, &one_seed, "Run this seed alone", "SEED"},
+    {"session", 0, 0, G_OPTION_ARG_INT, &session,
+     "Every seed has this session, from 0 on (default: the seed decides)", "N"},
     {"verbose", 0, 0, G_OPTION_ARG_NONE, &verbose, "With --seed: print what happens", NULL},
     {"twice", 0, 0, G_OPTION_ARG_NONE, &twice,
      "Run each seed twice; the second run must not differ from the first", NULL},
@@ -38,18 +41,18 @@ static const GOptionEntry entries[] = {
 };
 
 struct tally {
-    int n, n_failed, lives, kills, cuts, failed_calls, rotten, misplaced;
+    int n, n_failed, lives, kills, cuts, in_groups, failed_calls, rotten, misplaced;
     GArray *failed; /* of struct seed_result */
     gint64 begun_us, told_us;
 };
 
 static void run_one(const Reference *reference, guint32 seed, GString *said,
                     struct seed_result *ret) {
-    run_seed(reference, seed, said, ret);
+    run_seed(reference, seed, session, said, ret);
     if (!twice || !ret->ok)
         return;
     struct seed_result again;
-    run_seed(reference, seed, NULL, &again);
+    run_seed(reference, seed, session, NULL, &again);
     if (again.digest == ret->digest)
         return;
     ret->ok = FALSE;
@@ -90,6 +93,7 @@ static void take_result(struct tally *tally, const struct seed_result *result) {
     tally->lives += result->lives;
     tally->kills += result->kills;
     tally->cuts += result->cuts;
+    tally->in_groups += result->in_groups;
     tally->failed_calls += result->failed_calls;
     tally->rotten += result->rotten;
     tally->misplaced += result->misplaced;
@@ -138,10 +142,11 @@ static int compare_results(gconstpointer a, gconstpointer b) {
 }
 
 static void print_json(const struct tally *tally) {
-    g_print("{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
-            "\"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, \"failed\": [",
-            tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->failed_calls,
-            tally->rotten, tally->misplaced);
+    g_print(
+        "{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
+        "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, \"failed\": [",
+        tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
+        tally->failed_calls, tally->rotten, tally->misplaced);
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
         g_autoptr(GString) broken = g_string_new(NULL);
@@ -155,13 +160,15 @@ static void print_json(const struct tally *tally) {
 static void print_text(const struct tally *tally, const char *program) {
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
-        g_print("seed %u, life %d: %s\n  replay: %s --seed %u --verbose\n", result->seed,
-                result->life, result->violation, program, result->seed);
+        g_autofree char *with = session >= 0 ? g_strdup_printf(" --session %d", session) : NULL;
+        g_print("seed %u, life %d: %s\n  replay: %s --seed %u%s --verbose\n", result->seed,
+                result->life, result->violation, program, result->seed, with ? with : "");
     }
-    g_print("%d seeds, %d failed: %d lives, %d kills, %d power cuts, %d failed calls to the disk, "
-            "%d rotten bits, %d misplaced writes\n",
-            tally->n, tally->n_failed, tally->lives, tally->kills, tally->cuts, tally->failed_calls,
-            tally->rotten, tally->misplaced);
+    g_print("%d seeds, %d failed: %d lives, %d kills and %d power cuts (%d of both while several "
+            "lamps at once were taken), %d failed calls to the disk, %d rotten bits, %d misplaced "
+            "writes\n",
+            tally->n, tally->n_failed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
+            tally->failed_calls, tally->rotten, tally->misplaced);
 }
 
 static int simulate(const char *folder, const char *program) {
@@ -203,6 +210,10 @@ int main(int argc, char **argv) {
     g_option_context_add_main_entries(context, entries, NULL);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1) {
         g_printerr("simulate: %s\n", error ? error->message : "takes options only");
+        return 2;
+    }
+    if (session < -1 || session >= SCHEDULE_SESSIONS) {
+        g_printerr("simulate: --session must be 0 to %d\n", SCHEDULE_SESSIONS - 1);
         return 2;
     }
     if (n_seeds < 1 || from_seed < 0 || n_jobs < 0) {
