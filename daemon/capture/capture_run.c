@@ -261,20 +261,19 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     const double least_dn = LAMP_SIGNAL * ((1 << bits) - 1);
     const gboolean lit = flight->signal_dn > least_dn;
     const int blind = lit ? find_blind(flight, rig->n_cameras, least_dn) : -1;
-    if (flight->shot->kind == SHOT_LAMP && (!lit || blind >= 0)) {
-        const char *lamp = rig->lamps[flight->shot->device].name;
-        g_autofree char *seen =
-            lit ? g_strdup_printf("camera %s saw no more than its dark level in a picture that "
-                                  "was taken again",
-                                  rig->cameras[blind].name)
-                : g_strdup("no camera saw more than its dark level");
-        g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
-                                                  "its fuse and its relay, then go on.",
-                                                  lamp, seen);
-        stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
-        return TRUE;
-    }
-    return FALSE;
+    if (flight->shot->kind != SHOT_LAMP || (lit && blind < 0))
+        return FALSE;
+    const char *lamp = rig->lamps[flight->shot->device].name;
+    g_autofree char *seen =
+        lit ? g_strdup_printf("camera %s saw no more than its dark level in a picture that "
+                              "was taken again",
+                              rig->cameras[blind].name)
+            : g_strdup("no camera saw more than its dark level");
+    g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
+                                              "its fuse and its relay, then go on.",
+                                              lamp, seen);
+    stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
+    return TRUE;
 }
 
 /* Shots that are stored together with the first in flight: itself, or the rest of its group of
@@ -292,19 +291,13 @@ static gboolean are_back(Capture *capture, const struct flight *first) {
     return TRUE;
 }
 
-static gboolean stop_if_any_dark(Capture *capture, const struct flight *first) {
-    for (int i = 0, n = n_together(first); i < n; i++)
-        if (stop_if_dark(capture, g_queue_peek_nth(&capture->flights, (guint)i)))
-            return TRUE;
-    return FALSE;
-}
-
 /* In planned order, whichever camera's worker was quicker. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
     while ((flight = g_queue_peek_head(&capture->flights)) && are_back(capture, flight)) {
-        if (stop_if_any_dark(capture, flight))
-            return;
+        for (int i = 0, n = n_together(flight); i < n; i++)
+            if (stop_if_dark(capture, g_queue_peek_nth(&capture->flights, (guint)i)))
+                return;
         g_autoptr(GError) error = NULL;
         g_autofree char *moved = capture_marks_check(capture, flight, &error);
         if (error) {
