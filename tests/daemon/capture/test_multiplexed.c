@@ -298,6 +298,23 @@ static void test_multiplexed_resume(void) {
     dome_end_as(run, wanted);
 }
 
+/* Nothing of a group is stored: there is only one, which was not completed. */
+static void dome_check_no_group(const struct run *run) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_assert_no_error(error);
+    int n = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        n += shot->multiplex.group > 0;
+        if (shot->multiplex.group > 0)
+            g_assert_cmpint(shot->state, ==, SHOT_PLANNED);
+    }
+    g_assert_cmpint(n, ==, 15);
+}
+
 /* Lamps that die: from the beginning, or within the group, first or last of it. Nothing wrong is
  * stored, and with a new lamp the session is what it would have been. The light is bright enough
  * that a lamp stands out of the noise of a whole picture. */
@@ -319,6 +336,7 @@ static void test_multiplexed_dead(void) {
         run_to_pause(run, after == 0 ? "lamp led2 gives no light" : "Check the lamp");
         g_test_message("%s", run_status(run).reason);
         g_clear_pointer(&run->capture, capture_free);
+        dome_check_no_group(run);
         dome_change(run, &lit);
         run_resume(run);
         dome_end_as(run, wanted);
