@@ -42,7 +42,7 @@ void error_details_replace(GError **error, const char *text);
 
 int error_details_line(const GError *error); /* line of the place; 0: none, or not known */
 
-/* These return NULL if there is none or it is not known. The error owns the strings. */
+/* Each returns NULL if the error has no such part. The error owns the strings. */
 const char *error_details_subject(const GError *error);
 const char *error_details_file(const GError *error); /* of the place */
 const char *error_details_advice(const GError *error);
