@@ -21,10 +21,6 @@
 /* Descriptors that the program gets: the file, a file in memory for what it has read, a pipe. */
 enum { CHILD_FILE = 3, CHILD_RESULT, CHILD_TOLD };
 
-struct picture_child {
-    int result, told;
-};
-
 struct told {
     int done, n;
 };
@@ -35,29 +31,28 @@ struct child_error {
     int code;
 };
 
-gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n) {
-    return new_file_write(child->result, bytes, n);
+gboolean picture_child_write(gconstpointer bytes, gsize n) {
+    return new_file_write(CHILD_RESULT, bytes, n);
 }
 
-void picture_child_tell(struct picture_child *child, int done, int n) {
+void picture_child_tell(int done, int n) {
     const struct told told = {done, n};
-    while (write(child->told, &told, sizeof told) < 0 && errno == EINTR)
+    while (write(CHILD_TOLD, &told, sizeof told) < 0 && errno == EINTR)
         ;
 }
 
-G_NORETURN static void picture_child_end(struct picture_child *child, const GError *error) {
+G_NORETURN static void picture_child_end(const GError *error) {
     const struct child_error head = {error && error->domain == INPUT_FILE_ERROR,
                                      error ? error->code : VISION_ERROR_FAILED};
     const char *message = error ? error->message : "what was read cannot be kept in memory";
-    if (ftruncate(child->result, 0) == 0 && lseek(child->result, 0, SEEK_SET) == 0 &&
-        picture_child_write(child, &head, sizeof head))
-        picture_child_write(child, message, strlen(message) + 1);
+    if (ftruncate(CHILD_RESULT, 0) == 0 && lseek(CHILD_RESULT, 0, SEEK_SET) == 0 &&
+        picture_child_write(&head, sizeof head))
+        picture_child_write(message, strlen(message) + 1);
     _exit(1);
 }
 
 void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func) {
     const struct rlimit limit = {(rlim_t)cpu_s, (rlim_t)cpu_s}, none = {0, 0};
-    struct picture_child child = {CHILD_RESULT, CHILD_TOLD};
     GError *error = NULL;
     struct stat file;
     if (argc != 4 || fstat(CHILD_FILE, &file) != 0 || fcntl(CHILD_RESULT, F_GETFD) < 0 ||
@@ -70,9 +65,9 @@ void picture_child_main(int argc, char **argv, int cpu_s, PictureChildFunc func)
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     setrlimit(RLIMIT_CPU, &limit);
     setrlimit(RLIMIT_CORE, &none);
-    if (func(&child, &job, &error))
+    if (func(&job, &error))
         _exit(0);
-    picture_child_end(&child, error);
+    picture_child_end(error);
 }
 
 /* Until the child closes the pipe; FALSE: told has ended it. */

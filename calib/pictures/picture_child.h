@@ -31,16 +31,14 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
 gboolean picture_child_take(GBytes *from, gsize *at, gpointer to, gsize n);
 
 /* The rest is for the program. */
-struct picture_child;
 
 /* Reads a file and writes what it has read, in any form, by picture_child_write(). The program ends
  * then: nothing needs to be freed. */
-typedef gboolean (*PictureChildFunc)(struct picture_child *child, const struct picture_job *job,
-                                     GError **error);
+typedef gboolean (*PictureChildFunc)(const struct picture_job *job, GError **error);
 
 /* Returns FALSE if the bytes cannot be written; the program then ends with that error. */
-gboolean picture_child_write(struct picture_child *child, gconstpointer bytes, gsize n);
-void picture_child_tell(struct picture_child *child, int done, int n);
+gboolean picture_child_write(gconstpointer bytes, gsize n);
+void picture_child_tell(int done, int n);
 
 /* Takes the arguments of picture_child_run(), and runs func with this much processor time. Does not
  * return; wrong arguments end the program with exit code 2. */

@@ -121,8 +121,7 @@ struct raw_head {
     char cfa[RAW_CFA], sum[65];
 };
 
-gboolean raw_child_read(struct picture_child *child, const struct picture_job *job,
-                        GError **error) {
+gboolean raw_child_read(const struct picture_job *job, GError **error) {
     struct raw_head head = {0};
     libraw_data_t *raw =
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
@@ -138,8 +137,8 @@ gboolean raw_child_read(struct picture_child *child, const struct picture_job *j
     head.width = picture->width;
     head.height = picture->height;
     g_strlcpy(head.sum, picture->checksum, sizeof head.sum);
-    return picture_child_write(child, &head, sizeof head) &&
-           picture_child_write(child, picture->values,
+    return picture_child_write(&head, sizeof head) &&
+           picture_child_write(picture->values,
                                sizeof(float) * (gsize)head.width * (gsize)head.height);
 }
 

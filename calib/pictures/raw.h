@@ -30,6 +30,6 @@ struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error
 struct picture *raw_read_grey(const char *path, GError **error);
 
 /* For the program that reads: what raw_read() takes from it. */
-gboolean raw_child_read(struct picture_child *child, const struct picture_job *job, GError **error);
+gboolean raw_child_read(const struct picture_job *job, GError **error);
 
 G_END_DECLS

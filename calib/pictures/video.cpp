@@ -140,8 +140,8 @@ struct head {
     guint n_kept;
 };
 
-gboolean tell(int done, int n, gpointer data, GError **) {
-    picture_child_tell(static_cast<struct picture_child *>(data), done, n);
+gboolean tell(int done, int n, gpointer, GError **) {
+    picture_child_tell(done, n);
     return TRUE;
 }
 
@@ -169,8 +169,7 @@ bool take_frames(GBytes *from, struct video *video) {
 
 } // namespace
 
-gboolean video_child_read(struct picture_child *child, const struct picture_job *job,
-                          GError **error) {
+gboolean video_child_read(const struct picture_job *job, GError **error) {
     /* The file that is open, whatever the path leads to by now. */
     g_autofree char *name = g_strdup_printf("/proc/self/fd/%d", job->fd);
     struct video video = {};
@@ -186,7 +185,7 @@ gboolean video_child_read(struct picture_child *child, const struct picture_job 
         if (!input_file_check_pixels(job->path, (guint64)capture.get(cv::CAP_PROP_FRAME_WIDTH),
                                      (guint64)capture.get(cv::CAP_PROP_FRAME_HEIGHT), job->length,
                                      error) ||
-            !read_all(capture, &video, (guint)std::max(job->most, 2), tell, child, job->path,
+            !read_all(capture, &video, (guint)std::max(job->most, 2), tell, nullptr, job->path,
                       error))
             return FALSE;
     } catch (const std::exception &e) {
@@ -194,11 +193,11 @@ gboolean video_child_read(struct picture_child *child, const struct picture_job 
         return FALSE;
     }
     const struct head head = {video.width, video.height, video.n_frames, video.frames->len};
-    bool ok = picture_child_write(child, &head, sizeof head);
+    bool ok = picture_child_write(&head, sizeof head);
     for (guint i = 0; ok && i < head.n_kept; i++) {
         const auto *frame = &g_array_index(video.frames, struct video_frame, i);
-        ok = picture_child_write(child, frame, sizeof *frame) &&
-             picture_child_write(child, frame->grey, (gsize)head.width * (gsize)head.height);
+        ok = picture_child_write(frame, sizeof *frame) &&
+             picture_child_write(frame->grey, (gsize)head.width * (gsize)head.height);
     }
     return ok;
 }

@@ -36,8 +36,7 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
 /* For the program that reads: what video_read() takes from it. */
-gboolean video_child_read(struct picture_child *child, const struct picture_job *job,
-                          GError **error);
+gboolean video_child_read(const struct picture_job *job, GError **error);
 void video_free(struct video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)
 

@@ -212,15 +212,33 @@ static char *content_of(const char *path) {
     return g_string_free(text, FALSE);
 }
 
+/* Captures sessions with kills until there were as many as a variable of the environment asks for
+ * (5): each must have this content, and, unless processed is NULL, give its products. */
+static void kill_often(const char *folder, const char *rig, const char *conf, const char *expected,
+                       const char *processed, const char *variable, guint32 seed) {
+    const char *asked = g_getenv(variable);
+    const int wanted = asked ? atoi(asked) : 5;
+    g_autoptr(GRand) random = g_rand_new_with_seed(seed);
+    int kills = 0, amid = 0, runs = 0;
+    for (; kills < wanted; runs++) {
+        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
+        kills += capture_with_kills(rig, conf, session, wanted - kills, random, &amid);
+        g_autofree char *content = content_of(session);
+        g_assert_cmpstr(content, ==, expected);
+        if (processed)
+            process_as(session, processed);
+        remove_tree(session);
+    }
+    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
+    g_assert_cmpint(amid, >=, wanted / 2);
+}
+
 static void test_adaptive(void) {
     static const struct change changes[] = {
         {"[lasers]", "rings = 30:4; 60:4"},  {"[lasers]", "stop = covered"},
         {"[lasers]", "first = 2"},           {"[lasers]", "gain_pct = 1"},
         {"[lights]", "sampling = adaptive"}, {"[lights]", "first = 1"},
         {"[lights]", "error_pct = 8"},       {NULL, NULL}};
-    const char *asked = g_getenv("MESORIG_ADAPTIVE_KILLS");
-    const int wanted = asked ? atoi(asked) : 5;
-    g_autoptr(GRand) random = g_rand_new_with_seed(21);
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
     g_assert_no_error(error);
@@ -233,16 +251,7 @@ static void test_adaptive(void) {
     g_assert_nonnull(strstr(expected, "lights.round.2="));
     g_assert_nonnull(strstr(expected, " skipped "));
 
-    int kills = 0, amid = 0, runs = 0;
-    for (; kills < wanted; runs++) {
-        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
-        kills += capture_with_kills(RIG, conf, session, wanted - kills, random, &amid);
-        g_autofree char *content = content_of(session);
-        g_assert_cmpstr(content, ==, expected);
-        remove_tree(session);
-    }
-    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
-    g_assert_cmpint(amid, >=, wanted / 2);
+    kill_often(folder, RIG, conf, expected, NULL, "MESORIG_ADAPTIVE_KILLS", 21);
     remove_tree(folder);
 }
 
@@ -251,9 +260,6 @@ static void test_multiplexed(void) {
     static const struct change of_session[] = {{"[lights]", "rings = 30:2; 40:2; 50:2; 60:2"},
                                                {"[lights]", "multiplex = 3"},
                                                {NULL, NULL}};
-    const char *asked = g_getenv("MESORIG_MULTIPLEXED_KILLS");
-    const int wanted = asked ? atoi(asked) : 5;
-    g_autoptr(GRand) random = g_rand_new_with_seed(22);
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
     g_assert_no_error(error);
@@ -270,17 +276,7 @@ static void test_multiplexed(void) {
     g_autofree char *expected = content_of(reference);
     g_assert_nonnull(strstr(expected, "multiplex="));
 
-    int kills = 0, amid = 0, runs = 0;
-    for (; kills < wanted; runs++) {
-        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
-        kills += capture_with_kills(rig, conf, session, wanted - kills, random, &amid);
-        g_autofree char *content = content_of(session);
-        g_assert_cmpstr(content, ==, expected);
-        process_as(session, reference);
-        remove_tree(session);
-    }
-    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
-    g_assert_cmpint(amid, >=, wanted / 2);
+    kill_often(folder, rig, conf, expected, reference, "MESORIG_MULTIPLEXED_KILLS", 22);
     remove_tree(folder);
 }
 
