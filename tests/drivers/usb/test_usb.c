@@ -165,7 +165,7 @@ static void test_tic_stall(struct rig *rig, gconstpointer unused) {
 }
 
 static void test_tic_silent(struct rig *rig, gconstpointer unused) {
-    virtual_tic_set_mode(rig->tic, 0, 250);
+    virtual_tic_set_mode(rig->tic, 0, 600);
     home(rig);
     start_and_pass(rig, 38);
     virtual_usb_set_fault(virtual_tic_usb(rig->tic), VIRTUAL_USB_SILENT);
@@ -297,7 +297,7 @@ static void test_tic_no_switch(struct rig *rig, gconstpointer unused) {
  */
 static void test_tic_daemon_hangs(struct rig *rig, gconstpointer unused) {
     axis_close(rig->axis);
-    virtual_tic_set_mode(rig->tic, 0, 400);
+    virtual_tic_set_mode(rig->tic, 0, 500);
     rig->axis = open_tic(rig->clock, "", NULL);
     axis_listen(rig->axis, on_axis, &rig->heard);
     home(rig);
