@@ -7,8 +7,8 @@
 #include "capture_check.h"
 #include "capture_marks.h"
 #include "capture_mount.h"
-#include "intake_darks.h"
-#include "intake_write.h"
+#include "intake/intake_darks.h"
+#include "intake/intake_write.h"
 #include "thumbnail.h"
 
 /* 0: it is not set. A value that cannot be read is an error: it would be stored again as 0. */

@@ -7,7 +7,7 @@
 #include "calibration/calibration.h"
 #include "capture.h"
 #include "exposure_advice.h"
-#include "intake.h"
+#include "intake/intake.h"
 #include "sequencer.h"
 
 struct flight { /* a shot whose frames are with the intake */

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "intake.h"
-#include "radiance.h"
+#include "intake/intake.h"
+#include "intake/radiance.h"
 #include "stage.h"
 
 /* Pause before the next attempt with a camera that is gone. */

@@ -9,7 +9,7 @@
 /* Reflectance of the grey at which the noise is kept, and of the white that must not saturate. */
 #define GREY  0.18
 #define WHITE 1.0
-/* Part of full scale from which a pixel counts as saturated (capture/radiance.h). */
+/* Part of full scale from which a pixel counts as saturated (intake/radiance.h). */
 #define FULL 0.98
 /* Pictures of a group that wait in the intake, of all cameras. */
 #define MOST_BYTES ((guint64)1 << 30)

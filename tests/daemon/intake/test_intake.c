@@ -2,10 +2,10 @@
 #include <glib/gstdio.h>
 #include <math.h>
 
-#include "capture/intake.h"
-#include "capture/radiance.h"
 #include "capture/thumbnail.h"
 #include "exr/exr.h"
+#include "intake/intake.h"
+#include "intake/radiance.h"
 #include "lib/remove_tree.h"
 
 #define SIDE   8
