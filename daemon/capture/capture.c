@@ -5,6 +5,7 @@
 #include "capture_bytes.h"
 #include "capture_calibration.h"
 #include "capture_check.h"
+#include "capture_lasers.h"
 #include "capture_marks.h"
 #include "capture_mount.h"
 #include "intake/intake_darks.h"
@@ -324,6 +325,7 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
     g_autofree char *message =
         g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
     capture_add_event(capture, "info", "capture", message);
+    capture_lasers_note_all(capture);
     capture_begin_soon(capture);
     return capture;
 }

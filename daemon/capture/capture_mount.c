@@ -44,19 +44,23 @@ static int in_place(const Capture *capture, const struct session_shot *shot) {
     return place < 0 ? -1 : place == shot->device;
 }
 
+gboolean capture_mount_is_in_place(const Capture *capture, const struct session_shot *shot) {
+    return in_place(capture, shot) == 1;
+}
+
 static void put_in_place_first(Capture *capture) {
     GPtrArray *shots = capture->remaining;
     guint end = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
-        if (shot->kind == SHOT_SWEEP && in_place(capture, shot) == 1 &&
+        if (shot->kind == SHOT_SWEEP && capture_mount_is_in_place(capture, shot) &&
             timing_of(capture)->mounts[rig_laser_unit(timing_of(capture), shot->device)] != 0)
             end = i + 1;
     }
     g_autoptr(GPtrArray) sorted = g_ptr_array_sized_new(end);
     for (int wanted = 1; wanted >= 0; wanted--) {
         for (guint i = 0; i < end; i++) {
-            if ((in_place(capture, shots->pdata[i]) == 1) == wanted)
+            if (capture_mount_is_in_place(capture, shots->pdata[i]) == wanted)
                 g_ptr_array_add(sorted, shots->pdata[i]);
         }
     }
@@ -68,7 +72,7 @@ guint capture_mount_reach(Capture *capture) {
     GPtrArray *shots = capture->remaining;
     guint reach = 0;
     put_in_place_first(capture);
-    while (reach < shots->len && in_place(capture, shots->pdata[reach]) == 1)
+    while (reach < shots->len && capture_mount_is_in_place(capture, shots->pdata[reach]))
         reach++;
     for (guint i = reach; i < shots->len; i++) {
         if (in_place(capture, shots->pdata[i]) < 0)

@@ -7,6 +7,9 @@
 /* Reads the last places of the units, and passes them to the drivers. */
 gboolean capture_mount_load(Capture *capture, GError **error);
 
+/* Whether a shot can be taken with the laser units where they are. */
+gboolean capture_mount_is_in_place(const Capture *capture, const struct session_shot *shot);
+
 /* The number of remaining shots that can be taken, in order, before a unit must be mounted
  * elsewhere; none if they need a unit whose place is not known. Sweeps from where the units are
  * come first: those that are taken again may have been planned before them. */

@@ -51,6 +51,7 @@ struct Capture {
     GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
     int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
     int wanted_mount;            /* the laser whose place is asked for; −1: none */
+    guint32 unchecked_lasers;    /* bits of units: see capture_lasers.h */
     GQueue flights;
     gboolean all_taken;
     int n_shots, n_done;

@@ -6,6 +6,7 @@
 
 #include "capture_bytes.h"
 #include "capture_check.h"
+#include "capture_lasers.h"
 #include "capture_marks.h"
 #include "capture_mount.h"
 
@@ -131,6 +132,7 @@ void capture_flight_free(gpointer data) {
 }
 
 void capture_clear_flights(Capture *capture) {
+    capture_lasers_note(capture);
     intake_discard(capture->intake);
     g_queue_clear_full(&capture->flights, capture_flight_free);
 }
@@ -232,6 +234,7 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     ((struct session_shot *)flight->shot)->state = SHOT_DONE;
     if (capture->adaptive)
         adaptive_take(capture->adaptive, flight->shot, frames, n);
+    capture_lasers_clear(capture, flight->shot);
     capture->n_done++;
     capture->committed++;
     capture_bytes_add(capture, flight->shot, frames, n);
@@ -502,6 +505,7 @@ static void note_remaining(Capture *capture) {
         plan_order_left((struct session_shot **)capture->remaining->pdata,
                         (int)capture->remaining->len, &capture->conf, &devices->geometry,
                         &devices->timing);
+    capture_lasers_put_first(capture);
     g_free(capture->plan_left_s);
     capture->plan_left_s = g_new(double, capture->remaining->len + 1);
     plan_left_s((const struct session_shot *const *)capture->remaining->pdata,

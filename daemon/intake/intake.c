@@ -64,6 +64,7 @@ struct lane {
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
+    gint has_darks; /* atomic: read by the main loop */
     /* The pictures of a group that have arrived in this generation, their shots (without frames),
      * and the shortest time that each of their exposures took. */
     struct multiplex_pictures multiplex;
@@ -170,6 +171,7 @@ static void take_dark(struct lane *lane, const struct job *job) {
     double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
     intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
                      mean);
+    g_atomic_int_set(&lane->has_darks, TRUE);
 }
 
 static void finish_dark(struct lane *lane, const struct job *job) {
@@ -657,6 +659,13 @@ void intake_discard(Intake *intake) {
         intake_flush(intake->lanes->pdata[i]);
 }
 
+gboolean intake_has_darks(const Intake *intake) {
+    for (guint i = 0; i < intake->lanes->len; i++)
+        if (!g_atomic_int_get(&((struct lane *)intake->lanes->pdata[i])->has_darks))
+            return FALSE;
+    return TRUE;
+}
+
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error) {
     struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
@@ -674,6 +683,7 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
         for (gsize p = 0; p < n_pixels; p++)
             sum += pixels[p];
         intake_darks_set(&lane->darks, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
+        g_atomic_int_set(&lane->has_darks, TRUE);
     }
     return TRUE;
 }

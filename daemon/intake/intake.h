@@ -88,6 +88,9 @@ gboolean intake_is_full(const Intake *intake);
 /* Forgets all shots that have not been handed back; no result of theirs comes any more. */
 void intake_discard(Intake *intake);
 
+/* Whether every camera has dark levels of this session, taken or loaded. */
+gboolean intake_has_darks(const Intake *intake);
+
 /* Takes a camera's dark levels from the file of an earlier dark shot. Before the first frame. */
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error);

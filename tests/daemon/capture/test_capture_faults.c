@@ -1,5 +1,6 @@
 /* The small simulated rig's every fault during a capture: what is taken again, what pauses, and
  * that in the end the session is to the bit one that nothing happened to. */
+#include <glib/gstdio.h>
 #include <string.h>
 
 #include "lib/capture_run.h"
@@ -164,6 +165,31 @@ static void test_laser_stays_on_and_lost(void) {
     run_finish(run);
 }
 
+/* The same, and the sweep stalls before the picture that shows the laser. A picture that was taken
+ * before the sweep is to be taken again, and the laser would light it: the sweep comes first. */
+static void test_laser_stays_on_in_a_pause(void) {
+    struct run *run = run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"},
+                                                        {"[axis sweep30]", "fault_stall_at = 9"},
+                                                        {0}});
+    run_to_pause(run, "sweep30");
+    const int n_done = run_status(run).shots_done;
+    g_clear_pointer(&run->capture, capture_free);
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    const struct session_frame *last = frames->pdata[frames->len - 1];
+    g_autofree char *path = g_build_filename(run->session, last->path, NULL);
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    run_resume(run);
+    run_to_pause(run, "laser laser30 stays on");
+    g_assert_cmpint(run_status(run).shots_done, ==, n_done - 1);
+    run_continue(run);
+    run_to_pause(run, "laser laser30 stays on");
+    g_assert_cmpint(run_status(run).shots_done, ==, n_done - 1);
+    g_clear_pointer(&run->capture, capture_free);
+    run_change_rig(run, NULL);
+    run_resume(run);
+    run_finish(run);
+}
+
 /* A laser that does not answer when it is told to go off: said again as often as it happens, and
  * gone on with only when it is dark. */
 static void test_deaf_laser(void) {
@@ -221,6 +247,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/fault/dead-lamp", test_dead_lamp);
     g_test_add_func("/fault/lamp-dies-before-retake", test_lamp_dies_before_retake);
     g_test_add_func("/fault/laser-stays-on", test_laser_stays_on);
+    g_test_add_func("/fault/laser-stays-on-in-a-pause", test_laser_stays_on_in_a_pause);
     g_test_add_func("/fault/laser-stays-on-and-lost", test_laser_stays_on_and_lost);
     g_test_add_func("/fault/deaf-laser", test_deaf_laser);
     g_test_add_func("/fault/interlock", test_interlock);

@@ -1,0 +1,20 @@
+/* Lasers that may still shine although they were switched off: a relay that sticks says that it is
+ * open. The pictures show such a laser, and only the end of a sweep takes one for that. After a
+ * pause without that picture the laser is not checked. */
+#pragma once
+
+#include "capture_private.h"
+
+/* Before the frames under way are dropped: the lasers whose sweeps are among them. */
+void capture_lasers_note(Capture *capture);
+
+/* A session that is resumed: all lasers, since the daemon may have died within a sweep. */
+void capture_lasers_note_all(Capture *capture);
+
+/* A sweep is stored: its laser was seen to be off after it. */
+void capture_lasers_clear(Capture *capture, const struct session_shot *shot);
+
+/* Puts first, of each laser that is not checked, the next sweep that can be taken as the lasers are
+ * mounted, so that it pauses the session before anything else is exposed. Does nothing as long as
+ * no dark level is known to compare with. */
+void capture_lasers_put_first(Capture *capture);
