@@ -12,8 +12,11 @@
 #define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
-/* LASER_PIXELS pixels with a signal above the threshold make a laser line. */
-#define LASER_PIXELS 4
+/* LASER_PIXELS pixels with a signal above the threshold make a laser line. LEAST_LASER_PIXELS above
+ * half the threshold do if the line lit them, and no more than twice as many, when it stood there.
+ */
+#define LASER_PIXELS       4
+#define LEAST_LASER_PIXELS 2
 /* Mean by which dark levels may drift during a group of lamps. */
 #define CHANGED_DN 0.25
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
@@ -61,6 +64,7 @@ struct lane {
     Frame *bracket[PLAN_MAX_BRACKET + 1]; /* and the frame that ends a group */
     guint32 *sums;
     Sweep *sweep, *short_sweep;
+    Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
@@ -112,6 +116,9 @@ static void lane_reset(struct lane *lane) {
     g_clear_pointer(&lane->sums, g_free);
     g_clear_pointer(&lane->sweep, sweep_free);
     g_clear_pointer(&lane->short_sweep, sweep_free);
+    g_clear_pointer(&lane->sweep_first, frame_unref);
+    for (int i = 0; i < 2; i++)
+        g_clear_pointer(&lane->sweep_middle[i], frame_unref);
     g_clear_error(&lane->error);
     lane->laser_seen = FALSE;
     lane->n_frames = 0;
@@ -422,20 +429,59 @@ static void intake_absorb(Sweep **sweep, struct job *const *jobs, int n,
         sweep_add_some(*sweep, pixels, count);
 }
 
+/* Keeps the first frame of a sweep, and those beside its middle, for is_laser_seen(). */
+static void keep_for_end(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const int n = job->shot->sweep_steps, step = shot_sweep_step(conf, job->shot, job->sub);
+    if (shot_is_short(conf, job->shot, job->sub))
+        return;
+    if (step == 0)
+        lane->sweep_first = frame_ref(job->frame);
+    else if (step == (n - 1) / 2)
+        lane->sweep_middle[0] = frame_ref(job->frame);
+    else if (step == n / 2)
+        lane->sweep_middle[1] = frame_ref(job->frame);
+}
+
+static gboolean is_lit(const Frame *frame, const float *dark, double margin_dn, gsize p) {
+    return frame && frame->pixels[p] - dark[p] > margin_dn;
+}
+
+/* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
+ * pixels are lit, or a few of the few that the laser lit there and not at the sweep's beginning. */
+static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
+    const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
+    const double margin_dn = threshold_dn / 2;
+    const gsize n = (gsize)last->width * last->height;
+    if (radiance_lit(last, dark, threshold_dn) >= LASER_PIXELS)
+        return TRUE;
+    gint64 n_line = 0, n_still = 0;
+    for (gsize p = 0; p < n; p++) {
+        const gboolean of_line = (is_lit(lane->sweep_middle[0], dark, margin_dn, p) ||
+                                  is_lit(lane->sweep_middle[1], dark, margin_dn, p)) &&
+                                 !is_lit(lane->sweep_first, dark, margin_dn, p);
+        n_line += of_line;
+        n_still += of_line && is_lit(last, dark, margin_dn, p);
+    }
+    return n_still >= LEAST_LASER_PIXELS && 2 * n_still >= n_line;
+}
+
 /* Frames of a sweep, one after the other; the one without the laser comes alone. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[0];
     if (shot_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
         const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
-        gint64 lit = radiance_lit(job->frame, dark->pixels, conf->laser_threshold_dn);
-        lane->laser_seen = lit >= LASER_PIXELS;
+        lane->laser_seen = is_laser_seen(lane, job->frame, dark->pixels);
         return;
     }
     intake_absorb(&lane->sweep, jobs, n, conf, FALSE);
     intake_absorb(&lane->short_sweep, jobs, n, conf, TRUE);
-    for (int i = 0; i < n && conf->keep_laser_frames; i++)
-        keep_raw(lane, jobs[i]);
+    for (int i = 0; i < n; i++) {
+        keep_for_end(lane, jobs[i]);
+        if (conf->keep_laser_frames)
+            keep_raw(lane, jobs[i]);
+    }
 }
 
 /* n is 1, or that of frames that follow each other in a sweep. */
