@@ -525,6 +525,30 @@ static void test_laser_stays_on(struct bench *bench, gconstpointer data) {
     g_assert_null(bench->path);
 }
 
+/* A line that is too dim for the threshold, over two pixels in the middle of the sweep. */
+static void test_dim_laser_stays_on(struct bench *bench, gconstpointer data) {
+    static const struct {
+        int lit[2];        /* pixels of the picture without the laser */
+        guint16 before_dn; /* how bright the pixels of the line are when the sweep begins */
+        gboolean seen;
+    } cases[] = {{{5, 6}, BLACK, TRUE}, {{1, 2}, BLACK, FALSE}, {{5, 6}, BLACK + 28, FALSE}};
+    const int steps = sweep_shot.sweep_steps;
+    give_dark(bench);
+    for (int i = 0; i < (int)G_N_ELEMENTS(cases); i++) {
+        for (int k = 0; k < steps; k++) {
+            Frame *frame = flat_frame(BLACK, 4000);
+            const gboolean middle = k == steps / 2 - 1 || k == steps / 2;
+            frame->pixels[5] = frame->pixels[6] = middle ? BLACK + 28 : cases[i].before_dn;
+            give(bench, &sweep_shot, k, frame);
+        }
+        Frame *last = flat_frame(BLACK, 4000);
+        last->pixels[cases[i].lit[0]] = last->pixels[cases[i].lit[1]] = BLACK + 30;
+        give(bench, &sweep_shot, steps, last);
+        wait_for(bench, 2 + i);
+        g_assert_cmpint(bench->laser_seen, ==, cases[i].seen);
+    }
+}
+
 static void test_keep_frames(struct bench *bench, gconstpointer data) {
     bench->conf.keep_laser_frames = TRUE;
     give_sweep(bench, BLACK);
@@ -624,6 +648,7 @@ int main(int argc, char **argv) {
     ADD("/intake/dark-again", test_dark_again);
     ADD("/intake/sweep", test_sweep);
     ADD("/intake/sweep/short", test_short_sweep);
+    ADD("/intake/sweep/dim-laser-stays-on", test_dim_laser_stays_on);
     ADD("/intake/laser-stays-on", test_laser_stays_on);
     ADD("/intake/keep-frames", test_keep_frames);
     ADD("/intake/discard", test_discard);
