@@ -194,13 +194,18 @@ static void broke_down(Axis *axis, const char *why) {
                                          "at %.3f°: %s" ERROR_ADVICE "then home it",
                                          tic->position_deg, why));
 }
+
+/* Whether this program was slower than the Tic's command timeout allows. */
+static gboolean was_too_slow(const struct tic *tic) {
+    return tic->unfed_us > tic->timeout_ms * (gint64)1000;
+}
+
 /* Whether the Tic has stopped by its command timeout, because this program was too slow. The Tic
  * has then braked and still knows its position, so that the move can go on. */
 static gboolean stopped_by_timeout(const struct tic *tic, const struct status *status) {
     return tic->was_well && (status->errors & SAFE_START_ERROR) &&
            !(status->errors & ~(COMMAND_TIMEOUT_ERROR | SAFE_START_ERROR)) &&
-           !(status->flags & POSITION_UNCERTAIN) && tic->phase != HOMING &&
-           tic->unfed_us > tic->timeout_ms * (gint64)1000;
+           !(status->flags & POSITION_UNCERTAIN) && tic->phase != HOMING && was_too_slow(tic);
 }
 
 static void usb_tic_resume(Axis *axis) {
@@ -236,7 +241,8 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
         status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE)) {
         why = "ran into a limit switch" ERROR_ADVICE "check min_deg, max_deg and steps_per_deg";
     } else if (status->errors && (tic->was_well || late)) {
-        int first = g_bit_nth_lsf((gulong)status->errors, -1);
+        const gboolean timeout = status->errors == SAFE_START_ERROR && was_too_slow(tic);
+        int first = g_bit_nth_lsf(timeout ? COMMAND_TIMEOUT_ERROR : (gulong)status->errors, -1);
         why = first < (int)G_N_ELEMENTS(error_texts) ? error_texts[first] : errors;
     } else if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
         why = "its position has become uncertain: it was halted or reset" ERROR_ADVICE

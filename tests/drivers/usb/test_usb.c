@@ -199,6 +199,23 @@ static void test_tic_close_waiting(struct rig *rig, gconstpointer unused) {
     g_assert_cmpint(rig->heard.n, ==, 0);
 }
 
+/* The end of a homing that this program was too slow for names the cause. */
+static void test_tic_slow_homing(struct rig *rig, gconstpointer unused) {
+    virtual_tic_set_mode(rig->tic, 0, 500);
+    g_clear_pointer(&rig->axis, axis_close);
+    rig->axis = open_tic(rig->clock, "", NULL);
+    axis_listen(rig->axis, on_axis, &rig->heard);
+    home(rig);
+    start(rig, 38);
+    expect(rig, AXIS_ARRIVED);
+    g_assert_true(axis_home(rig->axis, NULL));
+    conformance_pass(rig->clock, 0.1);
+    g_usleep(700000);
+    expect_fault(rig, DEVICE_ERROR_STALLED, "its command timeout stopped it");
+    assert_stands(rig);
+    assert_recovers(rig);
+}
+
 /* A motor left turning is braked by whoever opens it next. */
 static void test_tic_left_turning(void) {
     static const struct conformance slow = {
@@ -600,6 +617,7 @@ static const struct {
     {"/usb/tic/uncertain", test_tic_uncertain, ""},
     {"/usb/tic/no-switch", test_tic_no_switch, ""},
     {"/usb/tic/daemon-hangs", test_tic_daemon_hangs, ""},
+    {"/usb/tic/slow-homing", test_tic_slow_homing, ""},
 };
 
 static const struct {
