@@ -15,6 +15,6 @@ void capture_lasers_note_all(Capture *capture);
 void capture_lasers_clear(Capture *capture, const struct session_shot *shot);
 
 /* Puts first, of each laser that is not checked, the next sweep that can be taken as the lasers are
- * mounted, so that it pauses the session before anything else is exposed. Does nothing as long as
- * no dark level is known to compare with. */
+ * mounted, so that it pauses the session before anything else is stored. Dark frames that are still
+ * to be taken come before a sweep whose cameras have no dark level to compare with. */
 void capture_lasers_put_first(Capture *capture);

@@ -443,27 +443,28 @@ static void keep_for_end(struct lane *lane, const struct job *job) {
         lane->sweep_middle[1] = frame_ref(job->frame);
 }
 
-static gboolean is_lit(const Frame *frame, const float *dark, double margin_dn, gsize p) {
-    return frame && frame->pixels[p] - dark[p] > margin_dn;
+static gboolean is_brighter(const Frame *frame, const Frame *than, double margin_dn, gsize p) {
+    return frame && frame->pixels[p] - than->pixels[p] > margin_dn;
 }
 
 /* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
- * pixels are lit, or a few of the few that the laser lit there and not at the sweep's beginning. */
+ * pixels are brighter than their dark level, or than in the sweep's first frame, since the laser
+ * may have lit the dark frames, too; or a few of the few that the laser lit in the middle. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
-    const double margin_dn = threshold_dn / 2;
+    const Frame *first = lane->sweep_first;
     const gsize n = (gsize)last->width * last->height;
+    gint64 n_lit = 0, n_line = 0, n_still = 0;
     if (radiance_lit(last, dark, threshold_dn) >= LASER_PIXELS)
         return TRUE;
-    gint64 n_line = 0, n_still = 0;
     for (gsize p = 0; p < n; p++) {
-        const gboolean of_line = (is_lit(lane->sweep_middle[0], dark, margin_dn, p) ||
-                                  is_lit(lane->sweep_middle[1], dark, margin_dn, p)) &&
-                                 !is_lit(lane->sweep_first, dark, margin_dn, p);
+        const gboolean of_line = is_brighter(lane->sweep_middle[0], first, threshold_dn / 2, p) ||
+                                 is_brighter(lane->sweep_middle[1], first, threshold_dn / 2, p);
+        n_lit += is_brighter(last, first, threshold_dn, p);
         n_line += of_line;
-        n_still += of_line && is_lit(last, dark, margin_dn, p);
+        n_still += of_line && is_brighter(last, first, threshold_dn / 2, p);
     }
-    return n_still >= LEAST_LASER_PIXELS && 2 * n_still >= n_line;
+    return n_lit >= LASER_PIXELS || (n_still >= LEAST_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
 /* Frames of a sweep, one after the other; the one without the laser comes alone. */
@@ -705,10 +706,12 @@ void intake_discard(Intake *intake) {
         intake_flush(intake->lanes->pdata[i]);
 }
 
-gboolean intake_has_darks(const Intake *intake) {
-    for (guint i = 0; i < intake->lanes->len; i++)
-        if (!g_atomic_int_get(&((struct lane *)intake->lanes->pdata[i])->has_darks))
+gboolean intake_has_darks(const Intake *intake, guint32 cameras) {
+    for (int c = 0; c < intake->setup.devices->geometry.n_cameras; c++) {
+        const struct lane *lane = intake->lanes->pdata[intake->lane_of[c]];
+        if (cameras & 1u << c && !g_atomic_int_get(&lane->has_darks))
             return FALSE;
+    }
     return TRUE;
 }
 
