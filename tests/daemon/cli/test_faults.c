@@ -131,6 +131,14 @@ static struct operation *new_with(const char *text) {
     return operator_new(changes);
 }
 
+/* Every frame that was there is as it was. A session that goes on may take a later sweep first, so
+ * that new frames stand between them. */
+static void check_kept(const char *before, const char *after) {
+    g_auto(GStrv) kept = g_strsplit(before, "\n", -1), now = g_strsplit(after, "\n", -1);
+    for (int i = 0; kept[i]; i++)
+        g_assert_true(g_strv_contains((const char *const *)now, kept[i]));
+}
+
 static void test_fault(gconstpointer data) {
     const struct fault *fault = data;
     struct operation *run = new_with(fault->changes);
@@ -142,7 +150,7 @@ static void test_fault(gconstpointer data) {
         check_told(run, fault->device, fault->happened, fault->to_do);
     }
     g_autofree char *still = operator_frames(run->session);
-    g_assert_true(g_str_has_prefix(still, before));
+    check_kept(before, still);
     small_rig_write(run->directory, "rig.conf", NULL); /* mended */
     if (fault->lasts) {
         g_autofree char *mended = g_build_filename(run->directory, "mended.conf", NULL);
@@ -153,7 +161,7 @@ static void test_fault(gconstpointer data) {
     }
     assert_has(run->out, "done: 13 of 13 shots");
     g_autofree char *after = operator_frames(run->session);
-    g_assert_true(g_str_has_prefix(after, still));
+    check_kept(still, after);
     operator_does(run, 0, "status", "--json", run->session, NULL);
     assert_has(run->out, "\"state\": \"done\", \"reason\": \"\"");
     operator_check_products(run);
