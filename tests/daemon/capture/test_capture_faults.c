@@ -189,17 +189,18 @@ static struct run *stall_in_sweep(int *ret_n_stored) {
 static void test_laser_stays_on_in_a_pause(gconstpointer dark) {
     int n_stored;
     struct run *run = stall_in_sweep(&n_stored);
-    const int n_done = dark ? n_stored : n_stored - 1; /* or less, before the dark is written */
     g_autoptr(GPtrArray) frames = run_frames(run->session);
     const struct session_frame *lost = frames->pdata[dark ? 0 : frames->len - 1];
     g_autofree char *path = g_build_filename(run->session, lost->path, NULL);
     g_assert_cmpint(g_unlink(path), ==, 0);
     run_resume(run);
-    run_to_pause(run, "laser laser30 stays on");
-    g_assert_cmpint(run_status(run).shots_done, <=, n_done);
-    run_continue(run);
-    run_to_pause(run, "laser laser30 stays on");
-    g_assert_cmpint(run_status(run).shots_done, <=, n_done);
+    for (int pauses = 0; pauses < 2; pauses++) {
+        if (pauses > 0)
+            run_continue(run);
+        run_to_pause(run, "laser laser30 stays on");
+        const int n_again = run_status(run).shots_done - (n_stored - 1);
+        g_assert_true(n_again == 0 || (dark && n_again == 1)); /* the dark may be written by then */
+    }
     if (dark) {
         run_free(run);
         return;
