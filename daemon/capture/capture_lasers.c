@@ -29,7 +29,7 @@ void capture_lasers_clear(Capture *capture, const struct session_shot *shot) {
 void capture_lasers_put_first(Capture *capture) {
     GPtrArray *shots = capture->remaining;
     guint32 unchecked = capture->unchecked_lasers;
-    guint n_dark = 0, n_first = 0;
+    guint n_first = 0, n_dark = 0;
     while (n_dark < shots->len && ((struct session_shot *)shots->pdata[n_dark])->kind == SHOT_DARK)
         n_dark++;
     for (guint i = n_dark; i < shots->len && unchecked; i++) {
@@ -38,9 +38,9 @@ void capture_lasers_put_first(Capture *capture) {
             !capture_mount_is_in_place(capture, shot))
             continue;
         unchecked &= ~unit_bit(capture, shot);
-        const gboolean has_darks = intake_has_darks(capture->intake, shot->cameras);
         g_ptr_array_remove_index(shots, i);
-        g_ptr_array_insert(shots, (int)(n_first + (has_darks ? 0 : n_dark)), shot);
+        g_ptr_array_insert(shots, (int)(n_dark + n_first), shot);
         n_first++;
     }
+    capture->n_held = n_first > 0 ? n_dark + n_first : 0;
 }

@@ -15,6 +15,7 @@ void capture_lasers_note_all(Capture *capture);
 void capture_lasers_clear(Capture *capture, const struct session_shot *shot);
 
 /* Puts first, of each laser that is not checked, the next sweep that can be taken as the lasers are
- * mounted, so that it pauses the session before anything else is stored. Dark frames that are still
- * to be taken come before a sweep whose cameras have no dark level to compare with. */
+ * mounted, behind dark frames that are still to be taken, since a sweep needs them. These dark
+ * frames and sweeps are held: a laser that stays on may have lit any of them, so that they are
+ * stored together, once the end of each of these sweeps has shown its laser to be off. */
 void capture_lasers_put_first(Capture *capture);

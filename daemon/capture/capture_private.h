@@ -48,6 +48,7 @@ struct Capture {
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
     guint committed;             /* of remaining */
+    guint n_held;                /* of remaining, from the first on: see capture_lasers.h */
     GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
     int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
     int wanted_mount;            /* the laser whose place is asked for; −1: none */

@@ -196,8 +196,20 @@ static void capture_run_end_round(Capture *capture) {
     capture_come_to_rest(capture, CAPTURE_DONE);
 }
 
+static gboolean is_back(const struct flight *flight) {
+    return flight->back == flight->shot->cameras;
+}
+
+/* Whether the shots in flight are back and wait for others, which a pause has put off. */
+static gboolean are_held(const Capture *capture) {
+    for (const GList *at = capture->flights.head; at; at = at->next)
+        if (!is_back(at->data))
+            return FALSE;
+    return capture->committed < capture->n_held;
+}
+
 static void when_all_is_committed(Capture *capture) {
-    if (!capture->all_taken || !g_queue_is_empty(&capture->flights))
+    if (!capture->all_taken || !(g_queue_is_empty(&capture->flights) || are_held(capture)))
         return;
     capture->all_taken = FALSE;
     if (capture->committed == capture->remaining->len) {
@@ -280,15 +292,18 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
 }
 
 /* Shots that are stored together with the first in flight: itself, or the rest of its group of
- * lamps, since each picture of a group has noise of all others. */
-static int n_together(const struct flight *first) {
+ * lamps, since each picture of a group has noise of all others; or all that are held until the
+ * lasers are checked. */
+static int n_together(const Capture *capture, const struct flight *first) {
+    if (capture->committed < capture->n_held)
+        return (int)(capture->n_held - capture->committed);
     return MAX(first->shot->multiplex.n - first->shot->multiplex.k, 1);
 }
 
 static gboolean are_back(Capture *capture, const struct flight *first) {
-    for (int i = 0; i < n_together(first); i++) {
+    for (int i = 0; i < n_together(capture, first); i++) {
         const struct flight *flight = g_queue_peek_nth(&capture->flights, (guint)i);
-        if (!flight || flight->back != flight->shot->cameras)
+        if (!flight || !is_back(flight))
             return FALSE;
     }
     return TRUE;
@@ -298,7 +313,7 @@ static gboolean are_back(Capture *capture, const struct flight *first) {
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
     while ((flight = g_queue_peek_head(&capture->flights)) && are_back(capture, flight)) {
-        for (int i = 0, n = n_together(flight); i < n; i++)
+        for (int i = 0, n = n_together(capture, flight); i < n; i++)
             if (stop_if_dark(capture, g_queue_peek_nth(&capture->flights, (guint)i)))
                 return;
         g_autoptr(GError) error = NULL;

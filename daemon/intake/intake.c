@@ -68,7 +68,6 @@ struct lane {
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
-    gint has_darks; /* atomic: read by the main loop */
     /* The pictures of a group that have arrived in this generation, their shots (without frames),
      * and the shortest time that each of their exposures took. */
     struct multiplex_pictures multiplex;
@@ -178,7 +177,6 @@ static void take_dark(struct lane *lane, const struct job *job) {
     double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
     intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
                      mean);
-    g_atomic_int_set(&lane->has_darks, TRUE);
 }
 
 static void finish_dark(struct lane *lane, const struct job *job) {
@@ -706,15 +704,6 @@ void intake_discard(Intake *intake) {
         intake_flush(intake->lanes->pdata[i]);
 }
 
-gboolean intake_has_darks(const Intake *intake, guint32 cameras) {
-    for (int c = 0; c < intake->setup.devices->geometry.n_cameras; c++) {
-        const struct lane *lane = intake->lanes->pdata[intake->lane_of[c]];
-        if (cameras & 1u << c && !g_atomic_int_get(&lane->has_darks))
-            return FALSE;
-    }
-    return TRUE;
-}
-
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error) {
     struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
@@ -732,7 +721,6 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
         for (gsize p = 0; p < n_pixels; p++)
             sum += pixels[p];
         intake_darks_set(&lane->darks, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
-        g_atomic_int_set(&lane->has_darks, TRUE);
     }
     return TRUE;
 }

@@ -88,9 +88,6 @@ gboolean intake_is_full(const Intake *intake);
 /* Forgets all shots that have not been handed back; no result of theirs comes any more. */
 void intake_discard(Intake *intake);
 
-/* Whether each of these cameras has dark levels of this session, taken or loaded. */
-gboolean intake_has_darks(const Intake *intake, guint32 cameras);
-
 /* Takes a camera's dark levels from the file of an earlier dark shot. Before the first frame. */
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
                           GError **error);
