@@ -204,7 +204,10 @@ static void run_cell(struct cell *cell, GDBusConnection *bus) {
     wait_for_unit();
     g_assert_true(is_dark_but(&lines, cell->line));
     g_assert_true(stands_but(&lines, cell->line));
-    assert_is("systemctl show mesorigd -P Result", cell->end == ABORTED ? "core-dump" : "signal");
+    /* An abort leaves a core dump where the machine's limits let it. */
+    g_autofree char *result = run_line("systemctl show mesorigd -P Result");
+    g_assert_true(strcmp(result, "signal") == 0 ||
+                  (cell->end == ABORTED && strcmp(result, "core-dump") == 0));
 
     order("journalctl --sync");
     const char *const journal[] = {"journalctl",     "--quiet",          "--no-pager",
