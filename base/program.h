@@ -9,4 +9,7 @@ G_BEGIN_DECLS
  * g_free(). NULL: G_FILE_ERROR_NOENT, which says what is not installed. */
 char *program_find(const char *name, GError **error);
 
+/* The same for a shared object that this program loads; not in PATH. */
+char *program_find_module(const char *name, GError **error);
+
 G_END_DECLS

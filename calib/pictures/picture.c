@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+G_DEFINE_QUARK(picture_file_error, picture_file_error)
+
 struct picture *picture_new(const char *name, const char *checksum, int width, int height) {
     struct picture *picture = g_new0(struct picture, 1);
 

@@ -8,6 +8,13 @@
 
 G_BEGIN_DECLS
 
+#define PICTURE_FILE_ERROR picture_file_error_quark()
+GQuark picture_file_error_quark(void);
+enum picture_file_error {
+    PICTURE_FILE_ERROR_IO,     /* a picture cannot be read */
+    PICTURE_FILE_ERROR_FAILED, /* a library failed */
+};
+
 struct picture {
     char *name;     /* for messages: a path */
     char *checksum; /* SHA-256 of the file, 64 hexadecimal digits */

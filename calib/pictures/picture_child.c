@@ -27,7 +27,7 @@ struct told {
 
 /* A child that fails writes this into the file instead of a result. */
 struct child_error {
-    gboolean is_input; /* INPUT_FILE_ERROR, otherwise VISION_ERROR */
+    gboolean is_input; /* INPUT_FILE_ERROR, otherwise PICTURE_FILE_ERROR */
     int code;
 };
 
@@ -43,7 +43,7 @@ void picture_child_tell(int done, int n) {
 
 G_NORETURN static void picture_child_end(const GError *error) {
     const struct child_error head = {error && error->domain == INPUT_FILE_ERROR,
-                                     error ? error->code : VISION_ERROR_FAILED};
+                                     error ? error->code : PICTURE_FILE_ERROR_FAILED};
     const char *message = error ? error->message : "what was read cannot be kept in memory";
     if (ftruncate(CHILD_RESULT, 0) == 0 && lseek(CHILD_RESULT, 0, SEEK_SET) == 0 &&
         picture_child_write(&head, sizeof head))
@@ -102,12 +102,12 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
         if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
             return g_steal_pointer(&result);
         if (WIFEXITED(status) && picture_child_take(result, &at, &head, sizeof head)) {
-            g_set_error_literal(error, head.is_input ? INPUT_FILE_ERROR : VISION_ERROR, head.code,
-                                (const char *)g_bytes_get_data(result, NULL) + at);
+            g_set_error_literal(error, head.is_input ? INPUT_FILE_ERROR : PICTURE_FILE_ERROR,
+                                head.code, (const char *)g_bytes_get_data(result, NULL) + at);
             return NULL;
         }
     }
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+    g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
                 "%s: %s has crashed on it (%s): it is damaged", path, library,
                 WIFSIGNALED(status) ? g_strsignal(WTERMSIG(status)) : "without a result");
     return NULL;
@@ -150,7 +150,7 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
     GBytes *ret = NULL;
     const int result = memfd_create("mesorig-picture", MFD_CLOEXEC);
     if (result < 0 || pipe2(ends, O_CLOEXEC) != 0) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED,
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
                     "%s: no process can be started to read it: %s", job->path, g_strerror(errno));
     } else {
         const pid_t pid = picture_child_start(job, result, ends[1], error);

@@ -22,8 +22,8 @@ struct picture_job {
 /* Called for each picture_child_tell(). FALSE with an error kills the program. */
 typedef gboolean (*PictureChildTold)(int done, int n, gpointer data, GError **error);
 
-/* Runs the program and returns what it has written; NULL: its error, of told, or VISION_ERROR_IO:
- * library, which reads this file, has crashed on it. told may be NULL. */
+/* Runs the program and returns what it has written; NULL: its error, of told, or
+ * PICTURE_FILE_ERROR_IO: library, which reads this file, has crashed on it. told may be NULL. */
 GBytes *picture_child_run(const struct picture_job *job, const char *library, PictureChildTold told,
                           gpointer told_data, GError **error);
 

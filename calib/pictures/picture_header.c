@@ -150,7 +150,7 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
     if (!png_size(bytes, length, &size) && !jpeg_size(bytes, length, &size) &&
         !bmp_size(bytes, length, &size) && !pnm_size(bytes, length, &size) &&
         !(tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size))) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
                     "%s is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that "
                     "can be read",
                     path);
@@ -162,7 +162,7 @@ gboolean picture_header_check(const char *path, const guint8 *bytes, gsize lengt
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
     if (size.bits <= 16 || size.height <= most / size.width)
         return TRUE;
-    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+    g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
                 "%s: with %" G_GUINT64_FORMAT " bits a value, a file of %" G_GSIZE_FORMAT
                 " bytes may have at most %" G_GUINT64_FORMAT " pixels, not %" G_GUINT64_FORMAT
                 " × %" G_GUINT64_FORMAT "; save it with 16 bits",

@@ -21,15 +21,21 @@ G_BEGIN_DECLS
 gboolean raw_is(const char *path);
 
 /* Reads the visible part of the sensor. ret_cfa: "mono" or "rggb", "bggr", "grbg", "gbrg", the
- * filter at the top left. NULL: VISION_ERROR_IO; pictures that are no mosaic of 2 × 2 (linear DNG,
- * X-Trans, a sensor set diagonally) are refused. */
+ * filter at the top left. NULL: PICTURE_FILE_ERROR_IO; pictures that are no mosaic of 2 × 2 (linear
+ * DNG, X-Trans, a sensor set diagonally) are refused. */
 struct picture *raw_read(const char *path, char ret_cfa[RAW_CFA], GError **error);
 
 /* The same as raw_read(), but as a grey picture for calibration: balanced (picture_balance()); a
  * pixel that is white in the file stays at 1 or above. */
 struct picture *raw_read_grey(const char *path, GError **error);
 
-/* For the program that reads: what raw_read() takes from it. */
+/* Between raw_read() and the program: its output begins with this, and the values follow. */
+struct raw_head {
+    int width, height;
+    char cfa[RAW_CFA], sum[65];
+};
+
+/* For the program that reads: raw_child.c. */
 gboolean raw_child_read(const struct picture_job *job, GError **error);
 
 G_END_DECLS

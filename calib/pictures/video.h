@@ -31,11 +31,19 @@ typedef gboolean (*VideoProgress)(int done, int n, gpointer data, GError **error
 
 /* Reads a whole video (AVI, MP4 and QuickTime, Matroska, MPEG, Ogg, ASF, FLV, YUV4MPEG, by its
  * first bytes, and nothing that FFmpeg would look for elsewhere), and keeps most / 2 + 1 to most
- * frames, or all of a shorter one. NULL: VISION_ERROR, INPUT_FILE_ERROR, or the error of progress
- * (which may be NULL). Rotation that the file asks for is ignored: pixels stay as on the sensor. */
+ * frames, or all of a shorter one. NULL: PICTURE_FILE_ERROR, INPUT_FILE_ERROR, or the error of
+ * progress (which may be NULL). Rotation that the file asks for is ignored: pixels stay as on the
+ * sensor. */
 struct video *video_read(const char *path, int most, VideoProgress progress, gpointer data,
                          GError **error);
-/* For the program that reads: what video_read() takes from it. */
+/* Between video_read() and the program: its output begins with this; then each frame that is kept,
+ * and its values. */
+struct video_head {
+    int width, height, n_frames;
+    guint n_kept;
+};
+
+/* For the program that reads: video_child.cpp. */
 gboolean video_child_read(const struct picture_job *job, GError **error);
 void video_free(struct video *video); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Video, video_free)

@@ -1,21 +1,12 @@
 #include "vision.h"
 
-#include "base/input_file.h"
-#include "picture_header.h"
-#include "raw.h"
-
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include <array>
 #include <cmath>
 #include <cstring>
-#include <utility>
-
-G_DEFINE_QUARK(vision_error, vision_error)
 
 namespace {
 
@@ -30,10 +21,10 @@ template <typename Work> bool guarded(GError **error, const char *what, Work wor
     try {
         return work();
     } catch (const cv::Exception &e) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: OpenCV: %s", what,
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: OpenCV: %s", what,
                     e.err.c_str());
     } catch (const std::exception &e) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", what, e.what());
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", what, e.what());
     }
     return false;
 }
@@ -73,47 +64,6 @@ cv::Mat to_bytes(const picture *from) {
     cv::Mat bytes;
     scaled.convertTo(bytes, CV_8U, 255);
     return bytes;
-}
-
-/* Copies all channels in order; 8-bit values are made linear (sRGB). codes: as they are. */
-void fill(float *to, const cv::Mat &from, bool codes = false) {
-    std::array<float, 256> table{};
-    picture_srgb(table.data());
-    for (int y = 0; y < from.rows; y++)
-        for (int x = 0; x < from.cols * from.channels(); x++)
-            if (codes && from.depth() == CV_8U)
-                *to++ = from.ptr<guint8>(y)[x];
-            else if (codes && from.depth() == CV_16U)
-                *to++ = from.ptr<guint16>(y)[x];
-            else if (from.depth() == CV_8U)
-                *to++ = table[from.ptr<guint8>(y)[x]];
-            else if (from.depth() == CV_16U)
-                *to++ = (float)from.ptr<guint16>(y)[x] / 65535;
-            else
-                *to++ = from.ptr<float>(y)[x];
-}
-
-/* Reads the whole file after checking its size in the header. */
-char *read_picture(const char *path, gsize *ret_length, GError **error) {
-    g_autofree char *text = input_file_read(path, G_MAXINT, ret_length, error);
-    if (!text || !picture_header_check(path, (const guint8 *)text, *ret_length, error))
-        return nullptr;
-    return (char *)g_steal_pointer(&text);
-}
-
-/* An empty matrix is an error. */
-cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **error) {
-    const cv::Mat bytes(1, (int)length, CV_8U, text);
-    cv::Mat ret = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
-    if (!ret.empty() && (ret.channels() == 1 || ret.channels() == 3) &&
-        (ret.depth() == CV_8U || ret.depth() == CV_16U || ret.depth() == CV_32F))
-        return ret;
-    g_set_error(
-        error, VISION_ERROR, VISION_ERROR_IO,
-        "%s: is not a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) picture that can be "
-        "read",
-        path);
-    return {};
 }
 
 /* Markers with few pixels per cell are searched in an enlarged picture. */
@@ -198,69 +148,6 @@ bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
 }
 
 } // namespace
-
-struct picture *vision_read(const char *path, GError **error) {
-    if (raw_is(path))
-        return raw_read_grey(path, error);
-    gsize length = 0;
-    g_autofree char *text = read_picture(path, &length, error);
-    if (!text)
-        return nullptr;
-    struct picture *ret = nullptr;
-    guarded(error, path, [&] {
-        const cv::Mat grey =
-            decode(path, text, length, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH, error);
-        if (grey.empty())
-            return false;
-        g_autofree char *sum =
-            g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)text, length);
-        ret = picture_new(path, sum, grey.cols, grey.rows);
-        fill(ret->values, grey);
-        return true;
-    });
-    return ret;
-}
-
-/* Reads codes as vision_read_codes(), or with ret_bits NULL values as vision_read_colour(). */
-static gboolean read_in_colour(const char *path, int *ret_width, int *ret_height,
-                               gboolean *ret_grey, int *ret_bits, float **ret_rgb, GError **error) {
-    gsize length = 0;
-    g_autofree char *text = read_picture(path, &length, error);
-    if (!text)
-        return FALSE;
-    return guarded(error, path, [&] {
-        const cv::Mat bgr =
-            decode(path, text, length, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH, error);
-        if (bgr.empty())
-            return false;
-        const gsize n = (gsize)bgr.cols * (gsize)bgr.rows;
-        *ret_grey = bgr.channels() == 1;
-        *ret_width = bgr.cols;
-        *ret_height = bgr.rows;
-        *ret_rgb = g_new(float, 3 * n);
-        float *to = *ret_rgb;
-        fill(to, bgr, ret_bits != nullptr);
-        if (ret_bits)
-            *ret_bits = bgr.depth() == CV_8U ? 8 : bgr.depth() == CV_16U ? 16 : 0;
-        if (*ret_grey) /* triples the values in place, from the last one on */
-            for (gsize i = n; i-- > 0;)
-                to[3 * i] = to[3 * i + 1] = to[3 * i + 2] = to[i];
-        else
-            for (gsize i = 0; i < n; i++)
-                std::swap(to[3 * i], to[3 * i + 2]);
-        return true;
-    });
-}
-
-gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                            float **ret_rgb, GError **error) {
-    return read_in_colour(path, ret_width, ret_height, ret_grey, nullptr, ret_rgb, error);
-}
-
-gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                           int *ret_bits, float **ret_rgb, GError **error) {
-    return read_in_colour(path, ret_width, ret_height, ret_grey, ret_bits, ret_rgb, error);
-}
 
 int vision_dictionary(const char *name, int *ret_markers) {
     int cells = 0;

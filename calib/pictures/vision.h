@@ -1,6 +1,6 @@
 /*
- * OpenCV for calibration, behind C: reading photographs, markers, chessboards, initial camera
- * parameters. No exception leaves it; errors of OpenCV are VISION_ERROR_FAILED.
+ * OpenCV for calibration, behind C: markers, chessboards, initial camera parameters. No exception
+ * leaves it; errors of OpenCV are PICTURE_FILE_ERROR_FAILED.
  *
  * Pixel coordinates as in rig.h: the centre of the top left pixel is (0, 0). Any thread.
  */
@@ -9,28 +9,6 @@
 #include "picture.h"
 
 G_BEGIN_DECLS
-
-#define VISION_ERROR vision_error_quark()
-GQuark vision_error_quark(void);
-enum vision_error {
-    VISION_ERROR_IO,     /* a picture cannot be read */
-    VISION_ERROR_FAILED, /* OpenCV failed */
-};
-
-/* Reads a JPEG, PNG, TIFF, BMP or portable anymap (PGM, PPM) as grey, camera raw as
- * raw_read_grey(). Files of 8 bits are taken as sRGB and made linear, others as linear; 1 is white.
- * EXIF orientation is ignored: pixels stay as on the sensor. */
-struct picture *vision_read(const char *path, GError **error);
-
-/* The same in colour, but without camera raw: height × width × 3 (R, G, B), g_free(). ret_grey: the
- * file is grey and all three are equal. */
-gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                            float **ret_rgb, GError **error);
-
-/* The same without a conversion: the numbers in the file. ret_bits: 8 or 16 of each number; 0: it
- * is a floating-point number. */
-gboolean vision_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                           int *ret_bits, float **ret_rgb, GError **error);
 
 /* A dictionary of markers by its lower-case name without "DICT_": "4x4_50" … "7x7_1000",
  * "aruco_original", "apriltag_16h5" … "apriltag_36h11". Returns the number of cells across without

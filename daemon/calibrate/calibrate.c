@@ -3,6 +3,7 @@
 
 #include "command/work.h"
 #include "exr/exr.h"
+#include "pictures/picture_read.h"
 #include "pictures/raw.h"
 #include "pictures/vision.h"
 #include "session/inputs.h"
@@ -232,7 +233,7 @@ static struct picture *calibrate_read_exr(const char *path, GError **error) {
 struct picture *calibrate_read_photograph(const char *path, GError **error) {
     g_autofree char *lower = g_ascii_strdown(path, -1);
     return g_str_has_suffix(lower, ".exr") ? calibrate_read_exr(path, error)
-                                           : vision_read(path, error);
+                                           : picture_read(path, error);
 }
 
 void calibrate_frame_free(struct calibrate_frame *frame) {

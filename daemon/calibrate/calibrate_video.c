@@ -125,7 +125,7 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
             return NULL;
     }
     if (video->n_seen == 0) {
-        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED,
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
                     "%s: none of its %u sharpest frames of %d shows the board; is --board right?",
                     path, n, video->video->n_frames);
         return NULL;

@@ -6,6 +6,7 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "exr/exr.h"
+#include "pictures/picture_read.h"
 #include "pictures/raw.h"
 #include "pictures/vision.h"
 
@@ -115,10 +116,10 @@ static struct import_picture *import_picture_read_any(const char *path, int *ret
             *ret_bits = 0;
     } else {
         picture = g_new0(struct import_picture, 1);
-        if (!(ret_bits ? vision_read_codes(path, &picture->width, &picture->height, &picture->grey,
-                                           ret_bits, &picture->rgb, &found)
-                       : vision_read_colour(path, &picture->width, &picture->height, &picture->grey,
-                                            &picture->rgb, &found)))
+        if (!(ret_bits ? picture_read_codes(path, &picture->width, &picture->height, &picture->grey,
+                                            ret_bits, &picture->rgb, &found)
+                       : picture_read_colour(path, &picture->width, &picture->height,
+                                             &picture->grey, &picture->rgb, &found)))
             g_clear_pointer(&picture, import_picture_free);
     }
     if (!picture)

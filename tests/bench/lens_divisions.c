@@ -11,6 +11,7 @@
 #include "base/work.h"
 #include "cameras/cameras_private.h"
 #include "geometry/rig.h"
+#include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
 #include <stdio.h>
@@ -32,7 +33,7 @@ static GArray *find_boards(const char *folder, const struct board *board) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     for (const char *name; dir && (name = g_dir_read_name(dir));) {
         struct photograph p = {.path = g_build_filename(folder, name, NULL)};
-        g_autoptr(Picture) picture = vision_read(p.path, NULL);
+        g_autoptr(Picture) picture = picture_read(p.path, NULL);
         p.corners = picture ? board_find(picture, board, TRUE, NULL) : NULL;
         if (!p.corners) {
             g_free(p.path);

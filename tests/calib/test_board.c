@@ -1,6 +1,7 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
 #include "cameras/board.h"
 #include "cameras/corner.h"
+#include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
 #include <glib/gstdio.h>
@@ -24,7 +25,7 @@ static struct picture *draw(const struct board *board, const char *name) {
     const struct board_drawing drawing = {5, 8};
 
     g_assert_true(board_draw(board, path, &drawing, &error));
-    struct picture *picture = vision_read(path, &error);
+    struct picture *picture = picture_read(path, &error);
     g_assert_no_error(error);
     g_unlink(path);
     return picture;
@@ -278,8 +279,8 @@ static void test_bad_pictures(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(contents); i++) {
         g_autoptr(GError) error = NULL;
         g_assert_true(g_file_set_contents(path, contents[i], i == 2 ? 16 : -1, NULL));
-        g_assert_null(vision_read(path, &error));
-        g_assert_error(error, VISION_ERROR, VISION_ERROR_IO);
+        g_assert_null(picture_read(path, &error));
+        g_assert_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO);
         g_assert_nonnull(strstr(error->message, "bad.png"));
     }
     g_unlink(path);

@@ -4,6 +4,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/write_dng.h"
+#include "pictures/picture_read.h"
 #include "pictures/raw.h"
 #include "pictures/vision.h"
 
@@ -69,7 +70,7 @@ static void test_levels(gconstpointer data) {
 
 static void expect_error(const char *path, const char *says) {
     g_autoptr(GError) error = NULL;
-    g_assert_null(vision_read(path, &error));
+    g_assert_null(picture_read(path, &error));
     g_assert_nonnull(error);
     g_test_message("%s", error->message);
     g_assert_nonnull(strstr(error->message, path));
@@ -108,7 +109,7 @@ static void test_crash(void) {
     char cfa[RAW_CFA];
     g_autoptr(GError) error = NULL;
     g_assert_null(raw_read(path, cfa, &error));
-    g_assert_error(error, VISION_ERROR, VISION_ERROR_IO);
+    g_assert_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO);
     g_test_message("%s", error->message);
     assert_has(error->message, path);
 }
@@ -160,7 +161,7 @@ static void write_mosaic(const char *name) {
     g_autoptr(GError) error = NULL;
     int width, height;
     gboolean grey;
-    vision_read_colour(from, &width, &height, &grey, &rgb, &error);
+    picture_read_colour(from, &width, &height, &grey, &rgb, &error);
     g_assert_no_error(error);
     g_autofree guint16 *values = g_new(guint16, width * height);
     for (int k = 0; k < width * height; k++) {

@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
 #include <glib/gstdio.h>
@@ -33,7 +34,7 @@ static char *path_of(const char *side, int i) {
 
 static struct picture *read_side(int i, gpointer data, GError **error) {
     g_autofree char *path = path_of(data, i);
-    return vision_read(path, error);
+    return picture_read(path, error);
 }
 
 static struct calibration *calibrate(const char *board, int width, int height, int n,
@@ -454,7 +455,7 @@ static void test_formats(void) {
         g_autofree float *rgb = NULL;
         int width, height, bits;
         gboolean is_grey;
-        g_assert_true(vision_read_codes(path, &width, &height, &is_grey, &bits, &rgb, &error));
+        g_assert_true(picture_read_codes(path, &width, &height, &is_grey, &bits, &rgb, &error));
         g_autofree guint8 *grey = g_new(guint8, width * height);
         for (int k = 0; k < width * height; k++)
             grey[k] = (guint8)rgb[3 * k];

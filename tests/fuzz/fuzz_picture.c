@@ -1,6 +1,7 @@
 /* Photographs: JPEG, PNG, TIFF, BMP and portable anymaps. */
 #include "fuzz.h"
 
+#include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
@@ -9,9 +10,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     int width, height, bits;
     gboolean grey;
     float *rgb = NULL;
-    g_autoptr(Picture) picture = vision_read(path, &error);
+    g_autoptr(Picture) picture = picture_read(path, &error);
     fuzz_check(picture != NULL, &error);
-    const gboolean ok = vision_read_codes(path, &width, &height, &grey, &bits, &rgb, &error);
+    const gboolean ok = picture_read_codes(path, &width, &height, &grey, &bits, &rgb, &error);
     fuzz_check(ok, &error);
     if (ok) {
         g_assert_cmpint(width, >, 0);

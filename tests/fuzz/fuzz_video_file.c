@@ -11,7 +11,7 @@ static gboolean fuzz_go_on(int done, int n, gpointer data, GError **error) {
     g_assert_cmpint(done, <=, n);
     if (done <= MOST_FRAMES)
         return TRUE;
-    g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "too long to fuzz");
+    g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "too long to fuzz");
     return FALSE;
 }
 

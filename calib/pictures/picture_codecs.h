@@ -1,0 +1,27 @@
+/*
+ * The module mesorig-picture-codecs.so: OpenCV's codecs of JPEG, PNG, TIFF, BMP and portable
+ * anymaps, behind C. They bring 140 shared libraries, which take longer to load than most commands
+ * take to run; picture_read.c loads the module for the first picture. Any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+G_BEGIN_DECLS
+
+#define PICTURE_CODECS_MODULE "mesorig-picture-codecs.so"
+#define PICTURE_CODECS_DECODE "picture_codecs_decode" /* the name of the function below */
+
+struct picture_pixels {
+    int width, height;
+    int channels;    /* 1: grey; 3: B, G, R */
+    int bits;        /* of a value: 8 (guint8), 16 (guint16); 0: float */
+    gpointer values; /* height × width × channels; g_free() */
+};
+
+/* Decodes a whole file; grey: as one channel. EXIF orientation is ignored. FALSE: it is no picture
+ * that these codecs read; ret_what is OpenCV's message then, g_free(), or NULL. */
+typedef gboolean PictureCodecsDecode(const guint8 *bytes, gsize length, gboolean grey,
+                                     struct picture_pixels *ret, char **ret_what);
+
+G_END_DECLS

@@ -1,0 +1,124 @@
+/* Camera raw by LibRaw, in the program that reads it. */
+#include "raw.h"
+
+#include "base/input_file.h"
+#include "picture_child.h"
+
+#include <libraw/libraw.h>
+#include <math.h>
+#include <string.h>
+
+static gboolean raw_fail(const char *path, GError **error, const char *why) {
+    g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO, "%s: %s", path, why);
+    return FALSE;
+}
+
+/* The name of the mosaic; FALSE: it has none of those that are known. */
+static gboolean raw_cfa(libraw_data_t *raw, char ret[RAW_CFA]) {
+    static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};
+    if (raw->idata.filters == 0 && raw->idata.colors == 1) {
+        g_strlcpy(ret, "mono", RAW_CFA);
+        return TRUE;
+    }
+    /* Filters below 1000 are numbers of patterns larger than 2 × 2 (9: X-Trans). */
+    if (raw->idata.filters < 1000 || raw->rawdata.ioparams.fuji_width != 0)
+        return FALSE;
+    for (int i = 0; i < RAW_CFA - 1; i++)
+        ret[i] = g_ascii_tolower(raw->idata.cdesc[libraw_COLOR(raw, i / 2, i % 2) & 3]);
+    ret[RAW_CFA - 1] = '\0';
+    for (int y = 0; y < 8; y++) /* some old patterns have 4 or 8 rows */
+        for (int x = 0; x < 2; x++)
+            if (g_ascii_tolower(raw->idata.cdesc[libraw_COLOR(raw, y, x) & 3]) !=
+                ret[2 * (y & 1) + x])
+                return FALSE;
+    return g_strv_contains(known, ret);
+}
+
+/* The black level at a place of the visible part: the sum of a number for all pixels, one for each
+ * colour filter, and one from a pattern that repeats. */
+static double raw_black(libraw_data_t *raw, int y, int x, gboolean mono) {
+    const unsigned *of = raw->color.cblack;
+    const unsigned filter = mono ? 0 : (unsigned)libraw_COLOR(raw, y & 1, x & 1) & 3;
+    double black = (double)raw->color.black + (double)of[filter];
+    if (of[4] > 0 && of[5] > 0 && (guint64)of[4] * of[5] <= LIBRAW_CBLACK_SIZE - 6)
+        black += (double)of[6 + ((unsigned)y % of[4]) * of[5] + (unsigned)x % of[5]];
+    return black;
+}
+
+static gboolean raw_fill(const char *path, libraw_data_t *raw, const char *cfa,
+                         struct picture *picture, GError **error) {
+    const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
+    const double white = (double)raw->color.maximum;
+    const gboolean mono = strcmp(cfa, "mono") == 0;
+    const gsize pitch = sizes->raw_pitch / sizeof(ushort);
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++) {
+            const double black = raw_black(raw, y, x, mono);
+            const ushort n = raw->rawdata.raw_image[(gsize)(y + sizes->top_margin) * pitch +
+                                                    (gsize)x + sizes->left_margin];
+            if (!(white > black)) {
+                g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
+                            "%s: its black level of %g is not below its white level of %g", path,
+                            black, white);
+                return FALSE;
+            }
+            picture->values[(gsize)y * (gsize)picture->width + (gsize)x] =
+                (float)(((double)n - black) / (white - black));
+        }
+    return TRUE;
+}
+
+static struct picture *raw_decode(const char *path, libraw_data_t *raw, char *bytes, gsize length,
+                                  char ret_cfa[RAW_CFA], GError **error) {
+    int code = libraw_open_buffer(raw, bytes, length);
+    if (code == LIBRAW_SUCCESS &&
+        !input_file_check_pixels(path, raw->sizes.raw_width, raw->sizes.raw_height, length, error))
+        return NULL;
+    if (code == LIBRAW_SUCCESS)
+        code = libraw_unpack(raw);
+    if (code != LIBRAW_SUCCESS) {
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,
+                    "%s is not a camera raw picture that can be read: LibRaw: %s", path,
+                    libraw_strerror(code));
+        return NULL;
+    }
+    const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
+    if (!raw->rawdata.raw_image || !raw_cfa(raw, ret_cfa)) {
+        raw_fail(path, error,
+                 "holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
+                 "bits, linear");
+        return NULL;
+    }
+    if (sizes->width == 0 || sizes->height == 0 ||
+        sizes->left_margin + sizes->width > sizes->raw_width ||
+        sizes->top_margin + sizes->height > sizes->raw_height ||
+        sizes->raw_pitch < sizeof(ushort) * sizes->raw_width) {
+        raw_fail(path, error, "its visible part is not within its pixels");
+        return NULL;
+    }
+    g_autofree char *sum =
+        g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)bytes, length);
+    g_autoptr(Picture) picture = picture_new(path, sum, sizes->width, sizes->height);
+    return raw_fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
+}
+
+gboolean raw_child_read(const struct picture_job *job, GError **error) {
+    struct raw_head head = {0};
+    libraw_data_t *raw =
+        libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
+    char *bytes = g_try_malloc(job->length + 1);
+    if (!raw || !bytes)
+        return raw_fail(job->path, error,
+                        "there is no memory to read it; close other programs and try again");
+    if (!input_file_read_at(job->fd, job->path, bytes, job->length, 0, error))
+        return FALSE;
+    const struct picture *picture = raw_decode(job->path, raw, bytes, job->length, head.cfa, error);
+    if (!picture)
+        return FALSE;
+    head.width = picture->width;
+    head.height = picture->height;
+    g_strlcpy(head.sum, picture->checksum, sizeof head.sum);
+    return picture_child_write(&head, sizeof head) &&
+           picture_child_write(picture->values,
+                               sizeof(float) * (gsize)head.width * (gsize)head.height);
+}
