@@ -53,20 +53,16 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
     return FALSE;
 }
 
-/* Copies all values in order; those of 8 bits are made linear (sRGB), and 1 is white. codes: as
- * they are. */
-static void fill(float *to, const struct picture_pixels *from, gboolean codes) {
-    const gsize n = (gsize)from->height * (gsize)from->width * (gsize)from->channels;
-    float table[256];
-    picture_srgb(table);
-    for (gsize i = 0; i < n; i++)
-        if (from->bits == 8)
-            to[i] = codes ? ((const guint8 *)from->values)[i]
-                          : table[((const guint8 *)from->values)[i]];
-        else if (from->bits == 16)
-            to[i] = ((const guint16 *)from->values)[i] / (codes ? 1.0f : 65535.0f);
-        else
-            to[i] = ((const float *)from->values)[i];
+/* Value k of all: one of 8 bits is made linear by the table (sRGB), and 1 is white; without a table
+ * the number in the file. */
+static float value_at(const struct picture_pixels *from, gsize k, const float *table) {
+    if (from->bits == 8) {
+        const guint8 code = ((const guint8 *)from->values)[k];
+        return table ? table[code] : code;
+    }
+    if (from->bits == 16)
+        return ((const guint16 *)from->values)[k] / (table ? 65535.0f : 1.0f);
+    return ((const float *)from->values)[k];
 }
 
 struct picture *picture_read(const char *path, GError **error) {
@@ -77,7 +73,10 @@ struct picture *picture_read(const char *path, GError **error) {
     if (!read_pixels(path, TRUE, &pixels, &sum, error))
         return NULL;
     struct picture *picture = picture_new(path, sum, pixels.width, pixels.height);
-    fill(picture->values, &pixels, FALSE);
+    float table[256];
+    picture_srgb(table);
+    for (gsize i = 0; i < (gsize)pixels.width * (gsize)pixels.height; i++)
+        picture->values[i] = value_at(&pixels, i, table);
     g_free(pixels.values);
     return picture;
 }
@@ -89,18 +88,13 @@ static gboolean read_in_colour(const char *path, int *ret_width, int *ret_height
     if (!read_pixels(path, FALSE, &pixels, NULL, error))
         return FALSE;
     const gsize n = (gsize)pixels.width * (gsize)pixels.height;
-    float *rgb = g_new(float, 3 * n);
-    fill(rgb, &pixels, ret_bits != NULL);
-    if (pixels.channels == 1) /* triples the values in place, from the last one on */
-        for (gsize i = n; i-- > 0;)
-            rgb[3 * i] = rgb[3 * i + 1] = rgb[3 * i + 2] = rgb[i];
-    else
-        for (gsize i = 0; i < n; i++) {
-            const float blue = rgb[3 * i];
-            rgb[3 * i] = rgb[3 * i + 2];
-            rgb[3 * i + 2] = blue;
-        }
-    *ret_grey = pixels.channels == 1;
+    const gboolean grey = pixels.channels == 1;
+    float *rgb = g_new(float, 3 * n), table[256];
+    picture_srgb(table);
+    for (gsize i = 0; i < n; i++)
+        for (gsize c = 0; c < 3; c++)
+            rgb[3 * i + c] = value_at(&pixels, grey ? i : 3 * i + 2 - c, ret_bits ? NULL : table);
+    *ret_grey = grey;
     *ret_width = pixels.width;
     *ret_height = pixels.height;
     *ret_rgb = rgb;
