@@ -193,6 +193,7 @@ static void capture_run_end_round(Capture *capture) {
         return;
     }
     capture_add_event(capture, "info", "capture", "all shots are taken");
+    session_remove_unfinished(capture->session); /* what a disk that failed has left */
     capture_come_to_rest(capture, CAPTURE_DONE);
 }
 

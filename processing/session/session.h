@@ -212,6 +212,7 @@ struct session_damage {
     char *sha256;
     char *remedy; /* the command that makes it again; NULL: none, import again */
     gboolean missing;
+    gboolean unreadable; /* the disk fails to read it: whether it is damaged is not known */
 };
 void session_damage_free(struct session_damage *damage); /* NULL is ignored */
 
@@ -249,9 +250,13 @@ GPtrArray *session_btf_files(Session *session, GError **error);
 /* Notes a damaged frame for the next session_verify(); what: NULL if it is intact again. */
 gboolean session_note_damage(Session *session, const char *frame, const char *what, GError **error);
 
+/* Deletes unfinished files of frames; while nothing is captured into the session. */
+void session_remove_unfinished(const Session *session);
+
 /* Compares every committed frame's size with its file. Compares the checksum, too, for dark frames,
  * which other frames depend on, for noted frames, and for all frames if thorough. Frames that fail
  * are removed from the database and their shots planned again, with all their frames; each is an
- * event. Unfinished files of killed captures are deleted. For capture only. ret_lost: number of
- * failed frames; may be NULL. */
+ * event. A frame that the disk fails to read is an error, and nothing is planned again: a disk that
+ * fails for a moment has lost nothing. Unfinished files of killed captures are deleted. For capture
+ * only. ret_lost: number of failed frames; may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

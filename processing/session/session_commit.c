@@ -156,6 +156,43 @@ static GHashTable *suspects(Session *session, GError **error) {
     return rc == 0 ? g_steal_pointer(&paths) : NULL;
 }
 
+void session_remove_unfinished(const Session *session) {
+    new_file_remove_left(session->path, "frames", "");
+    new_file_remove_left(session->path, "laser", "");
+}
+
+/* A disk that does not answer has lost nothing: all shots would be planned again. */
+static gboolean session_commit_unreadable(const Session *session, const char *relative,
+                                          const char *why, GError **error) {
+    return session_fail(error, SESSION_ERROR_IO,
+                        "%s/%s: cannot be read: %s; check the disk and try again; if only this "
+                        "file stays unreadable, remove it, and its shot is taken again",
+                        session->path, relative, why);
+}
+
+/* What is wrong with a committed frame, or NULL; ret_ok is FALSE if the disk does not tell. */
+static char *session_commit_damage(const Session *session, const struct session_frame *frame,
+                                   gboolean hashed, gboolean *ret_ok, GError **error) {
+    const gint64 size = session_commit_size_of(session, frame->path);
+    char *wrong = NULL;
+
+    *ret_ok =
+        size != -2 || session_commit_unreadable(session, frame->path, g_strerror(errno), error);
+    if (size < 0)
+        return *ret_ok ? g_strdup_printf("%s is gone", frame->path) : NULL;
+    if (size != frame->bytes)
+        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+                               frame->path, size, frame->bytes);
+    struct session_damage *damage =
+        hashed ? session_examine(session, frame->path, frame->sha256) : NULL;
+    if (damage && damage->unreadable)
+        *ret_ok = session_commit_unreadable(session, frame->path, damage->what, error);
+    else if (damage)
+        wrong = g_strdup_printf("%s is not as it was taken: %s", frame->path, damage->what);
+    session_damage_free(damage);
+    return wrong;
+}
+
 /* Files are compared without a transaction, which would block readers for minutes. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
@@ -166,30 +203,15 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
     if (!session_may(session, SESSION_CAPTURE, error) ||
         !(frames = session_frames(session, error)) || !(suspected = suspects(session, error)))
         return FALSE;
-    new_file_remove_left(session->path, "frames", "");
-    new_file_remove_left(session->path, "laser", "");
+    session_remove_unfinished(session);
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
-        const gint64 size = session_commit_size_of(session, frame->path);
-        char *wrong = NULL;
+        const gboolean hashed = thorough || g_hash_table_contains(suspected, frame->path);
+        gboolean ok;
+        char *wrong = session_commit_damage(session, frame, hashed, &ok, error);
 
-        /* A disk that does not answer has lost nothing: all shots would be planned again. */
-        if (size == -2)
-            return session_fail(error, SESSION_ERROR_IO,
-                                "%s/%s: cannot be examined: %s; check the disk and try again",
-                                session->path, frame->path, g_strerror(errno));
-        if (size < 0) {
-            wrong = g_strdup_printf("%s is gone", frame->path);
-        } else if (size != frame->bytes) {
-            wrong = g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
-                                    frame->path, size, frame->bytes);
-        } else if (thorough || g_hash_table_contains(suspected, frame->path)) {
-            struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
-
-            if (damage)
-                wrong = g_strdup_printf("%s is not as it was taken: %s", frame->path, damage->what);
-            session_damage_free(damage);
-        }
+        if (!ok)
+            return FALSE;
         g_ptr_array_add(why, wrong);
         lost += wrong != NULL;
     }

@@ -39,14 +39,16 @@ static void keep_known(const char *identity, const char *sha256) {
     g_mutex_unlock(&known_mutex);
 }
 
-/* SHA-256 of a file; NULL with the reason: it is missing, or not a regular file. */
-static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong) {
+/* SHA-256 of a file; NULL with the reason: it is missing, unreadable, or not a regular file. */
+static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_unreadable,
+                       char **ret_wrong) {
     struct stat status;
     g_autoptr(GError) error = NULL;
 
-    *ret_missing = FALSE;
+    *ret_missing = *ret_unreadable = FALSE;
     if (lstat(path, &status) != 0) {
         *ret_missing = errno == ENOENT || errno == ENOTDIR;
+        *ret_unreadable = !*ret_missing;
         *ret_wrong = g_strdup(*ret_missing ? "it is gone" : g_strerror(errno));
         return NULL;
     }
@@ -72,6 +74,7 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
     if (sha256)
         return sha256;
     sha256 = exr_sha256(path, NULL, &error);
+    *ret_unreadable = sha256 == NULL;
     /* A file changed within the file system's clock tick may change again without a new time stamp:
      * its hash is not kept. */
     if (!sha256)
@@ -94,14 +97,15 @@ void session_damage_free(struct session_damage *damage) {
 struct session_damage *session_examine(const Session *session, const char *relative,
                                        const char *sha256) {
     g_autofree char *file = session_file(session, relative), *wrong = NULL;
-    gboolean missing = FALSE;
-    g_autofree char *found = hash_file(file, &missing, &wrong);
+    gboolean missing = FALSE, unreadable = FALSE;
+    g_autofree char *found = hash_file(file, &missing, &unreadable, &wrong);
 
     if (found && strcmp(found, sha256) == 0)
         return NULL;
     struct session_damage *damage = g_new0(struct session_damage, 1);
     damage->path = g_strdup(relative);
     damage->missing = missing;
+    damage->unreadable = unreadable;
     damage->sha256 = g_strdup(sha256);
     damage->what = wrong ? g_steal_pointer(&wrong)
                          : g_strdup_printf("its SHA-256 is %s, the session has %s", found, sha256);

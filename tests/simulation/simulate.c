@@ -100,6 +100,9 @@ static void take_result(struct tally *tally, const struct seed_result *result) {
     if (!result->ok) {
         tally->n_failed++;
         g_array_append_val(tally->failed, *result);
+        g_printerr("%sseed %u, life %d: %s\n",
+                   isatty(STDERR_FILENO) ? "\r" : "simulate: ", result->seed, result->life,
+                   result->violation);
     }
     tell_progress(tally, FALSE);
 }

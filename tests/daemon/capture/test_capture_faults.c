@@ -244,6 +244,18 @@ static void test_pause_before_check(void) {
     run_finish(run);
 }
 
+/* A file that a failing disk neither wrote nor removed is gone when the session is done. */
+static void test_left_over(void) {
+    struct run *run = run_begin(NULL);
+    g_autofree char *left =
+        g_build_filename(run->session, "frames", "000007_cam60.exr.0123abcd.part", NULL);
+    run_until(run, 3);
+    g_assert_true(g_file_set_contents(left, "x", 1, NULL));
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+    g_assert_false(g_file_test(left, G_FILE_TEST_EXISTS));
+    run_finish(run);
+}
+
 /* A laser that does not answer when it is told to go off: said again as often as it happens, and
  * gone on with only when it is dark. */
 static void test_deaf_laser(void) {
@@ -307,6 +319,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/fault/laser-stays-on-and-lost", test_laser_stays_on_and_lost);
     g_test_add_func("/fault/other-laser-stays-on", test_other_laser_stays_on);
     g_test_add_func("/fault/pause-before-check", test_pause_before_check);
+    g_test_add_func("/fault/left-over", test_left_over);
     g_test_add_func("/fault/deaf-laser", test_deaf_laser);
     g_test_add_func("/fault/interlock", test_interlock);
     return run_tests();
