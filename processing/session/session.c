@@ -40,19 +40,25 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Syncs the directory entry of the session. The program that made the session may have ended before
- * it did so, and a power cut would then lose the session with all its frames. */
-static gboolean sync_name(const Session *session, GError **error) {
-    g_autofree char *parent = g_path_get_dirname(session->path);
-    const int fd = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    /* A folder that may not be read cannot be synced, nor can folders of some file systems. */
-    const gboolean ok = fd < 0 || fsync(fd) == 0 || errno == EINVAL;
+/* Syncs the names in a folder. One that may not be read cannot be synced, nor can folders of some
+ * file systems. */
+static gboolean session_sync_folder(const char *folder, GError **error) {
+    const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    const gboolean ok = fd < 0 ? errno == EACCES : fsync(fd) == 0 || errno == EINVAL;
     const int saved = errno;
 
     if (fd >= 0)
         close(fd);
     return ok || session_fail(error, SESSION_ERROR_IO, "%s: cannot be synced: %s; check the disk",
-                              parent, g_strerror(saved));
+                              folder, g_strerror(saved));
+}
+
+/* The program that made the session may have ended before it synced the session's name, and a power
+ * cut would then lose the session with all its frames. */
+static gboolean session_sync_name(const Session *session, GError **error) {
+    g_autofree char *parent = g_path_get_dirname(session->path);
+
+    return session_sync_folder(parent, error);
 }
 
 static gboolean session_start(Session *session, GError **error) {
@@ -68,10 +74,14 @@ static gboolean session_start(Session *session, GError **error) {
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);
-        if (session->lock < 0 || !sync_name(session, error))
+        if (session->lock < 0 || !session_sync_name(session, error))
             return FALSE;
     }
     if (!session_db_open(session, FALSE, error))
+        return FALSE;
+    /* The name of the write-ahead log: SQLite takes it for synced when it cannot open the folder,
+     * and a power cut would then leave a database that is partly of the log. */
+    if (session->mode != SESSION_READ && !session_sync_folder(session->path, error))
         return FALSE;
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
                             error) >= 0 &&

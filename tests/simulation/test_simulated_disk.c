@@ -313,6 +313,53 @@ static void test_new_session(void) {
     }
 }
 
+/* Opens one value of a session while the k-th call to open, and five more, fail, and every fsync()
+ * from the j-th on that follows the write: SQLite copies its log into the database and cannot sync
+ * that. Then the power fails. Whether the value was stored by then. */
+static gboolean store_before_a_cut(struct bench *bench, const char *path, int k, int j) {
+    g_autoptr(GError) error = NULL;
+    const int *calls = bench->disk->calls;
+    bench->disk->faults[0] = (struct disk_fault){DISK_OPEN, DISK_FAILS, calls[DISK_OPEN] + k, 6};
+    bench->disk->n_faults = 1;
+    Session *session = session_open(path, SESSION_PRODUCTS, &error);
+    const gboolean stored = session && session_set_value(session, "key", "value", &error);
+    bench->disk->faults[1] = (struct disk_fault){DISK_SYNC, DISK_FAILS, calls[DISK_SYNC] + j, 1000};
+    bench->disk->n_faults = 2;
+    session_close(session);
+    bench->disk->n_faults = 0;
+    return stored;
+}
+
+/* The write-ahead log has its name before anything is in it, or the session is not opened: SQLite
+ * goes on when it cannot open the folder to sync that name. */
+static void test_log_has_its_name(void) {
+    static const struct session_texts texts = {"", "", "", NULL};
+    const struct session_plan plan = {
+        .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1}};
+    int stored = 0;
+    for (int k = 1; k <= 12; k++)
+        for (int j = 1; j <= 3; j++)
+            for (guint32 seed = 1; seed <= 8; seed++) {
+                struct bench *bench = bench_new();
+                g_autofree char *path = bench_path(bench, "s.session");
+                g_autoptr(GError) error = NULL;
+                Session *session = session_create(path, "s", &texts, &plan, &error);
+                g_assert_no_error(error);
+                session_close(session);
+                const gboolean has = store_before_a_cut(bench, path, k, j);
+                bench_cut(bench, CUT_EACH, seed);
+                session = session_open(path, SESSION_CAPTURE, &error);
+                g_assert_no_error(error);
+                g_autofree char *value = session_value(session, "key");
+                g_assert_true(!has || g_strcmp0(value, "value") == 0);
+                stored += has;
+                session_close(session);
+                bench_free(bench);
+            }
+    g_test_message("stored %d times", stored);
+    g_assert_cmpint(stored, >, 0);
+}
+
 /* An error and no result, or the other way round; an error of the disk is not told as damage. */
 static void expect_told(gboolean ok, GError **error, int *ret_refused) {
     g_assert_true(ok == (*error == NULL));
@@ -408,6 +455,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/disk/sqlite", test_sqlite);
     g_test_add_func("/disk/session", test_session);
     g_test_add_func("/disk/new-session", test_new_session);
+    g_test_add_func("/disk/log-has-its-name", test_log_has_its_name);
     g_test_add_func("/disk/session-in-use", test_session_in_use);
     return g_test_run();
 }
