@@ -129,6 +129,7 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     intake_hooks.data = hooks.data = capture;
     capture->devices = devices;
     capture->session = session;
+    capture->replanned = g_array_new(FALSE, FALSE, sizeof(gint64));
     if (callbacks)
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
@@ -359,6 +360,7 @@ void capture_free(Capture *capture) {
     }
     g_clear_handle_id(&capture->changed_source, g_source_remove);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
+    g_array_unref(capture->replanned);
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);

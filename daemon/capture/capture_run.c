@@ -505,7 +505,7 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
 /* Lists the shots that this run takes, and predicts their time, homing included. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
-    session_plan_multiplexed(capture->shots);
+    session_plan_multiplexed(capture->shots, capture->replanned);
     capture_count(capture);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
@@ -532,11 +532,26 @@ static void note_remaining(Capture *capture) {
     capture->left_least_s = capture->plan_left_s[0];
 }
 
+/* Before their files are replaced, so that no row has another file meanwhile. FALSE after a fault.
+ */
+static gboolean capture_run_forget_replanned(Capture *capture) {
+    g_autoptr(GError) error = NULL;
+    if (capture->replanned->len > 0 &&
+        !session_plan_again(capture->session, capture->replanned, &error)) {
+        stop_for_disk(capture, error);
+        return FALSE;
+    }
+    g_array_set_size(capture->replanned, 0);
+    return TRUE;
+}
+
 static void capture_run_begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
     capture->all_taken = FALSE;
     capture_start_clock(capture);
+    if (!capture_run_forget_replanned(capture))
+        return;
     if (capture->remaining->len == 0) {
         if (capture->adaptive && !adaptive_is_over(capture->adaptive))
             adaptive_choose(capture->adaptive);

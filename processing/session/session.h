@@ -162,11 +162,16 @@ GPtrArray *session_events(Session *session, GError **error);
 /* Fills in which lamps are lit in the n shots of a group, by k and their devices. */
 void session_light_multiplexed(struct session_shot *const *shots, int n);
 
-/* Plans all shots of each group of which one is planned, in memory: a group is taken as a whole. */
-void session_plan_multiplexed(const GPtrArray *shots);
+/* Plans all shots of each group of which one is planned, in memory: a group is taken as a whole.
+ * Appends the ids of those that were done (gint64) to replanned, for session_plan_again(). */
+void session_plan_multiplexed(const GPtrArray *shots, GArray *replanned);
 
 /* Relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);
+
+/* For capture. Shots (ids, gint64) that are planned again lose the rows of their frames, in one
+ * transaction: their files are about to be replaced. */
+gboolean session_plan_again(Session *session, const GArray *shots, GError **error);
 
 /* For capture. Commits all frames of a shot and its state in one transaction, after the files are
  * synced; they replace those of an earlier take. Each file must exist with its recorded size. */

@@ -22,15 +22,18 @@ void session_light_multiplexed(struct session_shot *const *shots, int n) {
     }
 }
 
-void session_plan_multiplexed(const GPtrArray *shots) {
+void session_plan_multiplexed(const GPtrArray *shots, GArray *replanned) {
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->state != SHOT_PLANNED || shot->multiplex.group == 0)
             continue;
         struct session_shot *const *group =
             (struct session_shot *const *)shots->pdata + i - shot->multiplex.k;
-        for (int k = 0; k < shot->multiplex.n; k++)
+        for (int k = 0; k < shot->multiplex.n; k++) {
+            if (group[k]->state == SHOT_DONE)
+                g_array_append_val(replanned, group[k]->id);
             group[k]->state = SHOT_PLANNED;
+        }
     }
 }
 
