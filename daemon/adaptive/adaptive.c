@@ -154,6 +154,13 @@ static gboolean adaptive_store_lamps(Adaptive *adaptive, const struct lamps_choi
            (choice->shots->len > 0 || adaptive_leave_lamps_out(adaptive, error));
 }
 
+/* A resumed session takes the shots of such frames again, if they are as damaged as they seem. */
+static void adaptive_note_damage(const char *frame, const GError *error, gpointer data) {
+    Adaptive *adaptive = data;
+    if (g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID))
+        session_note_damage(adaptive->setup.session, frame, error->message, NULL);
+}
+
 static gboolean adaptive_on_wake(gpointer data) {
     Adaptive *adaptive = data;
     Clock *clock = adaptive->setup.clock;
@@ -166,6 +173,7 @@ static gboolean adaptive_on_wake(gpointer data) {
     const struct sweeps_choice *sweeps = choice->sweeps.shots ? &choice->sweeps : NULL;
     const struct lamps_choice *lamps = choice->lamps.shots ? &choice->lamps : NULL;
     g_autoptr(GError) error = g_steal_pointer(&choice->error);
+    readers_each_failed(adaptive->readers, adaptive_note_damage, adaptive);
     const gboolean good =
         !error && (!sweeps || adaptive_store_sweeps(adaptive, sweeps, &of_lasers, &error)) &&
         (!lamps || adaptive_store_lamps(adaptive, lamps, &of_lights, &error));
@@ -187,6 +195,7 @@ void adaptive_choose(Adaptive *adaptive) {
     if (!adaptive_sweeps_are_over(adaptive))
         sweeps_note_done(adaptive->sweeps);
     clock_hold(adaptive->setup.clock);
+    readers_retry(adaptive->readers);
     if (!adaptive_lamps_are_over(adaptive) && !lamps_note_done(adaptive->lamps, &error)) {
         Clock *clock = adaptive->setup.clock;
         adaptive->setup.hooks.chosen(0, NULL, NULL, error, adaptive->setup.hooks.data);

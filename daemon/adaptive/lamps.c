@@ -97,7 +97,7 @@ void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
                                          .shot = shot->id,
                                          .width = camera->width,
                                          .height = camera->height}};
-        readers_push(lamps->setup.readers, lamps_read, lamps_free_job, job);
+        readers_push(lamps->setup.readers, lamps_read, lamps_free_job, job, frames[i].path);
     }
 }
 

@@ -6,6 +6,8 @@ struct readers_job {
     ReadersRead read;
     GDestroyNotify drop;
     gpointer job;
+    char *frame;
+    GError *error; /* of a job that failed */
 };
 
 struct Readers {
@@ -13,23 +15,29 @@ struct Readers {
     GThreadPool *pool;
     GMutex mutex;
     GCond idle;
-    int n_reading; /* guarded by mutex */
-    GError *error; /* the first; guarded by mutex */
-    int stopped;   /* atomic */
+    int n_reading;     /* guarded by mutex */
+    GPtrArray *failed; /* of struct readers_job; guarded by mutex */
+    int stopped;       /* atomic */
 };
+
+static void readers_free_job(gpointer data) {
+    struct readers_job *job = data;
+    job->drop(job->job);
+    g_clear_error(&job->error);
+    g_free(job->frame);
+    g_free(job);
+}
 
 /* A reader's thread. */
 static void readers_run(gpointer data, gpointer readers_data) {
     struct readers_job *job = data;
     Readers *readers = readers_data;
-    g_autoptr(GError) error = NULL;
-    if (!readers_stopped(readers))
-        job->read(job->job, &error);
-    job->drop(job->job);
-    g_free(job);
+    const gboolean good = readers_stopped(readers) || job->read(job->job, &job->error);
+    if (good)
+        readers_free_job(job);
     g_mutex_lock(&readers->mutex);
-    if (error && !readers->error)
-        readers->error = g_steal_pointer(&error);
+    if (!good)
+        g_ptr_array_add(readers->failed, job);
     if (--readers->n_reading == 0)
         g_cond_broadcast(&readers->idle);
     g_mutex_unlock(&readers->mutex);
@@ -40,6 +48,7 @@ Readers *readers_new(Clock *clock) {
     readers->clock = clock;
     g_mutex_init(&readers->mutex);
     g_cond_init(&readers->idle);
+    readers->failed = g_ptr_array_new_with_free_func(readers_free_job);
     readers->pool = g_thread_pool_new(readers_run, readers, N_READERS, FALSE, NULL);
     return readers;
 }
@@ -49,9 +58,7 @@ static void readers_wait_until_idle(Readers *readers) {
         g_cond_wait(&readers->idle, &readers->mutex);
 }
 
-void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpointer data) {
-    struct readers_job *job = g_new(struct readers_job, 1);
-    *job = (struct readers_job){read, drop, data};
+static void readers_begin(Readers *readers, struct readers_job *job) {
     g_mutex_lock(&readers->mutex);
     readers->n_reading++;
     g_thread_pool_push(readers->pool, job, NULL);
@@ -60,15 +67,46 @@ void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpoin
     g_mutex_unlock(&readers->mutex);
 }
 
+void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpointer data,
+                  const char *frame) {
+    struct readers_job *job = g_new(struct readers_job, 1);
+    *job = (struct readers_job){.read = read, .drop = drop, .job = data, .frame = g_strdup(frame)};
+    readers_begin(readers, job);
+}
+
 gboolean readers_wait(Readers *readers, GError **error) {
+    GError *found = NULL;
     g_mutex_lock(&readers->mutex);
     readers_wait_until_idle(readers);
-    GError *found = g_steal_pointer(&readers->error);
+    if (readers->failed->len > 0)
+        found = g_error_copy(((const struct readers_job *)readers->failed->pdata[0])->error);
     g_mutex_unlock(&readers->mutex);
     if (!found)
         return TRUE;
     g_propagate_error(error, found);
     return FALSE;
+}
+
+void readers_retry(Readers *readers) {
+    g_mutex_lock(&readers->mutex);
+    readers_wait_until_idle(readers);
+    g_autoptr(GPtrArray) failed = g_steal_pointer(&readers->failed);
+    readers->failed = g_ptr_array_new_with_free_func(readers_free_job);
+    g_mutex_unlock(&readers->mutex);
+    while (failed->len > 0) {
+        struct readers_job *job = g_ptr_array_steal_index(failed, 0);
+        g_clear_error(&job->error);
+        readers_begin(readers, job);
+    }
+}
+
+void readers_each_failed(Readers *readers,
+                         void (*each)(const char *frame, const GError *error, gpointer data),
+                         gpointer data) {
+    for (guint i = 0; i < readers->failed->len; i++) {
+        const struct readers_job *job = readers->failed->pdata[i];
+        each(job->frame, job->error, data);
+    }
 }
 
 gboolean readers_stopped(const Readers *readers) {
@@ -84,7 +122,7 @@ void readers_free(Readers *readers) {
         return;
     readers_stop(readers);
     g_thread_pool_free(readers->pool, FALSE, TRUE);
-    g_clear_error(&readers->error);
+    g_ptr_array_unref(readers->failed);
     g_mutex_clear(&readers->mutex);
     g_cond_clear(&readers->idle);
     g_free(readers);

@@ -88,7 +88,7 @@ void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
                                              .width = camera->width,
                                              .height = camera->height}};
         job->shot.note = NULL;
-        readers_push(sweeps->readers, sweeps_read, sweeps_free_job, job);
+        readers_push(sweeps->readers, sweeps_read, sweeps_free_job, job, frames[i].path);
     }
 }
 

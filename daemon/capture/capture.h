@@ -30,7 +30,8 @@ enum capture_state {
 /* Whether another session on the same rig can be expected to do better. */
 enum capture_fault {
     CAPTURE_FAULT_NONE,
-    CAPTURE_FAULT_SESSION, /* a camera's pictures were refused too often, or a lamp gave no light */
+    CAPTURE_FAULT_SESSION, /* a camera's pictures were refused too often, a lamp gave no light, or a
+                              frame that tells which shots come next is damaged */
     CAPTURE_FAULT_RIG,     /* an interlock, axis or laser, a device that is gone, something that has
                               moved, the disk */
 };

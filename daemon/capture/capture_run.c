@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
+#include "base/data_error.h"
 #include "capture_bytes.h"
 #include "capture_check.h"
 #include "capture_lasers.h"
@@ -578,6 +579,17 @@ void capture_begin_soon(Capture *capture) {
     capture->starter = clock_call_in(capture->devices->clock, 0, capture_run_begin, capture);
 }
 
+static void stop_for_choice(Capture *capture, const GError *error) {
+    if (!g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID)) {
+        stop_for_disk(capture, error);
+        return;
+    }
+    g_autofree char *reason = g_strdup_printf("The next shots cannot be chosen: %s. Abort the "
+                                              "session, then resume it.",
+                                              error->message);
+    stop_for(capture, CAPTURE_FAULT_SESSION, "disk", reason);
+}
+
 /* A session that was aborted or paused meanwhile goes on with the choice when it is resumed. */
 static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_lights,
                                   const GError *error, gpointer data) {
@@ -586,7 +598,7 @@ static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_l
     if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING && !pausing)
         return;
     if (error) {
-        stop_for_disk(capture, error);
+        stop_for_choice(capture, error);
         return;
     }
     capture_count(capture);

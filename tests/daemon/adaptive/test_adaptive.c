@@ -175,6 +175,50 @@ static void test_both(void) {
     outcome_clear(&outcome);
 }
 
+static void flip_a_bit(const struct run *run, const struct session_frame *frame) {
+    g_autofree char *path = g_build_filename(run->session, frame->path, NULL), *bytes = NULL;
+    gsize n = 0;
+    g_assert_true(g_file_get_contents(path, &bytes, &n, NULL));
+    bytes[n / 2] ^= 4;
+    g_assert_true(g_file_set_contents(path, bytes, (gssize)n, NULL));
+}
+
+/* Frames that are damaged, one of a lamp and one of a sweep: nothing is chosen without them,
+ * however often the session is told to go on; resumed, it takes them again, and chooses as if
+ * nothing had happened. */
+static void test_damaged(void) {
+    struct outcome expected = undisturbed_of(both, "error_pct = 4 asks for no more");
+    struct run *run = run_begin(both);
+    run_until(run, 121);
+    g_clear_pointer(&run->capture, capture_free);
+    g_autoptr(GPtrArray) shots = run_shots(run->session), frames = run_frames(run->session);
+    int flipped = 0;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        const struct session_shot *shot = shots->pdata[frame->shot - 1];
+        if (shot->kind != SHOT_DARK && !(flipped & 1 << shot->kind)) {
+            flip_a_bit(run, frame);
+            flipped |= 1 << shot->kind;
+        }
+    }
+    g_assert_cmpint(flipped, ==, 1 << SHOT_LAMP | 1 << SHOT_SWEEP);
+    run_resume(run);
+    for (int i = 0; i < 3; i++) {
+        run_to_pause(run, "The next shots cannot be chosen");
+        g_assert_nonnull(strstr(run_status(run).reason, "Abort the session, then resume it"));
+        run_continue(run);
+    }
+    run_to_pause(run, "The next shots cannot be chosen");
+    run_resume(run);
+    run_to_end(run);
+    run_check_whole(run->session);
+    struct outcome outcome = outcome_of(run->session);
+    g_assert_cmpstr(outcome.text->str, ==, expected.text->str);
+    outcome_clear(&outcome);
+    outcome_clear(&expected);
+    run_free(run);
+}
+
 /* An error that nothing reaches: all are taken, as they are with a budget that suffices for them. A
  * budget for little more than the first round ends it, and the lamps take no longer. */
 static void test_lamp_bounds(void) {
@@ -300,6 +344,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/adaptive/values", test_values);
     g_test_add_func("/adaptive/lamps", test_lamps);
     g_test_add_func("/adaptive/both", test_both);
+    g_test_add_func("/adaptive/damaged", test_damaged);
     g_test_add_func("/adaptive/lamp-bounds", test_lamp_bounds);
     g_test_add_func("/adaptive/expected", test_expected);
     return run_tests();
