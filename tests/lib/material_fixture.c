@@ -100,18 +100,38 @@ static void material_fixture_write_views(const char *folder, const struct btf_ma
     }
 }
 
+static struct session_direction *material_fixture_directions(const struct direction_list *list) {
+    struct session_direction *ret = g_new0(struct session_direction, list->n);
+    for (gsize i = 0; i < list->n; i++)
+        ret[i] = (struct session_direction){.index = (int)i,
+                                            .theta_deg = (double)list->theta_deg[i],
+                                            .phi_deg = (double)list->phi_deg[i]};
+    return ret;
+}
+
 void material_fixture_write_session(const char *path, const struct btf_matrix *btf) {
     static const struct session_texts texts = {
         .rig_conf = "", .session_conf = "", .calibration = "", .rig_path = "/etc/mesorig/rig.conf"};
+    const struct btf_layout *layout = &btf->layout;
+    g_autofree struct session_direction *views = material_fixture_directions(&layout->views);
+    g_autofree struct session_direction *lights = material_fixture_directions(&layout->lights);
     const struct session_plan plan = {.grid = {.width = MATERIAL_WIDTH,
                                                .height = MATERIAL_HEIGHT,
-                                               .width_mm = MATERIAL_WIDTH * btf->layout.texel_mm,
-                                               .height_mm = MATERIAL_HEIGHT * btf->layout.texel_mm,
-                                               .reference_mm = btf->layout.reference_mm}};
+                                               .width_mm = MATERIAL_WIDTH * layout->texel_mm,
+                                               .height_mm = MATERIAL_HEIGHT * layout->texel_mm,
+                                               .reference_mm = layout->reference_mm},
+                                      .views = views,
+                                      .lights = lights,
+                                      .n_views = (int)layout->views.n,
+                                      .n_lights = (int)layout->lights.n};
     g_autofree char *folder = g_build_filename(path, "products", "btf", NULL);
     g_autoptr(GError) error = NULL;
-    Session *session = session_create(path, btf->name, &texts, &plan, &error);
+    g_autoptr(Session) session = session_create(path, btf->name, &texts, &plan, &error);
     g_assert_no_error(error);
-    session_close(session);
     material_fixture_write_views(folder, btf);
+    for (gsize v = 0; v < layout->views.n; v++) {
+        g_autofree char *view = g_strdup_printf("products/btf/view_%04zu.exr", v);
+        g_assert_true(session_add_product(session, view, "process", &error));
+        g_assert_no_error(error);
+    }
 }
