@@ -11,7 +11,8 @@
  * y0 a twentieth of the mean, and h_i Huber's factor, so that shadows and other things that the
  * model does not hold count less. From d and S follow metallic and specular; then base, specular
  * colour and sheen are solved for each colour, by least squares first, then with weights that make
- * it the least sum of absolute differences of all three (iteratively reweighted least squares).
+ * it the least sum of absolute differences of all three (iteratively reweighted least squares), a
+ * view counting as v·z.
  *
  * Of the core model, d = (1 − m) base and S = m base + 0.04 (1 − m) give metallic m.
  *

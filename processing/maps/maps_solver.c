@@ -502,7 +502,8 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
 
 /* Into solver->trial the weights with which the next fit brings the sum of absolute differences
  * down: an edge that one texel shows in some views and not in others gets one of both colours
- * rather than their mixture, which differs from both. */
+ * rather than their mixture, which differs from both. A view counts as the area that the surface
+ * shows of itself there, v·z: in pictures, grazing views, which show other points most, are few. */
 static void maps_solver_colours_robust(struct maps_solver *solver, const float *rgb,
                                        const struct maps_colours *of,
                                        const double x[3][MAPS_COLUMNS]) {
@@ -523,7 +524,8 @@ static void maps_solver_colours_robust(struct maps_solver *solver, const float *
         }
         solver->sorted[n++] = sqrt(squares);
         solver->residuals[i] = (float)sqrt(squares);
-        solver->trial[i] = powf(rgb_luminance(model) + solver->dark, -2 * EXPONENT);
+        solver->trial[i] = solver->pairs->planes[MAPS_VZ][i] *
+                           powf(rgb_luminance(model) + solver->dark, -2 * EXPONENT);
     }
     const float near = (float)(COLOUR_HUBER * 1.4826 * robust_median(solver->sorted, n));
     for (int i = 0; i < solver->n; i++)

@@ -10,7 +10,7 @@
 #include "session/session.h"
 
 /* Version of the fit and of its errors; a file of another version is not read. */
-#define VERSION 4
+#define VERSION 5
 #define MADE_BY "export maps -o FOLDER"
 
 /* The members of a texel by name, in the order that an EXR demands; E comes first. */
