@@ -1,4 +1,4 @@
-#include "plan.h"
+#include "session_conf.h"
 
 #include "base/nearest.h"
 
