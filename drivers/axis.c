@@ -17,6 +17,14 @@
 
 enum activity { IDLE, HOMING, MOVING };
 
+/* Reports of a turn that are kept: a frame may arrive seconds after its exposure. */
+#define N_PASSED 256
+
+struct passed { /* where it was at a time */
+    gint64 at_us;
+    double deg;
+};
+
 struct axis_state {
     AxisFunc func;
     gpointer data;
@@ -30,6 +38,12 @@ struct axis_state {
     gboolean another_leg;
     double target_deg; /* target of the present leg, in the angle that the driver counts */
     guint deadline, settle;
+    /* axis_turn() */
+    gboolean turning;
+    double turned_from_deg, turn_speed_deg_s;
+    gint64 steady_us;               /* from then on it turns at that speed */
+    struct passed passed[N_PASSED]; /* a ring */
+    guint n_passed;
 };
 
 double axis_way_deg(const struct axis_motion *motion, double from_deg, double to_deg) {
@@ -42,6 +56,10 @@ double axis_way_deg(const struct axis_motion *motion, double from_deg, double to
             way += 360;
     }
     return fabs(way) < SAME_DEG ? 0 : way;
+}
+
+double axis_ramp_deg(const struct axis_motion *motion, double speed_deg_s) {
+    return speed_deg_s * speed_deg_s / (2 * motion->accel_deg_s2);
 }
 
 static double leg_time_s(const struct axis_motion *motion, double way_deg) {
@@ -88,9 +106,10 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
     }
     gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
                       isfinite(m->backlash_deg) && isfinite(m->settle_ms) && isfinite(m->min_deg) &&
-                      isfinite(m->max_deg);
+                      isfinite(m->max_deg) && isfinite(m->report_ms) && isfinite(m->stamp_ms);
     if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
-        m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
+        m->settle_ms >= 0 && m->report_ms >= 0 && m->stamp_ms >= 0 &&
+        (m->report_ms == 0 || driver->turn) && (m->wraps || m->min_deg < m->max_deg))
         return axis;
     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                      "a value is out of range: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
@@ -125,7 +144,7 @@ static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
     cancel_timers(axis);
     state->activity = IDLE;
-    state->driver_moves = state->stopping = FALSE;
+    state->driver_moves = state->stopping = state->turning = FALSE;
     state->doubt = event == AXIS_FAULT;
     if (state->func)
         state->func(axis, event, error, state->data);
@@ -208,12 +227,11 @@ static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
     return FALSE;
 }
 
-gboolean axis_move(Axis *axis, double target_deg, GError **error) {
-    struct axis_state *state = axis->state;
+static gboolean axis_check_move(const Axis *axis, double target_deg, GError **error) {
     const struct axis_motion *motion = &axis->motion;
     if (!axis_check_idle(axis, error))
         return FALSE;
-    if (!state->homed)
+    if (!axis->state->homed)
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "its position is not known" ERROR_ADVICE "home it first");
     if (!isfinite(target_deg))
@@ -223,6 +241,14 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
                                 motion->max_deg);
+    return TRUE;
+}
+
+gboolean axis_move(Axis *axis, double target_deg, GError **error) {
+    struct axis_state *state = axis->state;
+    const struct axis_motion *motion = &axis->motion;
+    if (!axis_check_move(axis, target_deg, error))
+        return FALSE;
     double from = axis->driver->position(axis);
     double way = axis_way_deg(motion, from, target_deg);
     gboolean take_up = way < 0 || state->slack_unknown;
@@ -244,6 +270,93 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
     set_deadline(axis, leg_time_s(motion, way - over) + leg_time_s(motion, over) +
                            motion->settle_ms / 1000);
     return TRUE;
+}
+
+gboolean axis_can_turn(const Axis *axis) {
+    return axis->driver->turn && axis->motion.report_ms > 0;
+}
+
+gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error) {
+    struct axis_state *state = axis->state;
+    const struct axis_motion *motion = &axis->motion;
+    double from = axis->driver->position(axis);
+    if (!axis_can_turn(axis))
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "its driver, %s, does not tell where it was at a time" ERROR_ADVICE
+                                "let it stand for pictures: [capture] motion = standing",
+                                axis->driver->info.name);
+    if (!axis_check_move(axis, from + by_deg, error))
+        return FALSE;
+    if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)
+        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                                "it cannot turn by %g° at %g°/s: both must be above 0, and its "
+                                "speed is at most %g°/s",
+                                by_deg, speed_deg_s, motion->speed_deg_s);
+    state->activity = MOVING;
+    state->turning = TRUE;
+    state->another_leg = FALSE;
+    state->target_deg = from + by_deg;
+    state->turned_from_deg = from;
+    state->turn_speed_deg_s = speed_deg_s;
+    state->n_passed = 0;
+    state->steady_us = clock_now_us(axis->device.clock) +
+                       axis_to_us(speed_deg_s / motion->accel_deg_s2 + 1e-3 * motion->report_ms);
+    state->driver_moves = TRUE;
+    if (!axis->driver->turn(axis, state->target_deg, speed_deg_s, error)) {
+        state->activity = IDLE;
+        state->turning = state->driver_moves = FALSE;
+        return FALSE;
+    }
+    state->slack_unknown = FALSE;
+    set_deadline(axis, by_deg / speed_deg_s + speed_deg_s / motion->accel_deg_s2 +
+                           motion->settle_ms / 1000);
+    return TRUE;
+}
+
+double axis_turned_from_deg(const Axis *axis) {
+    return axis->state->turned_from_deg;
+}
+
+/* back: 0 for the last report. */
+static const struct passed *axis_passed(const struct axis_state *state, guint back) {
+    return back < MIN(state->n_passed, N_PASSED)
+               ? &state->passed[(state->n_passed - 1 - back) % N_PASSED]
+               : NULL;
+}
+
+/* Rounds at 0.27 µs, where no time falls that is an even part of something: the same turn then
+ * gives the same time, however its positions were rounded. */
+gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us) {
+    const struct axis_state *state = axis->state;
+    const struct passed *last = axis_passed(state, 0);
+    if (!state->turning || !last || last->at_us < state->steady_us)
+        return FALSE;
+    *ret_us = last->at_us + (gint64)floor((deg - last->deg) / state->turn_speed_deg_s * 1e6 + 0.73);
+    return TRUE;
+}
+
+gboolean axis_was_at(const Axis *axis, gint64 at_us, double *ret_deg) {
+    const struct axis_state *state = axis->state;
+    const struct passed *after = axis_passed(state, 0), *before = NULL;
+    if (!after || after->at_us < at_us)
+        return FALSE;
+    for (guint back = 1; (before = axis_passed(state, back)) && before->at_us > at_us; back++)
+        after = before;
+    if (!before)
+        return FALSE;
+    const double part = (double)(at_us - before->at_us) / (double)(after->at_us - before->at_us);
+    *ret_deg = before->deg + part * (after->deg - before->deg);
+    return TRUE;
+}
+
+void axis_report_position(Axis *axis, double deg, gint64 at_us) {
+    struct axis_state *state = axis->state;
+    const struct passed *last = axis_passed(state, 0);
+    if (!state->turning || !state->driver_moves || (last && at_us <= last->at_us))
+        return;
+    state->passed[state->n_passed++ % N_PASSED] = (struct passed){at_us, deg};
+    if (state->func)
+        state->func(axis, AXIS_PASSING, NULL, state->data);
 }
 
 gboolean axis_stop(Axis *axis, GError **error) {

@@ -12,6 +12,7 @@ enum axis_event {
     AXIS_ARRIVED, /* at the target, and still */
     AXIS_HOMED,   /* at its reference; position is known from now on */
     AXIS_STOPPED, /* by axis_stop(); position is still known */
+    AXIS_PASSING, /* during axis_turn(): where it was, and when, has been reported */
     AXIS_FAULT,   /* error says why; position is unknown until the next homing */
 };
 
@@ -28,6 +29,9 @@ struct axis_motion {
     double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
     double settle_ms;    /* from arrival until the load is still; the class waits for it */
     double homing_s;     /* duration of homing, for predictions; 0: not known */
+    double report_ms;    /* axis_turn(): the driver tells at least so often where the axis was, and
+                            when; 0: it cannot */
+    double stamp_ms;     /* by which these times are off, at most */
 };
 
 /* The options of a motion, for a driver's table; the driver adds its own row for homing_s. at:
@@ -66,6 +70,10 @@ struct axis_driver {
      * wraps, the target counts on from position() and may be below 0 or above 360. Called also from
      * within axis_report(): the second leg of a move that takes up backlash. */
     gboolean (*move)(Axis *axis, double target_deg, GError **error);
+    /* NULL: it cannot. Goes to a target as move() does, but at a speed of its own, up to
+     * motion.speed_deg_s, and calls axis_report_position() from then on, with the angles that
+     * position() counts. motion.report_ms and stamp_ms are set by open(). */
+    gboolean (*turn)(Axis *axis, double target_deg, double speed_deg_s, GError **error);
     /* Stops now. The driver ends the move or homing under way by axis_report(AXIS_STOPPED). It does
      * the same for an axis that already stands, or that another program has set off, once it sees
      * that the axis stands. */
@@ -100,6 +108,30 @@ gboolean axis_home(Axis *axis, GError **error);
  * that is NaN or outside the limits. */
 gboolean axis_move(Axis *axis, double target_deg, GError **error);
 
+/*
+ * Pictures are taken while an axis turns by: a driver that can tell where its axis was at a time
+ * makes that possible. axis_turn() accelerates, goes on at one speed, and brakes, in the positive
+ * direction alone, so that backlash stays taken up. Each report is an AXIS_PASSING; the turn ends
+ * like a move. Angles are those that position() counts, from axis_turned_from_deg() on, without a
+ * step at 360.
+ */
+
+/* Whether its driver can do that. */
+gboolean axis_can_turn(const Axis *axis);
+
+/* Turns by an angle above 0. Refuses as axis_move() does, and axes that cannot turn, and speeds
+ * that are not above 0 or above motion.speed_deg_s. */
+gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error);
+double axis_turned_from_deg(const Axis *axis);
+
+/* When the turn under way passes an angle, by the last report and the speed. FALSE: it has not
+ * reported yet since it turns at that speed. */
+gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us);
+
+/* Where it was in the last turn, which may have ended: linear between the reports before and after
+ * that time. FALSE: there is none after it yet, or none before it. */
+gboolean axis_was_at(const Axis *axis, gint64 at_us, double *ret_deg);
+
 /* On an axis that stands, does nothing and succeeds. */
 gboolean axis_stop(Axis *axis, GError **error);
 
@@ -119,9 +151,16 @@ double axis_position_deg(Axis *axis);
  * touch it afterwards. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
+/* For drivers, in a turn: where the axis was, at a time on the Clock's scale. Reports out of order
+ * are ignored. The listener may stop the axis meanwhile, but does not close it. */
+void axis_report_position(Axis *axis, double deg, gint64 at_us);
+
 /* Seconds a move takes, backlash and settling included; 0 if from and to are the same. Pure.
  * Trapezoidal speed: t = d/v + v/a, or 2 sqrt(d/a) where the top speed is not reached. */
 double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
+
+/* What an axis turns by while it accelerates from 0 to a speed, or brakes: v²/2a. Pure. */
+double axis_ramp_deg(const struct axis_motion *motion, double speed_deg_s);
 
 /* Signed distance from one position to another: the shorter way round if the axis wraps. Pure. */
 double axis_way_deg(const struct axis_motion *motion, double from_deg, double to_deg);

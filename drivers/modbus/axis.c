@@ -33,7 +33,7 @@ struct modbus_axis {
     gboolean verify;
     char **setup, **start, **home, **stop, **clear, **watchdog;
     struct modbus_watchdog own; /* the drive's own watchdog */
-    double poll_ms, watchdog_ms, start_ms, stall_ms, lost_ms;
+    double poll_ms, watchdog_ms, start_ms, stall_ms, lost_ms, stamp_ms;
 
     ModbusBus *bus;
     enum phase phase;
@@ -42,8 +42,10 @@ struct modbus_axis {
     int n_unheard;  /* polls in a row without an answer */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
+    double speed_deg_s;           /* as its register has it */
     gint64 still_us, progress_us; /* last start or motion seen; last change of position */
     gint64 heard_us, fed_us;      /* last answer; last feeding of the watchdog */
+    gint64 polled_us;             /* the poll under way */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
@@ -120,6 +122,9 @@ static const struct option options[] = {
     MODBUS_WATCHDOG_OPTIONS(FIELD(own)),
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms),
      "Time between two polls while the axis moves"},
+    {"stamp_ms", OPTION_DOUBLE, "ms", 0.1, 1000, "10", NULL, FIELD(stamp_ms),
+     "With motion = continuous: by how much the time at which the axis was somewhere may be off. A "
+     "poll that takes twice as long does not tell it; the drive's own delay must be below it, too"},
     {"start_ms", OPTION_DOUBLE, "ms", 1, 10000, "500", NULL, FIELD(start_ms),
      "How long the axis may stand still after a command, and pause while homing"},
     {"stall_ms", OPTION_DOUBLE, "ms", 10, 60000, "1000", NULL, FIELD(stall_ms),
@@ -229,6 +234,7 @@ static void poll_now(Axis *axis) {
         return;
     clock_cancel(axis->device.clock, &priv->timer);
     priv->polling = TRUE;
+    priv->polled_us = now;
     if (*priv->watchdog && now - priv->fed_us >= (gint64)(priv->watchdog_ms * 500)) {
         priv->fed_us = now;
         add_writes(&job, priv->watchdog);
@@ -416,7 +422,22 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     }
     priv->n_unheard = 0;
     priv->heard_us = clock_now_us(axis->device.clock);
-    modbus_axis_evaluate(axis, job);
+    const gint64 took_us = priv->heard_us - priv->polled_us;
+    if (priv->phase == MOVING && (double)took_us <= 2000 * priv->stamp_ms) {
+        const gint64 steps =
+            modbus_axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
+        axis_report_position(axis, to_deg(priv, steps), priv->polled_us + took_us / 2);
+    }
+    if (priv->n_commands == 0) /* the listener may have stopped it */
+        modbus_axis_evaluate(axis, job);
+}
+
+/* Adds the write of another speed than its register has. */
+static void modbus_axis_set_speed(struct modbus_axis *priv, struct modbus_job *job, double deg_s) {
+    if (priv->speed.address < 0 || deg_s == priv->speed_deg_s)
+        return;
+    add_number(priv, job, &priv->speed, MAX(1, llround(deg_s * priv->speed_scale)));
+    priv->speed_deg_s = deg_s;
 }
 
 static gboolean modbus_axis_home(Axis *axis, GError **error) {
@@ -424,12 +445,14 @@ static gboolean modbus_axis_home(Axis *axis, GError **error) {
     struct modbus_job job = {0};
     if (priv->faulty)
         add_writes(&job, priv->clear);
+    modbus_axis_set_speed(priv, &job, priv->motion.speed_deg_s);
     add_writes(&job, priv->home);
     modbus_axis_command(axis, HOMING, &job);
     return TRUE;
 }
 
-static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) {
+static gboolean modbus_axis_turn(Axis *axis, double target_deg, double speed_deg_s,
+                                 GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     double steps = round((target_deg - priv->home_deg) * priv->steps_per_deg);
@@ -440,10 +463,16 @@ static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) 
             "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE "home it",
             target_deg, steps);
     priv->target_steps = (gint64)steps;
+    modbus_axis_set_speed(priv, &job, speed_deg_s);
     add_number(priv, &job, &priv->target, priv->target_steps);
     add_writes(&job, priv->start);
     modbus_axis_command(axis, MOVING, &job);
     return TRUE;
+}
+
+static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) {
+    const struct modbus_axis *priv = axis->device.priv;
+    return modbus_axis_turn(axis, target_deg, priv->motion.speed_deg_s, error);
 }
 
 static gboolean modbus_axis_stop(Axis *axis, GError **error) {
@@ -512,6 +541,12 @@ static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     priv->steps = modbus_axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);
     priv->faulty = has_bit(&job, priv->fault_bit);
     axis->motion = priv->motion;
+    priv->speed_deg_s = priv->motion.speed_deg_s;
+    /* Without a register for the speed it turns at one speed alone. */
+    if (priv->speed.address >= 0) {
+        axis->motion.report_ms = priv->poll_ms + 2 * priv->stamp_ms;
+        axis->motion.stamp_ms = priv->stamp_ms;
+    }
     poll_later(axis);
     return TRUE;
 }
@@ -536,6 +571,7 @@ const struct axis_driver modbus_axis_driver = {
     .close = modbus_axis_close_axis,
     .home = modbus_axis_home,
     .move = modbus_axis_move,
+    .turn = modbus_axis_turn,
     .stop = modbus_axis_stop,
     .position = modbus_axis_position,
 };

@@ -59,6 +59,10 @@ enum flag {
 #define STANDING_MS  100 /* between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
+/* An answer is given between request and arrival: one that took twice as long as this does not tell
+ * when the axis was there. */
+#define STAMP_MS 2
+
 /* An "exit safe start" holds for 200 ms; an earlier error may still be reported for that long. */
 #define GRACE_US 250000
 
@@ -83,6 +87,7 @@ struct tic {
     guint timer;
     double target_deg;
     gint32 target_steps;
+    double speed_deg_s; /* as set last */
     gboolean on_target; /* stands at target_steps, target_deg rounded to steps */
     double position_deg;
 };
@@ -272,7 +277,11 @@ static void check_tic_homing(Axis *axis, const struct status *status) {
 
 static void usb_tic_evaluate(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
+    const gint64 now = clock_now_us(axis->device.clock);
     tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
+    if (tic->phase == MOVING && tic->n_asked == tic->n_started &&
+        now - tic->asked_us <= 2 * STAMP_MS * 1000)
+        axis_report_position(axis, tic->position_deg, tic->asked_us + (now - tic->asked_us) / 2);
     if (tic->n_asked != tic->n_started)
         return;
     if (tic->phase == STOPPING && status->velocity == 0)
@@ -373,16 +382,25 @@ static gboolean check_plugged(Axis *axis, GError **error) {
                                         "not plugged in" ERROR_ADVICE "plug it in, then home it");
 }
 
+static gboolean usb_tic_set_speed(Axis *axis, double deg_s, GError **error) {
+    struct tic *tic = axis->device.priv;
+    const double speed = deg_s * tic->steps_per_deg * SPEED_UNITS;
+    if (deg_s == tic->speed_deg_s)
+        return TRUE;
+    tic->speed_deg_s = deg_s;
+    return send(axis, SET_MAX_SPEED, (gint32)MAX(1, llround(speed)), error);
+}
+
 static gboolean connect_usb(Axis *axis, GError **error);
 /* Halts first, which makes the position uncertain: once it is certain again, homing is complete. */
 static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
-    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
     gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
+    tic->speed_deg_s = 0; /* whatever it was before */
     if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
-        !send(axis, SET_MAX_SPEED, (gint32)MAX(1, llround(speed)), error) ||
+        !usb_tic_set_speed(axis, tic->motion.speed_deg_s, error) ||
         !send(axis, SET_MAX_ACCEL, accel, error) || !send(axis, SET_MAX_DECEL, accel, error) ||
         !send(axis, EXIT_SAFE_START, 0, error) || !send(axis, HALT_AND_HOLD, 0, error) ||
         !(tic->homing == HOMING_HERE ? send(axis, HALT_AND_SET_POSITION, 0, error)
@@ -392,7 +410,7 @@ static gboolean usb_tic_home(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
+static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, GError **error) {
     struct tic *tic = axis->device.priv;
     double steps = round((target_deg - tic->home_deg) * tic->steps_per_deg);
     if (!check_plugged(axis, error))
@@ -401,13 +419,18 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
             "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
-    if (!send(axis, EXIT_SAFE_START, 0, error) ||
+    if (!send(axis, EXIT_SAFE_START, 0, error) || !usb_tic_set_speed(axis, speed_deg_s, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
         return FALSE;
     tic->target_deg = target_deg;
     tic->target_steps = (gint32)steps;
     started(axis, MOVING);
     return TRUE;
+}
+
+static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
+    const struct tic *tic = axis->device.priv;
+    return usb_tic_turn(axis, target_deg, tic->motion.speed_deg_s, error);
 }
 
 /* A target velocity of 0 brakes with the set deceleration and keeps the position; a halt loses it.
@@ -517,6 +540,8 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     axis->motion = tic->motion;
+    axis->motion.report_ms = tic->poll_ms + 2 * STAMP_MS;
+    axis->motion.stamp_ms = STAMP_MS;
     return connect_usb(axis, error);
 }
 
@@ -535,6 +560,7 @@ const struct axis_driver tic_axis_driver = {
     .close = usb_tic_close_axis,
     .home = usb_tic_home,
     .move = usb_tic_move,
+    .turn = usb_tic_turn,
     .stop = usb_tic_stop,
     .position = usb_tic_position,
 };

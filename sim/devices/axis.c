@@ -5,7 +5,8 @@
 #include <math.h>
 
 /* Interval between updates of the world by a moving axis. */
-#define TICK_US 20000
+#define TICK_US       20000
+#define LEAST_TICK_US 1000
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
 enum stall_kind { STALL_REPORTED, STALL_SILENT };
@@ -28,6 +29,8 @@ struct sim_axis {
     gboolean stalls;
     double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
     gint64 start_us, end_us;
+    double speed_deg_s;             /* of this movement, at most */
+    gboolean turning;               /* and it tells where it is */
     double position_deg, slack_deg; /* slack: how far the load lags behind the drive */
 };
 
@@ -49,6 +52,8 @@ static const struct option options[] = {
      "Position of the reference switch"},
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(motion.homing_s),
      "How long homing takes"},
+    {"report_ms", OPTION_DOUBLE, "ms", 0, 1000, "20", NULL, FIELD(motion.report_ms),
+     "How often it tells where it is while it turns with motion = continuous; 0: it cannot"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(latency_ms),
      "How late the axis reports its position"},
     {"position_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(position_error_deg),
@@ -100,12 +105,22 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
     return deg + position_error_deg(deg, most_deg, seed);
 }
 
-static void update_world(struct sim_axis *sim, double off_deg) {
+static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed);
+
+/* off_deg: how far the load swings. */
+static void update_world(Axis *axis, double off_deg) {
+    struct sim_axis *sim = axis->device.priv;
+    const gint64 now = clock_now_us(axis->device.clock);
+    double speed = 0;
     double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
     double deg = sim_axis_true_deg(sim->position_deg, sim->motion.wraps, sim->position_error_deg,
                                    sim->error_seed) +
                  sim->slack_deg + slip + off_deg;
-    if (sim->part == PART_TURNTABLE)
+    if (sim->phase == MOVING || sim->phase == BRAKING)
+        position_now(sim, now, &speed);
+    if (sim->part == PART_TURNTABLE && speed != 0)
+        world_turn_turntable(sim->world, deg, speed, now);
+    else if (sim->part == PART_TURNTABLE)
         world_set_turntable(sim->world, deg);
     else if (sim->part == PART_ARC)
         world_set_arc(sim->world, deg);
@@ -127,7 +142,7 @@ static void go_to(struct sim_axis *sim, double deg) {
  */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
-    double a = sim->motion.accel_deg_s2, v = MIN(sim->motion.speed_deg_s, sqrt(a * d));
+    double a = sim->motion.accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
     double ramp = v / a, total = d / v + ramp;
     double left = MAX(0, total - t);
     *ret_speed = MIN(v, a * MIN(t, left));
@@ -186,13 +201,17 @@ static void sim_axis_finish(Axis *axis) {
     sim->phase = STANDING;
     if (event == AXIS_ARRIVED && sim->motion.settle_ms > 0 && sim->ringing_deg > 0) {
         sim->phase = RINGING;
-        update_world(sim, sim->ringing_deg);
+        update_world(axis, sim->ringing_deg);
         wake_at(axis,
                 clock_now_us(axis->device.clock) + sim_axis_to_us(sim->motion.settle_ms / 1000));
     } else {
-        update_world(sim, 0);
+        update_world(axis, 0);
     }
     axis_report(axis, event, NULL);
+}
+
+static gint64 tick_us(const struct sim_axis *sim) {
+    return sim->turning ? MAX((gint64)(sim->motion.report_ms * 1000), LEAST_TICK_US) : TICK_US;
 }
 
 static void sim_axis_on_timer(gpointer data) {
@@ -203,7 +222,7 @@ static void sim_axis_on_timer(gpointer data) {
     sim->timer = 0;
     if (sim->phase == RINGING) {
         sim->phase = STANDING;
-        update_world(sim, 0);
+        update_world(axis, 0);
         return;
     }
     if (sim->phase == MOVING && sim->stalls && now >= (sim->start_us + sim->end_us) / 2) {
@@ -217,10 +236,12 @@ static void sim_axis_on_timer(gpointer data) {
     }
     if (sim->phase != HOMING) {
         go_to(sim, position_now(sim, now, &speed));
-        update_world(sim, 0);
+        update_world(axis, 0);
     }
-    gint64 next = now < sim->end_us ? MIN(now + TICK_US, sim->end_us) : now + TICK_US;
+    gint64 next = now < sim->end_us ? MIN(now + tick_us(sim), sim->end_us) : now + tick_us(sim);
     wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
+    if (sim->turning && sim->phase == MOVING)
+        axis_report_position(axis, sim->position_deg, now);
 }
 
 static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double seconds) {
@@ -231,22 +252,33 @@ static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double s
     sim->to_deg = to_deg;
     sim->start_us = now;
     sim->end_us = now + sim_axis_to_us(seconds);
-    wake_at(axis, MIN(now + TICK_US, sim->end_us + latency_us(sim)));
+    wake_at(axis, MIN(now + tick_us(sim), sim->end_us + latency_us(sim)));
 }
 
 static gboolean sim_axis_home(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
-    sim->stalls = FALSE;
+    sim->stalls = sim->turning = FALSE;
     sim_axis_start(axis, HOMING, sim->home_deg, sim->motion.homing_s);
     return TRUE;
 }
 
-static gboolean sim_axis_move(Axis *axis, double target_deg, GError **error) {
+static void sim_axis_go(Axis *axis, double target_deg, double v, gboolean turning) {
     struct sim_axis *sim = axis->device.priv;
-    double d = fabs(target_deg - sim->position_deg), v = sim->motion.speed_deg_s,
-           a = sim->motion.accel_deg_s2;
+    double d = fabs(target_deg - sim->position_deg), a = sim->motion.accel_deg_s2;
     sim->stalls = ++sim->n_moves == sim->fault_stall_at;
+    sim->speed_deg_s = v;
+    sim->turning = turning;
     sim_axis_start(axis, MOVING, target_deg, d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a));
+}
+
+static gboolean sim_axis_move(Axis *axis, double target_deg, GError **error) {
+    const struct sim_axis *sim = axis->device.priv;
+    sim_axis_go(axis, target_deg, sim->motion.speed_deg_s, FALSE);
+    return TRUE;
+}
+
+static gboolean sim_axis_turn(Axis *axis, double target_deg, double speed_deg_s, GError **error) {
+    sim_axis_go(axis, target_deg, speed_deg_s, TRUE);
     return TRUE;
 }
 
@@ -310,7 +342,7 @@ static void sim_axis_close_axis(Axis *axis) {
     clock_cancel(axis->device.clock, &sim->timer);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
-    update_world(sim, 0);
+    update_world(axis, 0);
     g_clear_pointer(&sim->world, world_unref);
 }
 
@@ -322,6 +354,7 @@ const struct axis_driver sim_axis_driver = {
     .close = sim_axis_close_axis,
     .home = sim_axis_home,
     .move = sim_axis_move,
+    .turn = sim_axis_turn,
     .stop = sim_axis_stop,
     .position = sim_axis_position,
 };

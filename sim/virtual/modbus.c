@@ -48,6 +48,7 @@ struct VirtualModbus {
     int down_ms; /* > 0: restart asked for */
     enum phase phase;
     double from, to, speed0;
+    double speed_steps_s; /* of this motion, at most */
     gint64 start_us, end_us;
     gint64 heard_us;                          /* the last request; 0: timed out since */
     gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0: the coil stays as it is */
@@ -55,7 +56,7 @@ struct VirtualModbus {
 
 static double virtual_modbus_travelled(const VirtualModbus *device, double way, double t) {
     double a = device->options.accel_steps_s2;
-    double v = MIN(device->options.speed_steps_s, sqrt(a * way));
+    double v = MIN(device->speed_steps_s, sqrt(a * way));
     double ramp = v / a, left = MAX(0, way / v + ramp - t);
     if (t <= ramp)
         return a * t * t / 2;
@@ -86,10 +87,13 @@ static void update_motion(VirtualModbus *device) {
 
 static void begin_motion(VirtualModbus *device, enum phase phase, double to, gint64 least_us) {
     gint64 now = g_get_monotonic_time();
-    double v = device->options.speed_steps_s, a = device->options.accel_steps_s2;
+    double asked = device->options.speed_unit_steps_s * device->mapping->tab_registers[SPEED];
+    double v = asked > 0 ? asked : device->options.speed_steps_s;
+    double a = device->options.accel_steps_s2;
     double way = fabs(to - device->state.position_steps);
     double seconds = way >= v * v / a ? way / v + v / a : 2 * sqrt(way / a);
     device->phase = phase;
+    device->speed_steps_s = v;
     device->from = device->state.position_steps;
     device->to = to;
     device->start_us = device->state.began_us = now;

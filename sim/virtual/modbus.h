@@ -4,7 +4,8 @@
  * pseudo-terminal, in a thread of its own and in real time. For tests and measurements.
  *
  * Holding registers: 0–1 target (32 bits, high word first), 2 command (1 start, 2 home, 3 stop,
- * 4 clear), 3 speed, 4 acceleration (kept alone), 5 watchdog (writes are counted), 6 communication
+ * 4 clear), 3 speed, 4 acceleration (kept alone; the speed
+ * too without speed_unit_steps_s), 5 watchdog (writes are counted), 6 communication
  * timeout in 0.1 s (0: none; if no request comes for so long, the coils go off and the drive
  * brakes), 100–107 plain.
  * Input registers and, for reading, holding registers from 20 on: status (bit 0 moving, 1 homed,
@@ -29,7 +30,8 @@ typedef struct VirtualModbus VirtualModbus;
 struct virtual_modbus_options {
     gboolean rtu;
     int unit;
-    double speed_steps_s, accel_steps_s2; /* of the drive, whatever its registers hold */
+    double speed_steps_s, accel_steps_s2; /* of the drive, whatever its registers hold, but: */
+    double speed_unit_steps_s; /* what 1 in the register of the speed means, if it counts; else 0 */
 };
 
 VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, GError **error);

@@ -10,11 +10,31 @@ struct bench {
     gboolean in_call;
     int n_events;
     enum axis_event last;
+    /* Of a turn: its reports, when they said that passing_deg will be passed, the first and the
+     * last time. */
+    int n_passing;
+    double passing_deg;
+    gint64 said_first_us, said_last_us;
 };
+
+static void note_passing(struct bench *bench) {
+    gint64 us;
+    g_assert_true(axis_is_moving(bench->axis));
+    bench->n_passing++;
+    if (!axis_passes_at(bench->axis, bench->passing_deg, &us))
+        return;
+    bench->said_first_us = bench->said_first_us ? bench->said_first_us : us;
+    if (us > clock_now_us(bench->clock))
+        bench->said_last_us = us;
+}
 
 static void on_event(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
     struct bench *bench = data;
     g_assert_false(bench->in_call);
+    if (event == AXIS_PASSING) {
+        note_passing(bench);
+        return;
+    }
     g_assert_false(axis_is_moving(axis));
     g_assert_cmpint(event == AXIS_FAULT, ==, error != NULL);
     bench->n_events++;
@@ -142,6 +162,81 @@ static void moves(struct bench *bench) {
     }
 }
 
+static void refuses_turn(struct bench *bench, double by_deg, double speed_deg_s) {
+    GError *error = NULL;
+    const double before = axis_position_deg(bench->axis);
+    g_assert_false(axis_turn(bench->axis, by_deg, speed_deg_s, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_RANGE, "");
+    g_assert_false(axis_is_moving(bench->axis));
+    g_assert_cmpfloat(axis_position_deg(bench->axis), ==, before);
+}
+
+/* At the times that it told it was where it said it would be, at a steady speed, and it arrives;
+ * or it says that it cannot, and nothing moves. */
+static void turns(struct bench *bench) {
+    const struct axis_motion *m = &bench->axis->motion;
+    const double from = at(bench, 0.25), by = at(bench, 0.75) - from;
+    double speed = m->speed_deg_s / 2, deg, later_deg;
+    GError *error = NULL;
+    home(bench);
+    start_move(bench, from);
+    expect(bench, AXIS_ARRIVED);
+    if (!axis_can_turn(bench->axis)) {
+        refuses_turn(bench, by, speed);
+        return;
+    }
+    refuses_turn(bench, by, m->speed_deg_s * 1.01);
+    refuses_turn(bench, by, 0);
+    refuses_turn(bench, -by, speed);
+    speed = MIN(speed, sqrt(by * m->accel_deg_s2 / 4)); /* half of the way at it, at least */
+    bench->passing_deg = axis_position_deg(bench->axis) + by / 2;
+    bench->in_call = TRUE;
+    g_assert_true(axis_turn(bench->axis, by, speed, &error));
+    bench->in_call = FALSE;
+    g_assert_no_error(error);
+    bench->passing_deg = axis_turned_from_deg(bench->axis) + by / 2;
+    expect(bench, AXIS_ARRIVED);
+    assert_at(bench, from + by);
+    g_assert_cmpint(bench->n_passing, >=, 3);
+    g_assert_cmpint(bench->said_first_us, >, 0);
+    g_assert_cmpint(bench->said_last_us, >, 0);
+    const double off = tolerance(bench) + speed * 2e-3 * m->stamp_ms;
+    g_assert_cmpfloat((double)ABS(bench->said_last_us - bench->said_first_us) * 1e-6 * speed, <=,
+                      2 * off + 0.05 * by);
+    g_assert_true(axis_was_at(bench->axis, bench->said_last_us, &deg));
+    g_assert_cmpfloat(fabs(deg - bench->passing_deg), <=, 2 * off);
+    const double later_s = by / 8 / speed;
+    g_assert_true(
+        axis_was_at(bench->axis, bench->said_last_us + (gint64)(later_s * 1e6), &later_deg));
+    g_assert_cmpfloat(fabs(later_deg - deg - by / 8), <=, 2 * off + 0.01 * by / 8);
+    g_assert_false(axis_was_at(bench->axis, clock_now_us(bench->clock) + 1, &deg));
+    /* A move afterwards is as quick as ever. */
+    const double predicted = axis_move_time_s(m, from + by, from);
+    const gint64 start = clock_now_us(bench->clock);
+    start_move(bench, from);
+    expect(bench, AXIS_ARRIVED);
+    g_assert_cmpfloat((double)(clock_now_us(bench->clock) - start) / 1e6, <=, predicted * 1.5 + 2);
+}
+
+/* In the middle of a turn. */
+static void stops_turning(struct bench *bench) {
+    const double from = at(bench, 0.25), by = at(bench, 0.75) - from;
+    home(bench);
+    start_move(bench, from);
+    expect(bench, AXIS_ARRIVED);
+    if (!axis_can_turn(bench->axis))
+        return;
+    g_assert_true(axis_turn(bench->axis, by, bench->axis->motion.speed_deg_s / 2, NULL));
+    conformance_pass(bench->clock, by / bench->axis->motion.speed_deg_s);
+    g_assert_true(axis_is_moving(bench->axis));
+    g_assert_true(axis_stop(bench->axis, NULL));
+    expect(bench, AXIS_STOPPED);
+    expect_silence(bench, 0.5);
+    start_move(bench, from);
+    expect(bench, AXIS_ARRIVED);
+    assert_at(bench, from);
+}
+
 static void same_place(struct bench *bench) {
     home(bench);
     start_move(bench, at(bench, 0.4));
@@ -257,6 +352,8 @@ void conformance_axis(const struct axis_driver *driver, const struct conformance
         {"not-homed", not_homed},
         {"homes", homes},
         {"moves", moves},
+        {"turns", turns},
+        {"stops-turning", stops_turning},
         {"same-place", same_place},
         {"limits", limits},
         {"busy", busy},

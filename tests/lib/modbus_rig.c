@@ -1,8 +1,10 @@
 #include "modbus_rig.h"
 
 VirtualModbus *modbus_rig_device(gboolean rtu) {
-    static const struct virtual_modbus_options options = {
-        .unit = RIG_UNIT, .speed_steps_s = 40000, .accel_steps_s2 = 400000};
+    static const struct virtual_modbus_options options = {.unit = RIG_UNIT,
+                                                          .speed_steps_s = 40000,
+                                                          .accel_steps_s2 = 400000,
+                                                          .speed_unit_steps_s = 50};
     struct virtual_modbus_options with = options;
     GError *error = NULL;
     with.rtu = rtu;
