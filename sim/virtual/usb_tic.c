@@ -113,7 +113,8 @@ static void virtual_usb_tic_run(VirtualTic *tic) {
         virtual_usb_tic_step(tic, STEP_US * 1e-6);
     }
     if (tic->part.kind != WORLD_PART_NONE)
-        world_part_turn(&tic->part, (tic->steps - tic->zero_steps) / tic->steps_per_deg);
+        world_part_turn(&tic->part, (tic->steps - tic->zero_steps) / tic->steps_per_deg,
+                        tic->velocity / tic->steps_per_deg, tic->now_us);
 }
 
 static void put32(guint8 *data, gint64 value) {

@@ -67,7 +67,11 @@ void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us)
         world_set_laser(part->world, part->index, on);
 }
 
-void world_part_turn(const struct world_part *part, double deg) {
+void world_part_turn(const struct world_part *part, double deg, double deg_s, gint64 at_us) {
+    if (part->kind == WORLD_PART_TURNTABLE && deg_s != 0) {
+        world_turn_turntable(part->world, deg, deg_s, at_us);
+        return;
+    }
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         if (part->kind == axes[i].kind)
             axes[i].turn(part->world, deg);

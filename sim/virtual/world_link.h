@@ -35,5 +35,6 @@ void world_part_clear(struct world_part *part); /* of zeroes is allowed */
 /* Switches a lamp or laser; other parts ignore it. at_us: when the contact closed or opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turns a turntable, arc, arm, probe or sweep; other parts ignore it. */
-void world_part_turn(const struct world_part *part, double deg);
+/* Turns a turntable, arc, arm, probe or sweep; other parts ignore it. deg_s: the speed that it has
+ * at at_us; 0: it stands. */
+void world_part_turn(const struct world_part *part, double deg, double deg_s, gint64 at_us);

@@ -256,11 +256,16 @@ static void couple(VirtualRig *rig) {
     struct virtual_modbus_state state;
     g_mutex_lock(&rig->coupling);
     for (int i = 0; i < rig->n_drives; i++) {
-        const struct drive *drive = &rig->drives[i];
+        struct drive *drive = &rig->drives[i];
+        const gint64 now = g_get_monotonic_time();
         virtual_modbus_state(drive->device, &state);
         double deg = drive->home_deg + state.position_steps / STEPS_PER_DEG;
         deg = sim_axis_true_deg(deg, drive->wraps, drive->error_deg, drive->error_seed);
-        world_part_turn(&drive->part, deg);
+        const double way = remainder(deg - drive->was_deg, 360);
+        const double deg_s = now > drive->was_us ? way / (double)(now - drive->was_us) * 1e6 : 0;
+        world_part_turn(&drive->part, deg, drive->was_us > 0 ? deg_s : 0, now);
+        drive->was_deg = deg;
+        drive->was_us = now;
     }
     for (int i = 0; i < rig->n_boards; i++) {
         struct board *board = &rig->boards[i];

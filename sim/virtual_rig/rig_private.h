@@ -22,6 +22,8 @@ struct drive {
     gboolean wraps;
     double home_deg, error_deg;
     int error_seed;
+    double was_deg; /* at was_us, in rig.c; 0: not yet */
+    gint64 was_us;
 };
 
 struct board { /* of relays and inputs */

@@ -1,6 +1,6 @@
 #include "optics.h"
 
-#include "sample.h"
+#include "samples/sample.h"
 
 /* Normal deviates by table: quantiles of the normal distribution, scaled so that the table's
  * variance is one. The sum of two entries has tails to 4.6 σ. */

@@ -7,7 +7,7 @@
  */
 #pragma once
 
-#include "sample.h"
+#include "samples/sample.h"
 
 #define SPREAD_STEPS 512
 

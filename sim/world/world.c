@@ -1,5 +1,8 @@
 #include "world_private.h"
 
+#define MOST_POSES   32    /* of an exposure while the turntable turns */
+#define POSE_STEP_PX 0.125 /* by which the sample's edge may move from one to the next */
+
 static GMutex registry_lock;
 static GHashTable *registry; /* path → World, without a reference */
 
@@ -35,7 +38,7 @@ World *world_get(const char *path, GError **error) {
         return world;
     }
     world = g_new0(World, 1);
-    world->ref_count = 1;
+    world->ref_count = world->n_turns = 1;
     world->key = g_steal_pointer(&key);
     g_mutex_init(&world->lock);
     for (int i = 0; i < WORLD_MAX_LAMPS; i++)
@@ -95,7 +98,35 @@ void world_sensor(const World *world, int camera, struct world_sensor *ret) {
 
 void world_set_turntable(World *world, double deg) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
-    world->turntable_deg = deg;
+    world->turns[0] = (struct turn){.deg = deg};
+    world->n_turns = 1;
+}
+
+void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) {
+    g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
+    world->turns[world->n_turns++ % WORLD_TURNS] = (struct turn){at_us, deg, deg_s};
+}
+
+/* Before the oldest turn that is known, that one counts. */
+static double world_turntable_at(const World *world, gint64 at_us) {
+    const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
+    guint i = world->n_turns - 1;
+    while (i > oldest && world->turns[i % WORLD_TURNS].from_us > at_us)
+        i--;
+    const struct turn *turn = &world->turns[i % WORLD_TURNS];
+    return turn->deg + turn->deg_s * 1e-6 * (double)(at_us - turn->from_us);
+}
+
+static void world_note_turntable(const World *world, gint64 start_us, gint64 exposure_us,
+                                 struct world_state *state) {
+    const double from = world_turntable_at(world, start_us);
+    state->turning_deg[0] = from;
+    for (int i = 1; i < WORLD_INSTANTS; i++) {
+        const double at =
+            world_turntable_at(world, start_us + exposure_us * i / (WORLD_INSTANTS - 1));
+        state->turning_deg[i] = at == from ? at : from + remainder(at - from, 360);
+    }
+    state->turntable_deg = state->turning_deg[WORLD_INSTANTS / 2];
 }
 
 void world_set_arc(World *world, double deg) {
@@ -186,11 +217,11 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
 
 void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&world->lock);
-    *ret = (struct world_state){.turntable_deg = world->turntable_deg,
-                                .arc_deg = world->arc_deg,
+    *ret = (struct world_state){.arc_deg = world->arc_deg,
                                 .arm_deg = world->arm_deg,
                                 .probe_deg = world->probe_deg,
                                 .time_us = start_us};
+    world_note_turntable(world, start_us, exposure_us, ret);
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
@@ -202,6 +233,41 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, &world->power[i], start_us, exposure_us);
 }
 
+/* Adds share of the light of all lamps and lasers, DN·s⁻¹, in one pose. */
+static void world_add_light(World *world, int camera, const struct world_state *state, float share,
+                            float *rate) {
+    const gsize n = (gsize)world->cameras[camera].width * (gsize)world->cameras[camera].height;
+    for (int i = 0; i < world->n_lamps; i++) {
+        const float output = share * state->lamp_output[i];
+        if (!(output > 0))
+            continue;
+        struct cache_entry *entry = world_lamp_picture(world, camera, i, state);
+        const float *picture = entry->value;
+        for (gsize k = 0; k < n; k++)
+            rate[k] += output * picture[k];
+        cache_release(world->cache, entry);
+    }
+    for (int i = 0; i < world->n_lasers; i++) {
+        if (!state->laser_on[i])
+            continue;
+        g_autofree float *own = share < 1 ? g_new0(float, n) : NULL;
+        world_add_laser(world, camera, i, state, own ? own : rate);
+        for (gsize k = 0; own && k < n; k++)
+            rate[k] += share * own[k];
+    }
+}
+
+/* In how many poses an exposure is computed: 1 if the turntable stood. */
+static int world_n_poses(const World *world, int camera, const struct world_state *state) {
+    const struct optics_camera *sensor = &world->cameras[camera];
+    const float *low = world->scene.low, *high = world->scene.high;
+    const double x = (double)MAX(-low[0], high[0]), y = (double)MAX(-low[1], high[1]);
+    const double turned = fabs(state->turning_deg[WORLD_INSTANTS - 1] - state->turning_deg[0]);
+    const double px = turned * G_PI / 180 * hypot(x, y) * sensor->focal_px /
+                      sqrt(v3_dot(sensor->centre_mm, sensor->centre_mm));
+    return CLAMP((int)ceil(px / POSE_STEP_PX), 1, MOST_POSES);
+}
+
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels) {
     g_return_if_fail(camera >= 0 && camera < world->n_cameras);
@@ -211,21 +277,19 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
         lit |= state->lamp_output[i] > 0;
     for (int i = 0; i < world->n_lasers; i++)
         lit |= state->laser_on[i];
-    gsize n = (gsize)sensor->width * (gsize)sensor->height;
+    const gsize n = (gsize)sensor->width * (gsize)sensor->height;
     g_autofree float *rate = lit ? g_new0(float, n) : NULL;
-    for (int i = 0; i < world->n_lamps; i++) {
-        float output = state->lamp_output[i];
-        if (!rate || !(output > 0))
-            continue;
-        struct cache_entry *entry = world_lamp_picture(world, camera, i, state);
-        const float *picture = entry->value;
-        for (gsize k = 0; k < n; k++)
-            rate[k] += output * picture[k];
-        cache_release(world->cache, entry);
+    const int n_poses = lit ? world_n_poses(world, camera, state) : 0;
+    for (int i = 0; i < n_poses; i++) {
+        struct world_state pose = *state;
+        const double at = (i + 0.5) / n_poses * (WORLD_INSTANTS - 1);
+        const int before = (int)at;
+        if (n_poses > 1)
+            pose.turntable_deg =
+                state->turning_deg[before] +
+                (at - before) * (state->turning_deg[before + 1] - state->turning_deg[before]);
+        world_add_light(world, camera, &pose, 1.0f / (float)n_poses, rate);
     }
-    for (int i = 0; i < world->n_lasers; i++)
-        if (state->laser_on[i])
-            world_add_laser(world, camera, i, state, rate);
     guint64 key = sample_hash(noise_key * 0x9e3779b97f4a7c15u + (guint64)camera + 1);
     optics_sense(sensor, rate, (double)exposure_us * 1e-6, gain_db, world->noise,
                  sample_hash(key ^ world->noise_seed), ret_pixels);

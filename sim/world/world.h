@@ -45,11 +45,15 @@ struct world_sensor {
 void world_sensor(const World *world, int camera, struct world_sensor *ret);
 
 /* True positions, degrees; devices have added their own errors already. */
-void world_set_turntable(World *world, double deg);
+void world_set_turntable(World *world, double deg); /* it stands there */
 void world_set_arc(World *world, double deg);
 void world_set_arm(World *world, double deg);
 void world_set_probe(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
+
+/* The turntable is at deg at a time, and turns at this speed until another of these calls, or
+ * world_set_turntable(), says otherwise. Pictures exposed meanwhile are blurred. */
+void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us);
 
 /* Moves a laser, with its sweep, to the place of another laser of the file; at first it stands at
  * its own place. It keeps its number for world_set_sweep() and world_set_laser(). */
@@ -63,18 +67,23 @@ void world_set_lamp_dead(World *world, int lamp, gboolean dead);
 double world_lamp_warm_up_s(const World *world);
 void world_set_laser(World *world, int laser, gboolean on);
 
+#define WORLD_INSTANTS 17
 struct world_state {
-    double turntable_deg, arc_deg, arm_deg, probe_deg;
+    double turntable_deg, arc_deg, arm_deg, probe_deg; /* the turntable's in the middle */
+    double turning_deg[WORLD_INSTANTS]; /* where the turntable was at even intervals, from the
+                                           beginning of the exposure to its end */
     double sweep_deg[WORLD_MAX_LASERS]; /* by place, as laser_on */
     float lamp_output[WORLD_MAX_LAMPS]; /* 0 … 1, of nominal, at time_us */
     gboolean laser_on[WORLD_MAX_LASERS];
     gint64 time_us;
 };
-/* The state, with lamp outputs averaged over an exposure. */
+/* The state, with lamp outputs averaged over an exposure, which has just ended. */
 void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret);
 
 /* Computes what a camera's sensor reads: optics, light transport, vignetting, colour filters,
- * photon and read noise, black level, ADC. The noise is a function of noise_key, the camera and the
- * pixel alone. pixels holds height × width values. Any thread. */
+ * photon and read noise, black level, ADC. If the turntable turned, light is the mean of that in so
+ * many poses that the sample's edge moves by an eighth of a pixel from one to the next, at most 32.
+ * The noise is a function of noise_key, the camera and the pixel alone. pixels holds height × width
+ * values. Any thread. */
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels);

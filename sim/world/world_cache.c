@@ -1,6 +1,6 @@
 #include "world_cache.h"
 
-#include "sample.h"
+#include "samples/sample.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "optics.h"
-#include "sample.h"
+#include "samples/sample.h"
 #include "world.h"
 #include "world_cache.h"
 
@@ -14,6 +14,14 @@
 struct lamp_power { /* guarded by the world's lock */
     gboolean on, dead;
     gint64 on_us, off_us; /* times at which it was last switched on and off */
+};
+
+#define WORLD_TURNS 128
+
+/* The turntable from a time on, until the next of these. */
+struct turn {
+    gint64 from_us;
+    double deg, deg_s;
 };
 
 /* The sample's surface for light transport. Its vertices are the surfels of interreflection: each
@@ -52,7 +60,9 @@ struct World {
     Cache *cache;
 
     GMutex lock; /* guards the fields below */
-    double turntable_deg, arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
+    struct turn turns[WORLD_TURNS]; /* a ring of the last ones */
+    guint n_turns;                  /* at least 1 */
+    double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
     struct lamp_power power[WORLD_MAX_LAMPS];
     gboolean laser_on[WORLD_MAX_LASERS];
     int laser_place[WORLD_MAX_LASERS]; /* the laser at whose place each is mounted */

@@ -14,7 +14,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const gboolean ok = world_part_find(world, name, &part, &error);
     fuzz_check(ok, &error);
     g_assert_true(ok == (part.world != NULL));
-    world_part_turn(&part, (double)size);
+    world_part_turn(&part, (double)size, size % 3, (gint64)size);
     world_part_switch(&part, size % 2 == 0, (gint64)size);
     world_part_clear(&part);
     return 0;

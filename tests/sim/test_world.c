@@ -210,6 +210,50 @@ static void laser_in_shadow(void) {
     g_assert_cmpint(seen_beside, >, 20);
 }
 
+/* What a sensor sees while the turntable turns past 0, against the mean of many pictures of a
+ * standing one. */
+static void turning(void) {
+    enum { STANDING = 101, PIXELS = 101 * 101 };
+    g_autoptr(GString) obj = g_string_new(NULL);
+    world_fixture_box(obj, 0, -15, 15, -6, 6, 2);
+    g_autofree char *path = world_fixture_write("box.obj", obj->str);
+    g_autoptr(World) world = world_fixture_new(
+        "[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0\n" ABOVE
+        "[lamp l]\ntheta_deg=30\nintensity=2\n[sample]\nkind=obj\npath=box.obj\n");
+    guint16 pixels[PIXELS], still[PIXELS];
+    g_autofree double *mean = g_new0(double, PIXELS);
+    struct world_state state;
+    world_set_lamp(world, 0, TRUE, 0);
+    world_turn_turntable(world, 358, 8, 10000000);
+    world_turn_turntable(world, 0.4, 8, 10300000); /* the same, after a full turn */
+    world_snapshot(world, 10000000, 500000, &state);
+    g_assert_cmpfloat_with_epsilon(state.turning_deg[WORLD_INSTANTS - 1] - state.turning_deg[0], 4,
+                                   1e-9);
+    g_assert_cmpfloat_with_epsilon(state.turntable_deg, 360, 1e-9);
+    world_expose(world, 0, &state, 500000, 0, 1, pixels);
+    for (int i = 0; i < STANDING; i++) {
+        world_set_turntable(world, 358 + 4 * (i + 0.5) / STANDING);
+        world_snapshot(world, 10000000, 500000, &state);
+        world_expose(world, 0, &state, 500000, 0, 1, still);
+        for (int p = 0; p < PIXELS; p++)
+            mean[p] += (double)still[p] / STANDING;
+    }
+    world_set_turntable(world, 0);
+    world_snapshot(world, 10000000, 500000, &state);
+    world_expose(world, 0, &state, 500000, 0, 1, still);
+    double off = 0, blurred = 0, most = 0;
+    for (int p = 0; p < PIXELS; p++) {
+        off += (pixels[p] - mean[p]) * (pixels[p] - mean[p]);
+        blurred += (still[p] - mean[p]) * (still[p] - mean[p]);
+        most = MAX(most, mean[p]);
+    }
+    g_test_message("off by %.3g of %.4g DN, from the standing one by %.3g", sqrt(off / PIXELS),
+                   most, sqrt(blurred / PIXELS));
+    g_assert_cmpfloat(most, >, 1000);
+    g_assert_cmpfloat(most, <, 60000);
+    g_assert_cmpfloat(off, <, 0.01 * blurred);
+}
+
 static float output_at(World *world, double start_s, double exposure_s) {
     struct world_state state;
     world_snapshot(world, (gint64)(start_s * 1e6), (gint64)(exposure_s * 1e6), &state);
@@ -533,6 +577,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/world/shadow-of-a-step", shadow_of_a_step);
     g_test_add_func("/world/laser-line", laser_line);
     g_test_add_func("/world/laser-in-shadow", laser_in_shadow);
+    g_test_add_func("/world/turning", turning);
     g_test_add_func("/world/warm-up", warm_up);
     g_test_add_func("/world/drift", drift);
     g_test_add_func("/world/noise-statistics", noise_statistics);

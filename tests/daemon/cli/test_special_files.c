@@ -17,7 +17,7 @@
 #include "exr/exr.h"
 #include "lib/remove_tree.h"
 #include "pictures/picture_header.h"
-#include "world/sample.h"
+#include "samples/sample.h"
 
 #define MOST_CPU_S  5  /* of a command, start included */
 #define MOST_WALL_S 60 /* the machine may have more to do; what hangs is ended then */
