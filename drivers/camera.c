@@ -56,7 +56,7 @@ gboolean camera_open_finish(Camera *camera, GError **error) {
         return FALSE;
     if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
         f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
-        f->readout_us >= 0 && f->trigger_us >= 0 && isfinite(f->black_level))
+        f->readout_us >= 0 && f->trigger_us >= 0 && f->stamp_us >= -1 && isfinite(f->black_level))
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
                             "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT

@@ -31,6 +31,8 @@ struct camera_format { /* filled by the driver's open() */
     gint64 min_exposure_us, max_exposure_us;
     gint64 trigger_us; /* from the trigger until the exposure begins, and */
     gint64 readout_us; /* from the end of exposure until the frame is here; for the plan */
+    gint64 stamp_us; /* by which exposure_start_us of its frames may be off, at most; −1: not known,
+                        or its rows are exposed one after the other */
 };
 
 struct camera_settings {

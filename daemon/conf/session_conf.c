@@ -75,6 +75,7 @@ static const struct option sample_options[] = {
 
 static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
 static const char *const order_choices[] = {"quickest", "views", NULL};
+static const char *const motion_choices[] = {"standing", "continuous", NULL};
 
 const char *const auto_key_names[AUTO_KEYS] = {
     [AUTO_EXPOSURES] = "exposures_us",
@@ -116,6 +117,15 @@ static const struct option capture_options[] = {
      .offset = CONF(order),
      .help = "The quickest order of shots, or view after view, so that the material can be looked "
              "at while it is captured"},
+    {"motion", OPTION_CHOICE, .fallback = "standing", .choices = motion_choices,
+     .offset = CONF(motion),
+     .help = "Whether the turntable stands for each picture under a lamp, or turns by without a "
+             "stop; that takes an axis that tells where it is at which time, and one exposure in "
+             "exposures_us"},
+    {"blur_texels", OPTION_DOUBLE, "texels", 0.001, 100, "0.25", .offset = CONF(blur_texels),
+     .help =
+         "With motion = continuous: part of a texel by which the sample's corner may move in an "
+         "exposure; it limits the speed"},
     {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_laser_frames),
      .help = "Keep every frame of the laser sweeps as well"},
     {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = CONF(keep_exposures),
@@ -430,9 +440,9 @@ static gboolean take_sample(const struct config_section *section, struct fields 
 /* What stands for "auto" until it is chosen: a plan with it takes the longest. */
 static void take_bounds(struct session_conf *conf) {
     if (conf->is_auto[AUTO_EXPOSURES]) {
-        conf->n_exposures = AUTO_MOST_EXPOSURES;
+        conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MOST_EXPOSURES;
         double us = conf->auto_longest_us;
-        for (int i = AUTO_MOST_EXPOSURES - 1; i >= 0; i--, us /= AUTO_FACTOR)
+        for (int i = conf->n_exposures - 1; i >= 0; i--, us /= AUTO_FACTOR)
             conf->exposures_us[i] = us;
     }
     if (conf->is_auto[AUTO_LASER])
@@ -453,6 +463,11 @@ static gboolean take_capture(const struct config_section *section, struct fields
     else if (n < 1 || n > PLAN_MAX_BRACKET)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
                               "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
+    else if (n > 1 && conf->motion == MOTION_CONTINUOUS)
+        good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "exposures_us",
+                              "%d exposures, but with motion = continuous the turntable turns on "
+                              "between them: give one, or set motion = standing",
+                              n);
     for (int i = 0; good && i < n; i++) {
         conf->exposures_us[i] = f->exposures_us.values[i];
         double before = i > 0 ? conf->exposures_us[i - 1] : 0;

@@ -35,6 +35,10 @@ enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 /* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
 enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
 
+/* MOTION_CONTINUOUS: under lamps, pictures are taken while the turntable turns (passes/passes.h).
+ */
+enum session_motion { MOTION_STANDING, MOTION_CONTINUOUS };
+
 /* STOP_COVERED: sweeps are taken in rounds until what is left adds little (adaptive/adaptive.h). */
 enum laser_stop { STOP_ALL, STOP_COVERED };
 
@@ -68,6 +72,9 @@ struct session_conf {
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
     enum session_order order;
+    enum session_motion motion;
+    double blur_texels; /* MOTION_CONTINUOUS: by which a point of the sample may move in an
+                           exposure, at most */
     enum laser_stop laser_stop;
     int laser_first;       /* sweeps of the first round at each turntable angle, at most */
     double laser_gain_pct; /* what a further sweep must be expected to add to its views' texels */

@@ -222,6 +222,7 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         devices->timing.readout_us[i] = format->readout_us;
         devices->timing.min_exposure_us[i] = format->min_exposure_us;
         devices->timing.max_exposure_us[i] = format->max_exposure_us;
+        devices->timing.stamp_us[i] = format->stamp_us;
         devices->timing.bits[i] = format->bits;
     }
     return mistakes_report(mistakes, error);

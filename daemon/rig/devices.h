@@ -39,6 +39,7 @@ struct rig_timing {
                                        of this unit */
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
+    gint64 stamp_us[RIG_MAX_CAMERAS]; /* as in struct camera_format */
     int bits[RIG_MAX_CAMERAS];
     int lamps_at_once; /* how many may be lit at the same time; 0: one */
 };

@@ -6,6 +6,7 @@
 
 #define ASSUMED_READOUT_MS 33.0 /* of a camera that runs freely, 30 pictures a second */
 #define ASSUMED_BITS       12
+#define ASSUMED_STAMP_US   1000 /* of a camera that stamps its frames with their exposure */
 #define MOST_EXPOSURE_US   60000000
 
 struct offline { /* the options of one device */
@@ -61,6 +62,19 @@ static void offline_assume(GPtrArray *assumed, const struct config_section *sect
     g_ptr_array_add(assumed, g_strdup_printf("assumed of [%s]: %s", section->group, what));
 }
 
+/* How often it tells where it is while it turns, as its driver's open() finds: with each poll. */
+static void offline_turn(const struct offline *device, struct axis_motion *motion) {
+    const struct axis_driver *driver = (const struct axis_driver *)device->info;
+    double poll_ms, speed_register, stamp_ms = 0;
+
+    if (!driver->turn || motion->report_ms > 0 || !offline_number(device, "poll_ms", &poll_ms) ||
+        (offline_number(device, "speed_register", &speed_register) && speed_register < 0))
+        return;
+    offline_number(device, "stamp_ms", &stamp_ms);
+    motion->report_ms = poll_ms;
+    motion->stamp_ms = stamp_ms;
+}
+
 static gboolean offline_axis(const struct config_section *section, struct axis_motion *ret,
                              GPtrArray *assumed, GError **error) {
     struct offline device;
@@ -77,6 +91,7 @@ static gboolean offline_axis(const struct config_section *section, struct axis_m
         *ret = (struct axis_motion){-360, 360, FALSE, 20, 40, 0, 0};
         offline_assume(assumed, section, "20° a second, from -360° to 360°");
     }
+    offline_turn(&device, ret);
     offline_clear(&device);
     return TRUE;
 }
@@ -131,6 +146,9 @@ static gboolean offline_camera(const struct config_section *section, int index,
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);
     timing->min_exposure_us[index] = (gint64)least_us;
     timing->max_exposure_us[index] = (gint64)most_us;
+    timing->stamp_us[index] = g_str_has_prefix(device.info->name, "v4l2")   ? -1
+                              : g_str_has_prefix(device.info->name, "sim-") ? 0
+                                                                            : ASSUMED_STAMP_US;
     timing->bits[index] = bits > 0 ? (int)bits : ASSUMED_BITS;
     offline_clear(&device);
     return TRUE;
@@ -183,6 +201,7 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
         ret_timing->readout_us[i] = ret_timing->readout_us[i - 1];
         ret_timing->min_exposure_us[i] = ret_timing->min_exposure_us[i - 1];
         ret_timing->max_exposure_us[i] = ret_timing->max_exposure_us[i - 1];
+        ret_timing->stamp_us[i] = ret_timing->stamp_us[i - 1];
         ret_timing->bits[i] = ret_timing->bits[i - 1];
     }
     layout_clear(&layout);

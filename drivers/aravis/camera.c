@@ -9,6 +9,7 @@
 /* How much longer than announced an exposure may last; less is within the uncertainty of the
  * clocks. */
 #define OVERTIME_US 1000
+#define STAMP_US    1000 /* by which time stamps may be off, as the class has it */
 
 struct aravis_camera {
     struct aravis_options options; /* the first member: the options table describes it */
@@ -250,6 +251,7 @@ static gboolean opened(Camera *camera, GError **error) {
         .max_exposure_us = priv->limits.max_exposure_us,
         .trigger_us = (gint64)(given->trigger_ms * 1000),
         .readout_us = (gint64)(given->readout_ms * 1000),
+        .stamp_us = priv->limits.rolling ? -1 : STAMP_US,
     };
     return TRUE;
 }

@@ -232,6 +232,9 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     double low = 0, high = 0;
     GError *why = NULL;
     limits->black_level = options->black_level_dn;
+    limits->rolling =
+        aravis_device_has(device, "SensorShutterMode") &&
+        g_strcmp0(arv_camera_get_string(device->camera, "SensorShutterMode", NULL), "Rolling") == 0;
     if (options->black_level >= 0)
         arv_camera_set_black_level(device->camera, options->black_level, &why);
     if (!aravis_device_check(why, "black_level", error))

@@ -33,6 +33,7 @@ struct aravis_limits {
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
     double min_gain_db, max_gain_db; /* both 0: it has none */
+    gboolean rolling;                /* it says that its rows are exposed one after the other */
 };
 
 /* Connects, takes control (waiting up to control_s for another program to release it), sets

@@ -392,6 +392,7 @@ static void fill_format(Camera *camera) {
         .max_exposure_us = MIN((gint64)((double)most * unit), setup->interval_us),
         .trigger_us = setup->interval_us / 2 + delay_us(v4l2, (enum stamp)v4l2->stamp),
         .readout_us = setup->interval_us,
+        .stamp_us = -1, /* the earliest time of its exposure; most have rolling shutters */
     };
     if (v4l2->fixed_exposure_us > 0)
         camera->format.min_exposure_us = camera->format.max_exposure_us =

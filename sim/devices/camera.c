@@ -11,7 +11,7 @@ struct picture;
 
 struct sim_camera {
     char *world_path, *part_name;
-    double readout_ms, trigger_ms, min_exposure_us, max_exposure_us;
+    double readout_ms, trigger_ms, jitter_ms, min_exposure_us, max_exposure_us;
     double fault_stale, fault_lost, fault_slow_ms, fault_reconnect_s;
     int fault_stale_kind, fault_disconnect_after, fault_seed;
 
@@ -60,6 +60,9 @@ static const struct option options[] = {
      "From the end of the exposure until the frame is here"},
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
      "From the trigger to the start of the exposure"},
+    {"fault_jitter_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(jitter_ms),
+     "Fault: how much later the exposure may begin, as its time stamp says; a function of the "
+     "shot"},
     {"min_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "10", NULL, FIELD(min_exposure_us),
      "Shortest exposure"},
     {"max_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "60000000", NULL, FIELD(max_exposure_us),
@@ -204,6 +207,13 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
+/* Integer arithmetic: the same on every machine. */
+static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
+    guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    return (gint64)((double)(x >> 11) * 0x1p-53 * sim->jitter_ms * 1000);
+}
+
 static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct sim_camera *sim = camera->device.priv;
     gint64 now = clock_now_us(camera->device.clock);
@@ -222,7 +232,7 @@ static gboolean sim_camera_trigger(Camera *camera, guint64 shot, GError **error)
     picture->index = sim->camera;
     picture->gain_db = sim->settings.gain_db;
     picture->shot = shot;
-    picture->start_us = now + (gint64)(sim->trigger_ms * 1000);
+    picture->start_us = now + (gint64)(sim->trigger_ms * 1000) + jitter_us(sim, shot);
     Frame *frame = picture->frame = frame_new(camera->format.width, camera->format.height);
     frame->shot = shot;
     frame->id = ++sim->last_id;
