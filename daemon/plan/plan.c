@@ -452,13 +452,15 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
         plan->n_later_lamps += is_later && shot->kind == SHOT_LAMP;
     }
     if (plan_later(plan) == 0) {
-        plan->n_poses = plan_order(b->shots, poses, n_poses, b->rig, b->timing, b->conf->order);
+        plan->n_poses = plan_order(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
         plan->n_first = (int)b->shots->len;
         return;
     }
-    plan->n_poses = plan_order(first, poses, n_poses, b->rig, b->timing, b->conf->order);
+    plan->n_poses = plan_order(first, poses, n_poses, b->conf, b->rig, b->timing);
     plan->n_first = (int)first->len;
-    const int n_later = plan_order(later, poses, n_poses, b->rig, b->timing, b->conf->order);
+    const int n_later = plan_order(later, poses, n_poses, b->conf, b->rig, b->timing);
+    plan_set_passes(later, b->conf, b->rig, b->timing,
+                    plan_set_passes(first, b->conf, b->rig, b->timing, 0));
     for (guint i = 0; i < later->len; i++)
         g_array_index(later, struct session_shot, i).pose += plan->n_poses;
     plan->n_poses += n_later;
@@ -467,19 +469,62 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
 }
 
+/* The lower bound without homing; with passes as they would be if all shots were of one round. */
+static double plan_bound_s(const struct plan_build *b, const struct plan_pose *poses, int n_poses) {
+    g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    g_array_append_vals(shots, b->shots->data, b->shots->len);
+    if (b->conf->motion == MOTION_CONTINUOUS) {
+        g_autoptr(GArray) followers = passes_take_followers(shots, b->conf, b->rig, b->timing);
+        passes_put_back(shots, followers, b->rig);
+        plan_set_passes(shots, b->conf, b->rig, b->timing, 0);
+    }
+    return plan_lower_bound_s(shots, poses, n_poses, b->conf, b->rig, b->timing);
+}
+
+/* With the turntable standing for all shots, from the pose of the first one on. */
+static double plan_standing_s(const struct plan_build *b, const struct plan_pose *poses,
+                              int n_poses) {
+    g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    double first_s;
+
+    g_array_append_vals(shots, b->shots->data, b->shots->len);
+    plan_order_standing(shots, poses, n_poses, b->rig, b->timing, b->conf->order);
+    return plan_total_s(shots, b->conf, b->rig, b->timing, &first_s);
+}
+
+/* What there is to tell of passes. */
+static void plan_count_passes(const struct plan_build *b, struct plan *plan) {
+    guint32 cameras = 0;
+    int before = 0;
+
+    if (b->conf->motion != MOTION_CONTINUOUS)
+        return;
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        plan->n_passes += shot->pass.number > 0 && shot->pass.number != before;
+        plan->n_passing += shot->pass.number > 0;
+        before = shot->pass.number;
+        cameras |= shot->kind == SHOT_LAMP ? shot->cameras : 0;
+    }
+    plan->passes = passes_speed(b->conf, b->rig, b->timing, cameras);
+}
+
 static void plan_predict(struct plan_build *b, struct plan *plan) {
     const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
     int n_poses = (int)b->poses->len;
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
-    plan_order(nested, poses, n_poses, b->rig, b->timing, ORDER_VIEWS);
+    plan_order_standing(nested, poses, n_poses, b->rig, b->timing, ORDER_VIEWS);
     const double homing_s = plan_homing_s(b->rig, b->timing);
     double first_s;
     plan->nested_s = plan_total_s(nested, b->conf, b->rig, b->timing, &first_s);
-    plan->lower_bound_s =
-        homing_s + plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->rig, b->timing);
+    plan->lower_bound_s = homing_s + plan_bound_s(b, poses, n_poses);
+    plan->standing_s =
+        b->conf->motion == MOTION_CONTINUOUS ? plan_standing_s(b, poses, n_poses) : 0;
     plan_order_rounds(b, poses, n_poses, plan);
+    plan_count_passes(b, plan);
     plan->predicted_s =
         plan_total_s(b->shots, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     /* The axes are homed again before a further round. */
@@ -493,6 +538,7 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
     }
     /* Orders are chosen by what follows their first pose: this begins with the same move. */
     plan->nested_s += homing_s + first_s;
+    plan->standing_s += plan->standing_s > 0 ? homing_s + first_s : 0;
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
@@ -509,6 +555,17 @@ static struct multiplexed_setup plan_multiplexed_setup(const struct plan_build *
                                       .timing = b->timing,
                                       .calibration = calibration,
                                       .shots = b->shots};
+}
+
+static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
+    guint32 cameras = 0;
+    for (guint i = 0; i < b->views->len; i++)
+        cameras |= 1u << g_array_index(b->views, struct session_direction, i).device;
+    g_autofree char *why = passes_refused(b->conf, b->rig, b->timing, cameras);
+    if (why)
+        plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", "motion", "continuous: %s",
+                       why);
+    return why == NULL;
 }
 
 static gboolean plan_check_multiplexed(struct plan_build *b, const struct calibration *calibration,
@@ -664,7 +721,7 @@ struct plan *plan_build_with(const struct session_conf *conf, const struct rig *
     b.pose_index = g_hash_table_new_full(pose_hash, pose_equal, g_free, NULL);
     b.shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
     b.notes = owning_array(sizeof(struct plan_note), plan_clear_note);
-    if (plan_check_stop(&b, &why) && plan_add_directions(&b, &why) &&
+    if (plan_check_stop(&b, &why) && plan_add_directions(&b, &why) && plan_check_motion(&b, &why) &&
         plan_check_sampling(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why)) {
         plan_find_first(&b);

@@ -23,6 +23,9 @@
  * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
  * for each lamp.
  *
+ * With [capture] motion = continuous the turntable passes by the poses that differ in τ alone
+ * without a stop (passes/passes.h); in the lower bound passes are as they are, in any order.
+ *
  * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its mount
  * positions, its own first; this needs the fewest mountings. Predictions leave out the operator's
  * time and the homing of the axes afterwards; that at the beginning takes what the axes' homing_s
@@ -33,6 +36,7 @@
 #include "conf/session_conf.h"
 #include "coverage/coverage_model.h"
 #include "multiplexed/multiplexed.h"
+#include "passes/passes.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
@@ -62,6 +66,9 @@ struct plan {
     int n_later_sweeps, n_later_lamps;   /* shots that are taken only if it does not suffice */
     struct multiplexed_choice multiplex; /* which lamps are lit at once; owned */
     double alone_s;                      /* multiplex.n > 0: predicted for each lamp alone */
+    int n_passes, n_passing; /* MOTION_CONTINUOUS: passes, and the shots that are taken in them */
+    struct passes_speed passes;
+    double standing_s; /* the same: predicted with the turntable standing for all of them */
     GPtrArray *notes;                    /* char *: what was re-planned or left out, and why */
 };
 
@@ -149,8 +156,8 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, const struct session_shot *const *shots, int n,
                     int most, int *chain, double *ret_s);
 
-/* Puts shots, some of a session's, into a quick order of their own ([capture] order is kept to);
- * dark ones come first. The pointers are moved, the shots stay as they are. */
+/* Puts shots, some of a session's, done or not, into a quick order of their own ([capture] order is
+ * kept to); dark ones come first. The pointers are moved, the shots stay as they are. */
 void plan_order_left(struct session_shot **shots, int n, const struct session_conf *conf,
                      const struct rig *rig, const struct rig_timing *timing);
 

@@ -196,12 +196,15 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                              MAX(plan_lead_s(NULL, shots[i], rig, timing), move_s[pose_of[i]]);
 }
 
-/* Time of a shot after another one of a lamp: the lamp may be on already, the move be short. */
+/* Time of a shot after another one of a lamp: the lamp may be on already, the move be short, or the
+ * table pass by. */
 static double plan_lamps_after_s(const struct session_conf *conf, const struct rig *rig,
                                  const struct rig_timing *timing, const struct session_shot *before,
                                  const struct session_shot *shot) {
-    return plan_shot_s(shot, conf, timing) + MAX(plan_lead_s(before, shot, rig, timing),
-                                                 plan_shots_move_s(before, shot, rig, timing));
+    const double standing_s =
+        MAX(plan_lead_s(before, shot, rig, timing), plan_shots_move_s(before, shot, rig, timing));
+    return MIN(plan_shot_s(shot, conf, timing) + standing_s,
+               passes_after_s(before, shot, conf, rig, timing));
 }
 
 int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,

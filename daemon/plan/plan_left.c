@@ -17,6 +17,15 @@ static guint plan_left_find(GArray *poses, const struct plan_pose *pose) {
     return i;
 }
 
+int plan_set_passes(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, int number) {
+    g_autofree struct session_shot **list = g_new(struct session_shot *, shots->len + 1);
+
+    for (guint i = 0; i < shots->len; i++)
+        list[i] = &g_array_index(shots, struct session_shot, i);
+    return passes_set(list, (int)shots->len, conf, rig, timing, number);
+}
+
 void plan_order_left(struct session_shot **shots, int n, const struct session_conf *conf,
                      const struct rig *rig, const struct rig_timing *timing) {
     g_autoptr(GArray) list = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -26,6 +35,7 @@ void plan_order_left(struct session_shot **shots, int n, const struct session_co
     /* plan_order() sorts copies, whose ids are their places in the list. */
     for (int i = 0; i < n; i++) {
         struct session_shot shot = *shots[i];
+        shot.state = SHOT_PLANNED;
         const struct plan_pose pose = plan_pose_of(&shot, rig);
         shot.id = i;
         shot.pose = (int)plan_left_find(poses, &pose);
@@ -33,8 +43,8 @@ void plan_order_left(struct session_shot **shots, int n, const struct session_co
     }
     if (n < 2)
         return;
-    plan_order(list, (const struct plan_pose *)(gpointer)poses->data, (int)poses->len, rig, timing,
-               conf->order);
+    plan_order(list, (const struct plan_pose *)(gpointer)poses->data, (int)poses->len, conf, rig,
+               timing);
     for (int i = 0; i < n; i++)
         shots[i] = before[g_array_index(list, struct session_shot, i).id];
 }
@@ -52,6 +62,7 @@ double plan_lamps_s(const struct session_shot *const *shots, int n, const struct
         list[i] = &copies[i];
     }
     plan_order_left(list, n, conf, rig, timing);
+    passes_set(list, n, conf, rig, timing, 0);
     return plan_homing_s(rig, timing) +
            plan_remaining_s((const struct session_shot *const *)list, n, conf, rig, timing, NULL);
 }

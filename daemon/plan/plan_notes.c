@@ -79,6 +79,27 @@ static void plan_note_sampling(const struct plan_build *b, const struct plan *pl
                                         b->conf->light_first));
 }
 
+static void plan_note_motion(const struct plan_build *b, const struct plan *plan,
+                             GPtrArray *notes) {
+    if (b->conf->motion != MOTION_CONTINUOUS)
+        return;
+    const struct passes_speed *speed = &plan->passes;
+    if (plan->n_passes == 0)
+        g_ptr_array_add(notes, g_strdup("motion = continuous: the turntable stands for all shots, "
+                                        "since a stop at each angle is quicker than any pass"));
+    else
+        g_ptr_array_add(
+            notes, g_strdup_printf("motion = continuous: the speed of passes is that which %s",
+                                   speed->by_axis   ? "the turntable has at most"
+                                   : speed->by_pose ? "the time stamps of camera and axis, and "
+                                                      "blur_texels, allow: the pose is worse "
+                                                      "than the blur"
+                                                    : "blur_texels allows with this exposure"));
+    if (plan->n_passes > 0 && plan->predicted_s >= plan->standing_s)
+        g_ptr_array_add(notes, g_strdup("motion = continuous is no quicker here than motion = "
+                                        "standing, which has no blur"));
+}
+
 static void plan_note_bytes(const struct plan_build *b, GPtrArray *notes) {
     gboolean vary = FALSE, sweeps = FALSE;
     for (guint i = 0; i < b->shots->len; i++) {
@@ -152,6 +173,7 @@ GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan) 
     plan_note_auto(b->conf, notes);
     plan_note_stop(b, plan, notes);
     plan_note_sampling(b, plan, notes);
+    plan_note_motion(b, plan, notes);
     if (b->conf->multiplex != MULTIPLEX_NO)
         g_ptr_array_add(notes,
                         multiplexed_note(&plan->multiplex, plan->predicted_s, plan->alone_s));

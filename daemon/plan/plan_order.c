@@ -406,8 +406,10 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     return best;
 }
 
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const struct rig *rig,
-               const struct rig_timing *timing, enum session_order wanted) {
+/* passed: shots that follow others in this order; NULL: none. */
+static int order_with(GArray *shots, GArray *passed, const struct plan_pose *poses, int n_poses,
+                      const struct rig *rig, const struct rig_timing *timing,
+                      enum session_order wanted) {
     struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
     /* The first shot of each group of lamps is ordered, and the others follow it. */
     g_autoptr(GArray) followers = multiplexed_take_followers(shots);
@@ -428,6 +430,8 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const 
     g_autoptr(GArray) result = arranged(shots, order);
     g_assert(shots->len == result->len);
     memcpy(shots->data, result->data, result->len * sizeof(struct session_shot));
+    if (passed)
+        passes_put_back(shots, passed, rig);
 
     /* Instead of indices of poses, numbers of visits. */
     for (guint i = 0; i < shots->len; i++) {
@@ -439,4 +443,41 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const 
     }
     multiplexed_put_back(shots, followers);
     return visit + 1;
+}
+
+int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
+                        const struct rig *rig, const struct rig_timing *timing,
+                        enum session_order wanted) {
+    return order_with(shots, NULL, poses, n_poses, rig, timing, wanted);
+}
+
+/* Predicted, with passes, which it sets. */
+static double passing_order_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                              const struct rig_timing *timing) {
+    double first_s;
+
+    plan_set_passes(shots, conf, rig, timing, 0);
+    const double s = plan_total_s(shots, conf, rig, timing, &first_s);
+    return s + first_s;
+}
+
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct session_conf *conf, const struct rig *rig,
+               const struct rig_timing *timing) {
+    g_autoptr(GArray) other = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    if (conf->motion != MOTION_CONTINUOUS)
+        return order_with(shots, NULL, poses, n_poses, rig, timing, conf->order);
+
+    g_array_append_vals(other, shots->data, shots->len);
+    g_autoptr(GArray) passed = passes_take_followers(other, conf, rig, timing);
+    const gboolean some = passed->len > 0;
+    const int other_visits =
+        some ? order_with(other, passed, poses, n_poses, rig, timing, conf->order) : 0;
+    const double other_s = some ? passing_order_s(other, conf, rig, timing) : G_MAXDOUBLE;
+    const int visits = order_with(shots, NULL, poses, n_poses, rig, timing, conf->order);
+    if (passing_order_s(shots, conf, rig, timing) <= other_s)
+        return visits;
+    /* The same shots in another order; what they own stays theirs. */
+    memcpy(shots->data, other->data, other->len * sizeof(struct session_shot));
+    return other_visits;
 }

@@ -163,9 +163,22 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
  * is mounted by hand come in blocks, one for each of its places.
  *
  * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
- * for τ, for the arm, for α, for the probe, for lamps, for lasers. */
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses, const struct rig *rig,
-               const struct rig_timing *timing, enum session_order wanted);
+ * for τ, for the arm, for α, for the probe, for lamps, for lasers.
+ *
+ * MOTION_CONTINUOUS: the quickest of two orders, with shots of lamps that differ in τ alone
+ * following each other, as the table passes them, or not. Sets the passes; their numbers begin at
+ * 1. */
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct session_conf *conf, const struct rig *rig,
+               const struct rig_timing *timing);
+/* The same in an order of choice, with the turntable standing for all shots. */
+int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
+                        const struct rig *rig, const struct rig_timing *timing,
+                        enum session_order wanted);
+
+/* passes_set() for an array of shots; the numbers begin behind number. Returns the last one. */
+int plan_set_passes(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing, int number);
 
 /* From the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,

@@ -104,20 +104,61 @@ double plan_shots_move_s(const struct session_shot *from, const struct session_s
     return pose_move_s(&a, &b, timing);
 }
 
+/* Where the axes are, and how long the table goes on turning there after a pass. */
+struct place {
+    struct plan_pose pose;
+    double exit_s;
+};
+
+/* A shot's exposure; in a pass there is one. */
+static double exposure_s(const struct session_shot *shot, const struct session_conf *conf) {
+    return shot_exposure_us(conf, shot, 0) * 1e-6;
+}
+
+/* From the end of the last exposure at a place to the first trigger of a shot. ret_to: where that
+ * leaves the axes. */
+static double enter_s(const struct place *from, const struct session_shot *previous,
+                      const struct session_shot *shot, const struct session_conf *conf,
+                      const struct rig *rig, const struct rig_timing *timing,
+                      struct place *ret_to) {
+    const struct session_pass *pass = &shot->pass;
+    const double frame_s = plan_shot_s(shot, conf, timing), light_s = exposure_s(shot, conf);
+    struct plan_pose to = plan_pose_of(shot, rig), entry = to;
+
+    *ret_to = (struct place){.pose = to};
+    if (pass->number > 0) {
+        entry.turntable_udeg = llround(pass->from_deg * UDEG);
+        ret_to->pose.turntable_udeg = llround((pass->from_deg + pass->by_deg) * UDEG);
+        ret_to->exit_s = passes_exit_s(shot, light_s, &timing->turntable);
+        if (session_follows_in_pass(previous, shot))
+            return passes_lead_s(previous, shot, frame_s, light_s, &timing->turntable);
+    }
+    struct plan_pose others = from->pose;
+    others.turntable_udeg = entry.turntable_udeg;
+    const double lead = plan_lead_s(previous, shot, rig, timing),
+                 table_s = from->exit_s + pose_move_s(&from->pose, &others, timing);
+    others = entry;
+    others.turntable_udeg = from->pose.turntable_udeg;
+    const double s = MAX(MAX(lead, table_s), pose_move_s(&from->pose, &others, timing));
+    return pass->number > 0 ? s + passes_lead_s(NULL, shot, frame_s, light_s, &timing->turntable)
+                            : s;
+}
+
 void plan_left_s(const struct session_shot *const *shots, int n, const struct session_conf *conf,
                  const struct rig *rig, const struct rig_timing *timing,
                  const struct session_shot *from, double *ret_left_s) {
     const struct session_shot *previous = NULL;
-    struct plan_pose at = from ? plan_pose_of(from, rig) : (struct plan_pose){0};
+    struct place at = {0}, to;
+
+    if (from)
+        at.pose = plan_pose_of(from, rig);
 
     for (int i = 0; i < n; i++) {
         ret_left_s[i] = 0;
         if (shots[i]->state != SHOT_PLANNED)
             continue;
-        const struct plan_pose to = plan_pose_of(shots[i], rig);
-        double lead = plan_lead_s(previous, shots[i], rig, timing);
-        ret_left_s[i] =
-            MAX(lead, pose_move_s(&at, &to, timing)) + plan_shot_s(shots[i], conf, timing);
+        ret_left_s[i] = enter_s(&at, previous, shots[i], conf, rig, timing, &to) +
+                        plan_shot_s(shots[i], conf, timing);
         previous = shots[i];
         at = to;
     }
@@ -235,6 +276,20 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
     }
 }
 
+/* What the i-th shot, of a pass, takes in any order of passes: from the one before it in its pass,
+ * or its exposure. */
+static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
+                        const struct rig_timing *timing) {
+    const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+    const struct session_shot *before =
+        i > 0 ? &g_array_index(shots, struct session_shot, i - 1) : NULL;
+    const double s = plan_shot_s(shot, conf, timing);
+
+    return session_follows_in_pass(before, shot)
+               ? s + passes_lead_s(before, shot, s, exposure_s(shot, conf), &timing->turntable)
+               : s;
+}
+
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
                           const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing) {
@@ -245,6 +300,10 @@ double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_po
         struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
+        if (shot->pass.number > 0) {
+            total_s += passing_s(shots, i, conf, timing);
+            continue;
+        }
         total_s += plan_shot_s(shot, conf, timing);
         readout_s = MIN(readout_s, plan_readout_s(shot, timing));
         if (shot->kind != SHOT_DARK)

@@ -41,6 +41,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"shots", plan->session.n_shots},     {"frames", plan->n_frames},
         {"mounts", plan->n_mounts},           {"later_sweeps", plan->n_later_sweeps},
         {"later_lamps", plan->n_later_lamps}, {"multiplex", plan->multiplex.n},
+        {"passes", plan->n_passes},           {"passing", plan->n_passing},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -59,6 +60,11 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"alone_s", plan->alone_s},
         {"noise_pct", plan->multiplex.noise_pct},
         {"alone_noise_pct", plan->multiplex.alone_pct},
+        {"standing_s", plan->standing_s},
+        {"pass_deg_s", plan->passes.deg_s},
+        {"blur_texels", plan->passes.blur_texels},
+        {"blur_mm", plan->passes.blur_mm},
+        {"pose_texels", plan->passes.pose_texels},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
         g_variant_builder_add(&builder, "{sv}", times[i].key, g_variant_new_double(times[i].value));
@@ -96,6 +102,23 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
         g_string_append_printf(by, "%show much the cameras see of the laser's lines",
                                by->len ? " and " : "");
     return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
+}
+
+/* Of a session whose pictures are taken while the turntable turns. */
+static void report_add_passes(GVariant *report, GString *text) {
+    const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
+    const double standing_s = get_double(report, "standing_s");
+    if (standing_s == 0)
+        return;
+    g_autofree char *standing = report_duration(standing_s);
+    g_string_append_printf(
+        text,
+        "turning         %d pass%s at %.3g°/s for %d %s: blur at most %.2f texels "
+        "(%.2g mm), pose off by %.2f at most\n",
+        passes, passes == 1 ? "" : "es", get_double(report, "pass_deg_s"), PLURAL(passing, "shot"),
+        get_double(report, "blur_texels"), get_double(report, "blur_mm"),
+        get_double(report, "pose_texels"));
+    g_string_append_printf(text, "if it stood     %s\n", standing);
 }
 
 char *report_text(GVariant *report) {
@@ -143,6 +166,7 @@ char *report_text(GVariant *report) {
                                : later_sweeps == 0 ? "lamps"
                                                    : "lamps and sweeps");
     }
+    report_add_passes(report, text);
     if (predicted_s > 0)
         g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
                                nested_s / predicted_s);

@@ -76,6 +76,13 @@ struct session_multiplex {
     guint64 all[2]; /* the lamps of the group */
 };
 
+/* A turn of the turntable during which shots of a lamp are taken ([capture] motion = continuous).
+ * Not stored: it follows from the session file and the shots (daemon/passes/passes.h). */
+struct session_pass {
+    int number; /* the same for the shots of a pass, which follow each other; 0: the table stands */
+    double from_deg, by_deg, speed_deg_s; /* of the table */
+};
+
 struct session_shot {
     gint64 id; /* 1 … n, in planned order; also the tag given to cameras */
     enum session_shot_kind kind;
@@ -89,7 +96,14 @@ struct session_shot {
     enum session_shot_state state;
     char *note; /* why it was skipped or changed, or NULL */
     struct session_multiplex multiplex;
+    struct session_pass pass;
 };
+
+/* A shot of a pass that another one precedes. */
+static inline gboolean session_follows_in_pass(const struct session_shot *before,
+                                               const struct session_shot *shot) {
+    return before && shot->pass.number > 0 && before->pass.number == shot->pass.number;
+}
 
 /* The last shot of a group, which has one frame more; a shot of a group that others follow. */
 static inline gboolean session_ends_group(const struct session_shot *shot) {
@@ -111,7 +125,16 @@ struct session_frame {
     gint64 bytes;
     int retakes;
     double captured_s; /* on the session's clock */
+    gboolean turned;   /* the turntable turned while it was exposed; stored as the session's value
+                          "turned/SHOT/CAMERA", which is turntable_deg */
+    double turntable_deg; /* where it was then in the middle of the exposure; else 0 */
 };
+
+/* Where the turntable was: in the middle of the exposure, or where it stood. */
+static inline double session_frame_turntable_deg(const struct session_frame *frame,
+                                                 const struct session_shot *shot) {
+    return frame->turned ? frame->turntable_deg : shot->turntable_deg;
+}
 
 #define SESSION_EVENT_HOMED "homed" /* its message: what was captured follows from here on */
 struct session_event {

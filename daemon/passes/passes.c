@@ -1,0 +1,367 @@
+#include "passes.h"
+
+#include <math.h>
+
+/* By which the daemon itself may be late with a trigger or a report. */
+#define HOST_S 0.005
+/* Angles of the table in which passes begin and end are multiples of it. */
+#define STEP_DEG 1e-3
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define DEG(rad) ((rad) * (180 / G_PI))
+
+static gboolean passes_wanted(const struct session_conf *conf) {
+    return conf->motion == MOTION_CONTINUOUS;
+}
+
+char *passes_refused(const struct session_conf *conf, const struct rig *rig,
+                     const struct rig_timing *timing, guint32 cameras) {
+    const struct axis_motion *table = &timing->turntable;
+    if (!passes_wanted(conf))
+        return NULL;
+    if (!table->wraps && !(table->min_deg < table->max_deg))
+        return g_strdup("there is no [axis turntable]: leave it out");
+    if (table->report_ms <= 0)
+        return g_strdup("the driver of [axis turntable] does not tell where it is at which time: "
+                        "set motion = standing");
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (cameras & 1u << c && timing->stamp_us[c] < 0)
+            return g_strdup_printf("camera %s does not tell when its frames were exposed, or "
+                                   "exposes one row after the other: set motion = standing",
+                                   rig->cameras[c].name);
+    if (conf->order == ORDER_VIEWS)
+        return g_strdup("order = views takes all lamps at one angle of the turntable, but the "
+                        "table turns: set order = quickest");
+    if (conf->multiplex != MULTIPLEX_NO)
+        return g_strdup("[lights] multiplex lights several lamps one after the other in one pose, "
+                        "but the table turns: set multiplex = no");
+    return NULL;
+}
+
+static double passes_exposure_s(const struct session_conf *conf) {
+    return conf->exposures_us[conf->n_exposures - 1] * 1e-6;
+}
+
+/* Down to two digits. */
+static double passes_round(double deg_s) {
+    const double unit = pow(10, floor(log10(deg_s)) - 1);
+    return floor(deg_s / unit + 1e-9) * unit;
+}
+
+struct passes_speed passes_speed(const struct session_conf *conf, const struct rig *rig,
+                                 const struct rig_timing *timing, guint32 cameras) {
+    const struct session_grid *grid = &conf->grid;
+    const double r_mm = hypot(grid->width_mm, grid->height_mm) / 2;
+    const double texel_mm = MIN(grid->width_mm / grid->width, grid->height_mm / grid->height);
+    const double exposure_s = passes_exposure_s(conf);
+    gint64 stamp_us = 0;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (cameras & 1u << c)
+            stamp_us = MAX(stamp_us, timing->stamp_us[c]);
+    const double pose_s = 2 * (1e-6 * (double)stamp_us + 1e-3 * timing->turntable.stamp_ms);
+    const double most = DEG(conf->blur_texels * texel_mm / r_mm / MAX(exposure_s, pose_s));
+    struct passes_speed ret = {.by_axis = most >= timing->turntable.speed_deg_s,
+                               .by_pose = pose_s > exposure_s};
+    ret.deg_s = ret.by_axis ? timing->turntable.speed_deg_s : passes_round(most);
+    ret.blur_mm = RAD(ret.deg_s) * r_mm * exposure_s;
+    ret.blur_texels = ret.blur_mm / texel_mm;
+    ret.pose_texels = RAD(ret.deg_s) * r_mm * pose_s / texel_mm;
+    return ret;
+}
+
+double passes_at_deg(const struct session_pass *pass, double turntable_deg) {
+    const double turns = ceil((pass->from_deg - turntable_deg) / 360);
+    return pass->number > 0 ? turntable_deg + 360 * turns : turntable_deg;
+}
+
+double passes_lead_s(const struct session_shot *before, const struct session_shot *shot,
+                     double frame_s, double exposure_s, const struct axis_motion *table) {
+    const struct session_pass *pass = &shot->pass;
+    const double v = pass->speed_deg_s, at = passes_at_deg(pass, shot->turntable_deg);
+    if (session_follows_in_pass(before, shot))
+        return (at - passes_at_deg(pass, before->turntable_deg)) / v - frame_s;
+    return v / table->accel_deg_s2 + (at - pass->from_deg - axis_ramp_deg(table, v)) / v +
+           exposure_s / 2 - frame_s;
+}
+
+double passes_exit_s(const struct session_shot *shot, double exposure_s,
+                     const struct axis_motion *table) {
+    const struct session_pass *pass = &shot->pass;
+    const double v = pass->speed_deg_s;
+    const double left = pass->from_deg + pass->by_deg - axis_ramp_deg(table, v) -
+                        passes_at_deg(pass, shot->turntable_deg);
+    return left / v - exposure_s / 2 + v / table->accel_deg_s2 + table->settle_ms / 1000;
+}
+
+/* Shots that may be in one pass, in the order in which the table passes them. */
+struct group {
+    struct session_shot *const *shots;
+    int n;
+    double *at_deg; /* of the table, increasing */
+    double speed_deg_s, frame_s, exposure_s, readout_s;
+    double lead_deg, behind_deg; /* of a pass, before its first shot and behind its last */
+    const struct axis_motion *table;
+};
+
+static double passes_slowest_s(const gint64 *camera_us, guint32 cameras) {
+    gint64 longest_us = 0;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        if (cameras & 1u << c)
+            longest_us = MAX(longest_us, camera_us[c]);
+    return 1e-6 * (double)longest_us;
+}
+
+static void passes_measure(struct group *group, const struct session_conf *conf,
+                           const struct rig *rig, const struct rig_timing *timing) {
+    guint32 cameras = 0;
+    for (int i = 0; i < group->n; i++)
+        cameras |= group->shots[i]->cameras;
+    const struct axis_motion *table = group->table = &timing->turntable;
+    const double v = passes_speed(conf, rig, timing, cameras).deg_s, ramp = axis_ramp_deg(table, v);
+    group->speed_deg_s = v;
+    group->exposure_s = passes_exposure_s(conf);
+    group->frame_s = passes_slowest_s(timing->trigger_us, cameras) + group->exposure_s;
+    group->readout_s = passes_slowest_s(timing->readout_us, cameras);
+    /* Two reports at the speed before the first trigger, and one after the last exposure. */
+    group->lead_deg =
+        ramp + v * (1e-3 * (table->settle_ms + 3 * table->report_ms) + HOST_S + group->frame_s);
+    group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);
+}
+
+static struct session_pass passes_pass(const struct group *group, int first, int last) {
+    const double from = floor((group->at_deg[first] - group->lead_deg) / STEP_DEG) * STEP_DEG;
+    const double to = ceil((group->at_deg[last] + group->behind_deg) / STEP_DEG) * STEP_DEG;
+    return (struct session_pass){
+        .from_deg = from, .by_deg = to - from, .speed_deg_s = group->speed_deg_s};
+}
+
+/* Whether these shots can be in a pass at all. */
+static gboolean passes_fit(const struct group *group, int first, int last) {
+    const double least_deg = group->speed_deg_s * (group->frame_s + group->readout_s + HOST_S);
+    const struct session_pass pass = passes_pass(group, first, last);
+    for (int i = first; i < last; i++)
+        if (group->at_deg[i + 1] - group->at_deg[i] < least_deg)
+            return FALSE;
+    return group->table->wraps || (pass.from_deg >= group->table->min_deg &&
+                                   pass.from_deg + pass.by_deg <= group->table->max_deg);
+}
+
+static double passes_pass_s(const struct group *group, const struct session_pass *pass) {
+    const double v = pass->speed_deg_s;
+    return pass->by_deg / v + v / group->table->accel_deg_s2 + group->table->settle_ms / 1000;
+}
+
+/* Which way the shots of a group are taken: by the shortest time, from how the shots before each
+ * were taken (dynamic programming). ret_first: of each shot that ends a pass, the first of it; of
+ * one for which the table stands, itself. */
+static void passes_divide(const struct group *group, int *ret_first) {
+    const int n = group->n;
+    g_autofree double *best_s = g_new0(double, n + 1), *end_deg = g_new0(double, n + 1);
+    for (int last = 0; last < n; last++) {
+        best_s[last + 1] = G_MAXDOUBLE;
+        for (int first = last; first >= 0; first--) {
+            if (first < last && !passes_fit(group, first, last))
+                continue;
+            const struct session_pass pass = passes_pass(group, first, last);
+            const double from = first == last ? group->at_deg[last] : pass.from_deg;
+            double s = first == 0 ? 0 : axis_move_time_s(group->table, end_deg[first], from);
+            s = best_s[first] + (first == 0 ? s : MAX(s, group->readout_s));
+            s += first == last ? group->frame_s : passes_pass_s(group, &pass);
+            if (s >= best_s[last + 1] - 1e-9)
+                continue;
+            best_s[last + 1] = s;
+            end_deg[last + 1] = first == last ? from : pass.from_deg + pass.by_deg;
+            ret_first[last] = first;
+        }
+    }
+}
+
+static void passes_set_group(struct group *group, int *number) {
+    g_autofree int *first = g_new(int, group->n);
+    passes_divide(group, first);
+    for (int last = group->n - 1; last >= 0; last = first[last] - 1) {
+        struct session_pass pass = passes_pass(group, first[last], last);
+        if (first[last] == last)
+            continue;
+        pass.number = ++*number;
+        for (int i = first[last]; i <= last; i++)
+            group->shots[i]->pass = pass;
+    }
+}
+
+static gboolean passes_may(const struct session_shot *shot) {
+    return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
+}
+
+/* Whether they differ in the angle of the turntable alone. */
+static gboolean passes_alike(const struct session_shot *a, const struct session_shot *b,
+                             const struct rig *rig) {
+    return passes_may(a) && passes_may(b) && a->device == b->device && a->arc_deg == b->arc_deg &&
+           rig_arm_deg(rig, a->cameras) == rig_arm_deg(rig, b->cameras);
+}
+
+int passes_set(struct session_shot *const *shots, int n, const struct session_conf *conf,
+               const struct rig *rig, const struct rig_timing *timing, int number) {
+    g_autofree double *at_deg = g_new(double, n + 1);
+    for (int i = 0; i < n; i++)
+        shots[i]->pass = (struct session_pass){0};
+    for (int i = 0, k; i < n && passes_wanted(conf); i += k) {
+        at_deg[0] = shots[i]->turntable_deg;
+        for (k = 1; i + k < n && passes_alike(shots[i], shots[i + k], rig); k++) {
+            const double at = shots[i + k]->turntable_deg;
+            at_deg[k] = at + (timing->turntable.wraps && at < at_deg[0] ? 360 : 0);
+            if (at_deg[k] <= at_deg[k - 1])
+                break;
+        }
+        struct group group = {.shots = shots + i, .n = k, .at_deg = at_deg};
+        if (k < 2)
+            continue;
+        passes_measure(&group, conf, rig, timing);
+        passes_set_group(&group, &number);
+    }
+    return number;
+}
+
+double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
+                      const struct session_conf *conf, const struct rig *rig,
+                      const struct rig_timing *timing) {
+    if (!passes_wanted(conf) || !passes_alike(before, shot, rig))
+        return G_MAXDOUBLE;
+    const double way = shot->turntable_deg - before->turntable_deg;
+    const double forward = way < 0 && timing->turntable.wraps ? way + 360 : way;
+    const double s =
+        forward / passes_speed(conf, rig, timing, before->cameras | shot->cameras).deg_s;
+    return s >= passes_exposure_s(conf) + passes_slowest_s(timing->trigger_us, shot->cameras) +
+                       passes_slowest_s(timing->readout_us, before->cameras) + HOST_S
+               ? s
+               : G_MAXDOUBLE;
+}
+
+static int passes_compare(gconstpointer a, gconstpointer b) {
+    const double x = ((const struct session_shot *)a)->turntable_deg,
+                 y = ((const struct session_shot *)b)->turntable_deg;
+    return (x > y) - (x < y);
+}
+
+/* Sorts alike shots as the table passes them, the first one behind the widest gap. */
+static void passes_sort(GArray *alike, gboolean wraps) {
+    const guint n = alike->len;
+    guint first = 0;
+    double widest = 0;
+    g_array_sort(alike, passes_compare);
+    for (guint i = 0; wraps && i < n; i++) {
+        const struct session_shot *before =
+            &g_array_index(alike, struct session_shot, (i + n - 1) % n);
+        const double gap = g_array_index(alike, struct session_shot, i).turntable_deg -
+                           before->turntable_deg + (i == 0 ? 360 : 0);
+        if (gap > widest + 1e-9) {
+            widest = gap;
+            first = i;
+        }
+    }
+    g_autofree struct session_shot *sorted =
+        g_memdup2(alike->data, n * sizeof(struct session_shot));
+    for (guint i = 0; i < n; i++)
+        g_array_index(alike, struct session_shot, i) = sorted[(first + i) % n];
+}
+
+/* The same for shots that are alike; g_free(). */
+static char *passes_key(const struct session_shot *shot, const struct rig *rig) {
+    return g_strdup_printf("%d %.17g %.17g", shot->device, shot->arc_deg,
+                           rig_arm_deg(rig, shot->cameras));
+}
+
+/* Lists of alike shots, by their keys. */
+static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
+    GHashTable *table =
+        g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_array_unref);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;
+        GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
+        if (key && !alike) {
+            alike = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+            g_hash_table_insert(table, g_strdup(key), alike);
+        }
+        if (alike)
+            g_array_append_vals(alike, shot, 1);
+        g_free(key);
+    }
+    return table;
+}
+
+/* The list that a shot is the first of that was asked for; it is the caller's, and no longer the
+ * table's. NULL: it is in none, in an empty one, or not the first, which ret_later says. */
+static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
+                            const struct rig *rig, gboolean *ret_later) {
+    g_autofree char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;
+    GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
+    *ret_later = key && !alike;
+    if (!alike || alike->len == 0)
+        return NULL;
+    g_array_ref(alike);
+    g_hash_table_remove(table, key);
+    return alike;
+}
+
+/* Whether sorted shots would be in passes, at least some. */
+static gboolean passes_pay(GArray *alike, const struct session_conf *conf, const struct rig *rig,
+                           const struct rig_timing *timing) {
+    g_autofree struct session_shot *copies =
+        g_memdup2(alike->data, alike->len * sizeof(struct session_shot));
+    g_autofree struct session_shot **list = g_new(struct session_shot *, alike->len + 1);
+    for (guint i = 0; i < alike->len; i++)
+        list[i] = &copies[i];
+    return passes_set(list, (int)alike->len, conf, rig, timing, 0) > 0;
+}
+
+/* Forgets the lists of shots of which none would be in a pass; sorts the others. */
+static void passes_keep_paying(GHashTable *table, const struct session_conf *conf,
+                               const struct rig *rig, const struct rig_timing *timing) {
+    GHashTableIter iter;
+    gpointer alike;
+    g_hash_table_iter_init(&iter, table);
+    while (g_hash_table_iter_next(&iter, NULL, &alike)) {
+        passes_sort(alike, timing->turntable.wraps);
+        if (!passes_pay(alike, conf, rig, timing))
+            g_array_set_size(alike, 0);
+    }
+}
+
+GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, const struct rig *rig,
+                              const struct rig_timing *timing) {
+    GArray *followers = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    g_autoptr(GHashTable) table = passes_table(shots, rig);
+    guint n = 0;
+    passes_keep_paying(table, conf, rig, timing);
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot shot = g_array_index(shots, struct session_shot, i);
+        gboolean follows = FALSE;
+        g_autoptr(GArray) alike = passes_steal(table, &shot, rig, &follows);
+        if (follows)
+            continue;
+        if (alike) {
+            shot = g_array_index(alike, struct session_shot, 0);
+            g_array_append_vals(followers, &g_array_index(alike, struct session_shot, 1),
+                                alike->len - 1);
+        }
+        g_array_index(shots, struct session_shot, n++) = shot;
+    }
+    shots->len = n; /* what the shots own stays theirs: not g_array_set_size() */
+    return followers;
+}
+
+void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig) {
+    g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+    g_autoptr(GHashTable) table = passes_table(followers, rig);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        gboolean later;
+        g_autoptr(GArray) alike = passes_steal(table, shot, rig, &later);
+        g_array_append_vals(all, shot, 1);
+        if (alike)
+            g_array_append_vals(all, alike->data, alike->len);
+    }
+    shots->len = 0;
+    g_array_append_vals(shots, all->data, all->len);
+}
