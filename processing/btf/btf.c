@@ -13,6 +13,10 @@
 #include "exr/exr_half.h"
 #include "multiplex/multiplex.h"
 
+/* A frame whose pose moves the sample's corner by more than this, against the view's, is not a part
+ * of the guide, and has none. */
+#define GUIDE_PX 0.25
+
 #define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
 
 /* Attributes that count the texels with each flag. */
@@ -41,10 +45,11 @@ static gsize btf_texels(const struct btf_view *view) {
     return (gsize)view->grid.width * (gsize)view->grid.height;
 }
 
-/* Sets an attribute to a point of the rig frame, transformed to the sample frame of this view. */
-static void btf_set_point(struct exr_part *part, const struct btf_view *view, const char *name,
+/* Sets an attribute to a point of the rig frame, in the sample frame at an angle of the turntable.
+ */
+static void btf_set_point(struct exr_part *part, double turntable_rad, const char *name,
                           struct vec3 rig_mm) {
-    const struct vec3 p = rig_turn(rig_mm, -view->turntable_rad);
+    const struct vec3 p = rig_turn(rig_mm, -turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
@@ -73,8 +78,8 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
     exr_set_double(part, "view.phi_deg", view->phi_deg);
     exr_set_double(part, "light.theta_deg", light->theta_deg);
     exr_set_double(part, "light.phi_deg", light->phi_deg);
-    btf_set_point(part, view, "view.centre_mm", rig_camera_centre_mm(view->camera));
-    btf_set_point(part, view, "light.position_mm",
+    btf_set_point(part, light->turntable_rad, "view.centre_mm", rig_camera_centre_mm(view->camera));
+    btf_set_point(part, light->turntable_rad, "light.position_mm",
                   rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
     exr_set_string(part, "mesorig.inputs", view->inputs);
     return part;
@@ -89,7 +94,7 @@ static void btf_to_reflectance(const struct btf_view *view, const struct btf_lig
     const gsize n = btf_texels(view);
     const struct radiometry_lamp *lamp = light->radiometry;
     g_autofree float *irradiance = g_new(float, n);
-    rectify_irradiance(light->arc, light->lamp, light->arc_rad, view->turntable_rad, &view->grid,
+    rectify_irradiance(light->arc, light->lamp, light->arc_rad, light->turntable_rad, &view->grid,
                        irradiance);
     for (gsize c = 0; c < 3; c++) {
         const float output = (float)((lamp && lamp->known ? lamp->colour[c] : 1) * light->output);
@@ -116,12 +121,19 @@ struct mosaic {
 /* The frames of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum;      /* n_values, over all lights: the guide */
+    double *sum;      /* n_values, over all lights in the view's pose: the guide */
+    gboolean guided;  /* it has some */
     GHashTable *sums; /* of the first shots of groups: float *, n_values: Σ over the group's lights;
                          NULL: there are none */
     gsize n_pixels;
     gsize n_values; /* of a frame: n_pixels, or 3 n_pixels of "rgb"; set by the first frame */
     char *cfa;
+};
+
+struct posed { /* the rectification of the last light's pose; NULL: none yet */
+    Rectify *rectify;
+    double turntable_rad;
+    gboolean guided;
 };
 
 static void btf_clear_mosaic(struct mosaic *mosaic) {
@@ -170,9 +182,17 @@ static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, st
         to->bound[k] = saturated[k] != 0;
 }
 
-/* Stores a frame's planes as half floats, and adds their finite values to the guide. */
+/* Whether a picture can share a guide with those in the pose of the view. */
+static gboolean btf_is_in_pose(const struct btf_view *view, const struct btf_light *light) {
+    const double r_mm = hypot(view->grid.width_mm, view->grid.height_mm) / 2;
+    const double px_mm = vec3_length(rig_camera_centre_mm(view->camera)) / view->camera->fx_px;
+    return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
+}
+
+/* Stores a frame's planes as half floats, and adds their finite values to the guide, if there is
+ * one. */
 static gboolean btf_store_planes(const struct input *input, const struct exr_part *frame, guint i,
-                                 struct mosaics *to, GError **error) {
+                                 gboolean guides, struct mosaics *to, GError **error) {
     static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"R", "G", "B", NULL};
     const char *const *channels = strcmp(to->cfa, "rgb") == 0 ? rgb : grey;
     const gsize n = to->n_pixels;
@@ -187,9 +207,10 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
                                    "part %s has no channel %s, although its colour filter is %s",
                                    frame->name, *channels, to->cfa);
         exr_half_from_floats(half, plane, n);
-        for (gsize k = 0; k < n; k++)
+        for (gsize k = 0; guides && k < n; k++)
             sum[k] += isfinite(plane[k]) ? (double)plane[k] : 0;
     }
+    to->guided |= guides;
     return TRUE;
 }
 
@@ -221,11 +242,12 @@ static void btf_add_multiplexed(const struct exr_part *frame, guint i, struct mo
 static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                                 GError **error) {
     static const char *const any[] = {NULL};
-    const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
+    const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
+    const struct input *input = &light->input;
     struct exr_part *frame = input_read(input, any, error);
     const gboolean ok =
         frame && btf_check_frame(input, frame, &to->cfa, error) &&
-        btf_store_planes(input, frame, i, to, error) &&
+        btf_store_planes(input, frame, i, btf_is_in_pose(view, light), to, error) &&
         (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok) {
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
@@ -341,23 +363,45 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
     }
 }
 
+/* Of pictures in one pose, with or without the guide. */
+static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaics *mosaics,
+                                double turntable_rad, gboolean guided, GError **error) {
+    Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa, turntable_rad,
+                                   &view->grid, error);
+    if (!rectify || !guided || !mosaics->guided)
+        return rectify;
+    g_autofree float *guide = g_new(float, mosaics->n_values);
+    for (gsize i = 0; i < mosaics->n_values; i++)
+        guide[i] = (float)mosaics->sum[i];
+    rectify_guide(rectify, guide);
+    return rectify;
+}
+
 /* Loads all frames, whose sum is the guide of the rectification. */
-static Rectify *btf_load_mosaics(const struct btf_view *view, struct mosaics *to,
+static gboolean btf_load_mosaics(const struct btf_view *view, struct mosaics *to,
                                  GCancellable *cancellable, GError **error) {
     for (guint i = 0; i < view->lights->len; i++)
         if (!g_array_index(view->lights, struct btf_light, i).missing &&
             (g_cancellable_set_error_if_cancelled(cancellable, error) ||
              !btf_load_mosaic(view, i, to, error)))
-            return NULL;
-    Rectify *rectify = rectify_new(view->camera, view->radiometry, to->cfa, view->turntable_rad,
-                                   &view->grid, error);
-    if (!rectify)
-        return NULL;
-    g_autofree float *guide = g_new(float, to->n_values);
-    for (gsize i = 0; i < to->n_values; i++)
-        guide[i] = (float)to->sum[i];
-    rectify_guide(rectify, guide);
-    return rectify;
+            return FALSE;
+    return TRUE;
+}
+
+/* Makes the part of a light with the rectification of its pose, which is kept for the next light.
+ */
+static struct exr_part *btf_make_posed(const struct btf_view *view, guint i,
+                                       const struct mosaics *mosaics, struct posed *posed,
+                                       GError **error) {
+    const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
+    const gboolean guided = btf_is_in_pose(view, light);
+    if (posed->rectify && (posed->turntable_rad != light->turntable_rad || posed->guided != guided))
+        g_clear_pointer(&posed->rectify, rectify_free);
+    if (!posed->rectify)
+        posed->rectify = btf_rectify_new(view, mosaics, light->turntable_rad, guided, error);
+    posed->turntable_rad = light->turntable_rad;
+    posed->guided = guided;
+    return posed->rectify ? btf_make_light(view, i, posed->rectify, mosaics, error) : NULL;
 }
 
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
@@ -368,13 +412,13 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     g_autofree struct exr_part **parts = g_new0(struct exr_part *, n);
     struct mosaics mosaics = {.lights = lights, .n_pixels = n_pixels};
     struct exr_file *file = exr_file_new();
-    g_autoptr(Rectify) rectify = btf_load_mosaics(view, &mosaics, cancellable, error);
-    gboolean ok = rectify != NULL;
+    struct posed posed = {0};
+    gboolean ok = btf_load_mosaics(view, &mosaics, cancellable, error);
     for (guint i = 0; ok && i < n; i++) {
         if (g_array_index(view->lights, struct btf_light, i).missing)
             continue;
         ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             (parts[i] = btf_make_light(view, i, rectify, &mosaics, error)) != NULL;
+             (parts[i] = btf_make_posed(view, i, &mosaics, &posed, error)) != NULL;
         btf_clear_mosaic(&lights[i]);
     }
     btf_predict_missing(view, parts);
@@ -384,6 +428,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
     for (guint i = 0; i < n; i++)
         btf_clear_mosaic(&lights[i]);
+    rectify_free(posed.rectify);
     g_free(mosaics.cfa);
     g_free(mosaics.sum);
     g_clear_pointer(&mosaics.sums, g_hash_table_unref);

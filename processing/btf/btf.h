@@ -1,6 +1,11 @@
 /*
  * One view of the BTF: the frames of all lights, rectified and divided by the radiance of a white
  * diffuser: ρ(x, v, l) = π L(x, v, l) / E(x, l). See pipeline.h for the file. Any thread.
+ *
+ * Each frame is rectified in its own pose: pictures that were taken while the turntable turned
+ * differ a little from the view's. Directions are the view's and the light's nominal ones; the
+ * positions of camera and lamp in a part (view.centre_mm, light.position_mm) are those of its
+ * frame.
  */
 #pragma once
 
@@ -33,6 +38,7 @@ struct btf_light {
     const struct rig_lamp *lamp;
     const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
+    double turntable_rad; /* while its picture was exposed; else the view's */
     double output;    /* of the lamp in this shot, relative to its calibration */
     gboolean missing; /* the plan left it out; input is empty */
     gboolean

@@ -53,6 +53,7 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
     if (file->parts->len != to->lights.n)
         return near_field_damaged(path, error,
                                   "its number of lights differs from that of the first view");
+    struct vec3 first = {0}, off = {0};
     for (gsize light = 0; light < to->lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * to->lights.n : NULL;
@@ -68,12 +69,18 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
             return near_field_damaged(
                 path, error,
                 "some of its parts have the positions of camera and lamp, some do not");
+        struct vec3 camera;
         if (lamp &&
-            (!near_field_take_position(to, part, "view.centre_mm", path, &to->camera_mm[view],
-                                       error) ||
+            (!near_field_take_position(to, part, "view.centre_mm", path, &camera, error) ||
              !near_field_take_position(to, part, "light.position_mm", path, &lamp[light], error)))
             return FALSE;
+        if (lamp && light == 0)
+            first = camera;
+        if (lamp)
+            off = vec3_add(off, vec3_sub(camera, first));
     }
+    if (to->camera_mm)
+        to->camera_mm[view] = vec3_add(first, vec3_scale(off, 1.0 / (double)to->lights.n));
     return TRUE;
 }
 

@@ -200,6 +200,7 @@ static enum catalogue_state find_input(const struct catalogue *catalogue,
     ret->path = g_build_filename(catalogue->directory, frame->path, NULL);
     ret->sha256 = g_strdup(frame->sha256);
     ret->shot = shot->id;
+    ret->turntable_deg = session_frame_turntable_deg(frame, shot);
     ret->width = catalogue->rig.cameras[view->device].width;
     ret->height = catalogue->rig.cameras[view->device].height;
     return CATALOGUE_READY;
@@ -238,11 +239,16 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                               .arc = &catalogue->rig.arc,
                               .lamp = &catalogue->rig.lamps[shot->device],
                               .arc_rad = catalogue_radians(shot->arc_deg),
+                              .turntable_rad = btf->turntable_rad,
                               .missing = input == NULL};
     if (input) {
         light.radiometry = lamp;
         light.output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1;
         light.input = *input;
+        if (input->turntable_deg != shot->turntable_deg) {
+            light.turntable_rad = catalogue_radians(input->turntable_deg);
+            input_hash(sum, "turned %.17g", input->turntable_deg);
+        }
         input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg,
                    light.phi_deg, shot->device, shot->arc_deg, light.output, input->sha256);
     } else {

@@ -11,7 +11,8 @@ struct input {
     char *path;   /* absolute */
     char *sha256; /* as in the session; NULL: not checked */
     gint64 shot;
-    int width, height; /* size of the camera's pictures */
+    int width, height;    /* size of the camera's pictures */
+    double turntable_deg; /* while it was exposed, in the middle */
 };
 
 void input_clear(struct input *input);

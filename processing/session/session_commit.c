@@ -44,8 +44,9 @@ static gboolean session_commit_check_frames(const Session *session, gint64 shot,
         if (!session_is_relative(frame->path))
             return session_commit_refuse(frame, "its path is not inside the session", error);
         if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64 ||
-            !isfinite(frame->captured_s))
-            return session_commit_refuse(frame, "its checksum or its time is missing", error);
+            !isfinite(frame->captured_s) || !isfinite(frame->turntable_deg))
+            return session_commit_refuse(frame, "its checksum, its time or its angle is missing",
+                                         error);
         if (session_commit_size_of(session, frame->path) != frame->bytes)
             return session_commit_refuse(frame, "the file is missing or has another size", error);
     }
@@ -65,15 +66,31 @@ static gboolean session_commit_set_state(Session *session, gint64 shot,
                         session->path, shot);
 }
 
+static gboolean store_turned(Session *session, const struct session_frame *frame, GError **error) {
+    char deg[G_ASCII_DTOSTR_BUF_SIZE];
+    g_autofree char *key =
+        g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/%d", frame->shot, frame->camera);
+
+    return !frame->turned ||
+           session_set_value(session, key, g_ascii_dtostr(deg, sizeof deg, frame->turntable_deg),
+                             error);
+}
+
 /* Within the caller's transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
-    gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot);
+    /* All names that begin with the first: '0' follows '/'. */
+    g_autofree char *from = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/", shot);
+    g_autofree char *to = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "0", shot);
+    gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot) &&
+                  session_db_run(session, error, "DELETE FROM value WHERE key > ?1 AND key < ?2",
+                                 "ss", from, to);
 
     for (int i = 0; ok && i < n_frames; i++)
         ok = session_db_run(session, error, "INSERT INTO frame VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
                             "lisslid", shot, frames[i].camera, frames[i].path, frames[i].sha256,
-                            frames[i].bytes, frames[i].retakes, frames[i].captured_s);
+                            frames[i].bytes, frames[i].retakes, frames[i].captured_s) &&
+             store_turned(session, &frames[i], error);
     return ok;
 }
 

@@ -72,6 +72,15 @@ static int column_int(sqlite3_stmt *statement, int column) {
     return value < G_MININT || value > G_MAXINT ? G_MININT : (int)value;
 }
 
+/* NAN: the text is not a number. */
+static double column_number(sqlite3_stmt *statement, int column) {
+    g_autofree char *text = session_db_text(statement, column);
+    char *end = text;
+    const double value = text ? g_ascii_strtod(text, &end) : NAN;
+
+    return text && end != text && *end == '\0' ? value : NAN;
+}
+
 static int column_choice(sqlite3_stmt *statement, int column, const char *const *choices) {
     const char *text = (const char *)sqlite3_column_text(statement, column);
     int i = 0;
@@ -244,18 +253,23 @@ static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError 
     frame->bytes = sqlite3_column_int64(row, 4);
     frame->retakes = column_int(row, 5);
     frame->captured_s = sqlite3_column_double(row, 6);
+    frame->turned = sqlite3_column_type(row, 7) != SQLITE_NULL;
+    frame->turntable_deg = frame->turned ? column_number(row, 7) : 0;
     if (session_is_relative(frame->path) && frame->sha256 && frame->camera >= 0 &&
-        frame->camera < MAX_CAMERAS && frame->bytes >= 0)
+        frame->camera < MAX_CAMERAS && frame->bytes >= 0 && isfinite(frame->turntable_deg))
         return frame;
-    session_read_wrong(error, "a frame's camera or path is not valid: shot", frame->shot);
+    session_read_wrong(error, "a frame's camera, path or angle is not valid: shot", frame->shot);
     frame_free(frame);
     return NULL;
 }
 
 GPtrArray *session_frames(Session *session, GError **error) {
     return session_read_rows(session,
-                             "SELECT shot, camera, path, sha256, bytes, retakes, captured_s"
-                             " FROM frame JOIN shot ON shot.id = frame.shot ORDER BY shot, camera",
+                             "SELECT shot, camera, path, sha256, bytes, retakes, captured_s,"
+                             " value.value FROM frame JOIN shot ON shot.id = frame.shot"
+                             " LEFT JOIN value ON value.key ="
+                             " '" SESSION_TURNED "' || frame.shot || '/' || frame.camera"
+                             " ORDER BY shot, camera",
                              NULL, frame_free, read_frame, error);
 }
 

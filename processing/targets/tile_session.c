@@ -60,7 +60,7 @@ static gboolean find_frames(struct run *run, GError **error) {
             continue;
         if (run->frames->len == 0 || last != shot->id) {
             struct tile_shot taken = {shot->device, shot->arc_deg * G_PI / 180,
-                                      shot->turntable_deg * G_PI / 180};
+                                      session_frame_turntable_deg(row, shot) * G_PI / 180};
             g_array_append_val(run->tile_shots, taken);
             g_array_append_val(run->taken_s, row->captured_s);
         }

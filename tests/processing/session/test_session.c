@@ -287,6 +287,53 @@ static void test_commit_refused(void) {
     session_fixture_clear_frame(&frames[1]);
 }
 
+static void assert_turned(Session *session, guint n, const double *deg) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) rows = session_frames(session, &error);
+    g_assert_no_error(error);
+    g_assert_cmpuint(rows->len, ==, n);
+    for (guint i = 0; i < n; i++) {
+        const struct session_frame *row = rows->pdata[i];
+        g_assert_cmpint(row->turned, ==, isfinite(deg[i]));
+        g_assert_cmpfloat(row->turntable_deg, ==, row->turned ? deg[i] : 0);
+    }
+}
+
+/* Where the table was, bit by bit; a later take, and one of another shot, replaces nothing else. */
+static void test_turned(void) {
+    g_autofree char *path = session_fixture_path("turned");
+    g_autoptr(Session) session = session_fixture_create(path, 1, 40);
+    g_autoptr(GError) error = NULL;
+    for (int shot = 3; shot < 40; shot += 30) { /* 3, 33 */
+        struct session_frame frames[2] = {session_fixture_frame(session, shot, 0),
+                                          session_fixture_frame(session, shot, 1)};
+        frames[0].turned = TRUE;
+        frames[0].turntable_deg = shot / 3.0;
+        g_assert_true(session_commit_shot(session, shot, SHOT_DONE, frames, 2, NULL, &error));
+        g_assert_no_error(error);
+        frames[0].turntable_deg = NAN;
+        g_assert_false(session_commit_shot(session, shot, SHOT_DONE, frames, 2, NULL, &error));
+        assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_IO);
+        session_fixture_clear_frame(&frames[0]);
+        session_fixture_clear_frame(&frames[1]);
+    }
+    assert_turned(session, 4, (double[]){1, NAN, 11, NAN});
+    struct session_frame again = session_fixture_frame(session, 3, 1);
+    again.turned = TRUE;
+    again.turntable_deg = -0.1;
+    g_assert_true(session_commit_shot(session, 3, SHOT_DONE, &again, 1, NULL, &error));
+    assert_turned(session, 3, (double[]){-0.1, 11, NAN});
+    session_fixture_clear_frame(&again);
+    struct session_shot shot = {.turntable_deg = 30};
+    g_assert_cmpfloat(session_frame_turntable_deg(&again, &shot), ==, -0.1);
+    again.turned = FALSE;
+    g_assert_cmpfloat(session_frame_turntable_deg(&again, &shot), ==, 30);
+
+    g_assert_true(session_set_value(session, "turned/33/0", "north", &error));
+    g_assert_null(session_frames(session, &error));
+    assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+}
+
 static void test_modes(void) {
     g_autofree char *path = session_fixture_path("modes");
     g_autoptr(GError) error = NULL;
@@ -448,6 +495,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/session/exists", test_exists);
     g_test_add_func("/session/commit", test_commit);
     g_test_add_func("/session/commit-refused", test_commit_refused);
+    g_test_add_func("/session/turned", test_turned);
     g_test_add_func("/session/modes", test_modes);
     g_test_add_func("/session/facts", test_facts);
     g_test_add_func("/session/verify", test_verify);
