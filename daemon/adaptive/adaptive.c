@@ -35,6 +35,18 @@ gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot 
            (!adaptive->lamps || rounds_have(&adaptive->of_lamps, shot));
 }
 
+int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot) {
+    if (shot->kind == SHOT_SWEEP && adaptive->sweeps)
+        return adaptive->of_sweeps.of[shot->id - 1];
+    if (shot->kind == SHOT_LAMP && adaptive->lamps)
+        return adaptive->of_lamps.of[shot->id - 1];
+    return 1;
+}
+
+int adaptive_rounds(const Adaptive *adaptive) {
+    return MAX(MAX(adaptive->of_sweeps.n, adaptive->of_lamps.n), 1);
+}
+
 static gboolean adaptive_sweeps_are_over(const Adaptive *adaptive) {
     return !adaptive->sweeps || adaptive->of_sweeps.over;
 }
@@ -45,10 +57,6 @@ static gboolean adaptive_lamps_are_over(const Adaptive *adaptive) {
 
 gboolean adaptive_is_over(const Adaptive *adaptive) {
     return adaptive_sweeps_are_over(adaptive) && adaptive_lamps_are_over(adaptive);
-}
-
-gboolean adaptive_is_further(const Adaptive *adaptive) {
-    return adaptive->of_sweeps.n > 1 || adaptive->of_lamps.n > 1;
 }
 
 void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,

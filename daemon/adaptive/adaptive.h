@@ -80,6 +80,11 @@ void adaptive_free(Adaptive *adaptive); /* NULL is ignored; no hook is called af
 /* Whether a shot is in a round; those that do not come in rounds always are. */
 gboolean adaptive_is_chosen(const Adaptive *adaptive, const struct session_shot *shot);
 
+/* In which round a shot is, from 1; 0: in none yet. Shots that do not come in rounds are in the
+ * first. */
+int adaptive_round_of(const Adaptive *adaptive, const struct session_shot *shot);
+int adaptive_rounds(const Adaptive *adaptive);
+
 /* A shot was committed. */
 void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
                    const struct session_frame *frames, int n);
@@ -88,5 +93,3 @@ void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
 void adaptive_choose(Adaptive *adaptive);
 /* There is nothing left to choose. */
 gboolean adaptive_is_over(const Adaptive *adaptive);
-/* A round after the first has been chosen: the plan's order is not that of its shots. */
-gboolean adaptive_is_further(const Adaptive *adaptive);

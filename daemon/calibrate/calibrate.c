@@ -263,7 +263,7 @@ GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GErro
         frame->camera = row->camera;
         frame->lamp = kind == SHOT_LAMP ? shot->device : -1;
         frame->laser = kind == SHOT_SWEEP ? shot->device : -1;
-        frame->turntable_deg = shot->turntable_deg;
+        frame->turntable_deg = session_frame_turntable_deg(row, shot);
         frame->arc_deg = shot->arc_deg;
         g_ptr_array_add(frames, frame);
     }

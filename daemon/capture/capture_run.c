@@ -362,15 +362,20 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
                       capture->devices->geometry.cameras[result->frame.camera].name, message);
 }
 
+/* NULL: none of its frames has been handed to the intake. */
+static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
+    for (const GList *at = capture->flights.tail; at; at = at->prev)
+        if (((struct flight *)at->data)->shot == shot)
+            return at->data;
+    return NULL;
+}
+
 static void on_result(const struct intake_result *result, gpointer data) {
     Capture *capture = data;
     int camera = result->frame.camera;
-    const GList *at = capture->flights.head;
-    while (at && ((struct flight *)at->data)->shot != result->shot)
-        at = at->next;
-    if (!at)
+    struct flight *flight = find_flight(capture, result->shot);
+    if (!flight)
         return;
-    struct flight *flight = at->data;
     if (result->error) {
         stop_for_disk(capture, result->error);
         return;
@@ -441,18 +446,24 @@ static gboolean on_may_trigger(gpointer data) {
     return !intake_is_full(capture->intake);
 }
 
-static void capture_run_on_frame(const struct session_shot *shot, int camera, int sub, Frame *frame,
-                                 int retakes, gpointer data) {
+static void capture_run_on_frame(const struct session_shot *shot,
+                                 const struct sequencer_taken *taken, Frame *frame, gpointer data) {
     Capture *capture = data;
-    struct flight *flight = g_queue_peek_tail(&capture->flights);
-    if (!flight || flight->shot != shot) {
-        flight = g_new0(struct flight, 1);
+    const int camera = taken->camera, sub = taken->sub;
+    if (!find_flight(capture, shot)) {
+        struct flight *flight = g_new0(struct flight, 1);
         flight->shot = shot;
         flight->signal_dn = -HUGE_VAL;
         g_queue_push_tail(&capture->flights, flight);
     }
     double time_s = session_clock_s(capture, frame->exposure_end_us);
-    intake_frame(capture->intake, shot, camera, sub, frame, retakes, time_s);
+    const struct intake_frame of = {.camera = camera,
+                                    .sub = sub,
+                                    .retakes = taken->retakes,
+                                    .time_s = time_s,
+                                    .turned = taken->turned,
+                                    .turntable_deg = taken->turntable_deg};
+    intake_frame(capture->intake, shot, &of, frame);
     capture->frames++;
     if (sub + 1 == shot_n_frames(&capture->conf, shot))
         capture_run_note_left(capture, capture->committed + capture->flights.length, time_s);
@@ -503,6 +514,31 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
+/* Lists the shots of a round that is left, in its order, and sets their passes: those of all shots
+ * of the round, done or not, so that the same pictures are taken as without an interruption.
+ * Returns the last pass's number. */
+static int list_round(Capture *capture, int round, int number) {
+    const struct devices *devices = capture->devices;
+    g_autoptr(GPtrArray) shots = g_ptr_array_new();
+    for (guint i = 0; i < capture->shots->len; i++) {
+        struct session_shot *shot = capture->shots->pdata[i];
+        if (shot->state != SHOT_SKIPPED &&
+            (!capture->adaptive || adaptive_round_of(capture->adaptive, shot) == round))
+            g_ptr_array_add(shots, shot);
+    }
+    struct session_shot **list = (struct session_shot **)shots->pdata;
+    /* The plan's order is that of the first round, and of all that may follow it. */
+    if (round > 1)
+        plan_order_left(list, (int)shots->len, &capture->conf, &devices->geometry,
+                        &devices->timing);
+    number = passes_set(list, (int)shots->len, &capture->conf, &devices->geometry, &devices->timing,
+                        number);
+    for (guint i = 0; i < shots->len; i++)
+        if (list[i]->state == SHOT_PLANNED)
+            g_ptr_array_add(capture->remaining, list[i]);
+    return number;
+}
+
 /* Lists the shots that this run takes, and predicts their time, homing included. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
@@ -511,17 +547,9 @@ static void note_remaining(Capture *capture) {
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
     capture->committed = 0;
-    for (guint i = 0; i < capture->shots->len; i++) {
-        struct session_shot *shot = capture->shots->pdata[i];
-        if (shot->state == SHOT_PLANNED &&
-            (!capture->adaptive || adaptive_is_chosen(capture->adaptive, shot)))
-            g_ptr_array_add(capture->remaining, shot);
-    }
-    /* The plan's order is that of the first round, and of all that may follow it. */
-    if (capture->adaptive && adaptive_is_further(capture->adaptive))
-        plan_order_left((struct session_shot **)capture->remaining->pdata,
-                        (int)capture->remaining->len, &capture->conf, &devices->geometry,
-                        &devices->timing);
+    const int rounds = capture->adaptive ? adaptive_rounds(capture->adaptive) : 1;
+    for (int round = 1, number = 0; round <= rounds; round++)
+        number = list_round(capture, round, number);
     capture_lasers_put_first(capture);
     g_free(capture->plan_left_s);
     capture->plan_left_s = g_new(double, capture->remaining->len + 1);

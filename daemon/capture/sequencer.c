@@ -1,11 +1,10 @@
-#include "sequencer.h"
+#include "sequencer_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "intake/intake.h"
 #include "intake/radiance.h"
-#include "stage.h"
 
 /* Pause before the next attempt with a camera that is gone. */
 #define REST_US (3 * G_USEC_PER_SEC)
@@ -15,36 +14,6 @@
  * attempts. */
 #define FIRST_REST_US 100000
 
-enum state { IDLE, HOMING, PREPARING, EXPOSING };
-
-struct sequencer_camera { /* state of a camera for the current picture */
-    Sequencer *sequencer;
-    int camera;
-    int refused;   /* in a row */
-    int retakes;   /* in this shot */
-    int shortened; /* in this shot: each time to a quarter of the shortest exposure */
-    gint64 rest_until_us;
-};
-
-struct Sequencer {
-    struct devices *devices;
-    const struct session_conf *conf;
-    struct sequencer_hooks hooks;
-    Stage *stage;
-    enum state state;
-    gboolean pausing;
-    const GPtrArray *shots;
-    guint next;                                  /* index of the shot after the one under way */
-    const struct session_shot *shot, *last_shot; /* last_shot: the same, or the last one */
-    int sub, n_subs;
-    guint32 pending;  /* cameras still to be triggered for this picture */
-    guint32 exposing; /* triggered; the lamp must stay on */
-    guint32 waiting;  /* triggered, no frame yet */
-    struct sequencer_camera states[RIG_MAX_CAMERAS];
-    guint timer;
-};
-
-static void advance(Sequencer *seq);
 static void sequencer_prepare(Sequencer *seq);
 
 gboolean sequencer_stop(Sequencer *seq, GError **error) {
@@ -52,13 +21,14 @@ gboolean sequencer_stop(Sequencer *seq, GError **error) {
     seq->shot = NULL;
     seq->pending = seq->exposing = seq->waiting = 0;
     clock_cancel(seq->devices->clock, &seq->timer);
+    sequencer_pass_clear(seq);
     gboolean safe = stage_make_safe(seq->stage, error);
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
         camera_disarm(seq->devices->cameras[c]);
     return safe;
 }
 
-static void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig) {
+void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig) {
     g_autoptr(GError) error = NULL;
     g_autofree char *text = g_strdup(reason);
     const gboolean safe = sequencer_stop(seq, &error);
@@ -72,7 +42,7 @@ static void sequencer_fail(Sequencer *seq, const char *source, const char *reaso
     seq->hooks.fault(source, text, rig, seq->hooks.data);
 }
 
-static void sequencer_finish(Sequencer *seq) {
+void sequencer_finish(Sequencer *seq) {
     g_autoptr(GError) error = NULL;
     if (sequencer_stop(seq, &error)) {
         seq->hooks.finished(seq->hooks.data);
@@ -95,7 +65,8 @@ static double sweep_at_deg(const struct session_shot *shot, int step) {
 
 static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
     const struct rig *rig = &seq->devices->geometry;
-    struct stage_goal goal = {.turntable_deg = shot->turntable_deg,
+    const gboolean passes = shot->pass.number > 0;
+    struct stage_goal goal = {.turntable_deg = passes ? shot->pass.from_deg : shot->turntable_deg,
                               .arc_deg = shot->arc_deg,
                               .arm_deg = rig_arm_deg(rig, shot->cameras),
                               .probe_deg =
@@ -119,7 +90,7 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
 
 /* The stage's goal once the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
-    if (seq->pending)
+    if (seq->pending && seq->pass.n == 0)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
@@ -144,26 +115,34 @@ static gboolean begin_shot(Sequencer *seq) {
     seq->sub = 0;
     seq->n_subs = shot_n_frames(seq->conf, seq->shot);
     seq->pending = seq->shot->cameras;
-    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        seq->states[c].refused = seq->states[c].retakes = seq->states[c].shortened = 0;
+    memset(seq->cameras, 0, sizeof seq->cameras);
+    if (seq->shot->pass.number > 0)
+        sequencer_pass_begin(seq);
     return TRUE;
 }
 
-static gint64 exposure_us(const Sequencer *seq, int camera) {
-    gint64 us = shot_exposure_us(seq->conf, seq->shot, seq->sub);
-    return seq->sub == 0 ? us >> (2 * seq->states[camera].shortened) : us;
+gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *shot, int sub,
+                             const struct sequencer_camera *state) {
+    gint64 us = shot_exposure_us(seq->conf, shot, sub);
+    return sub == 0 ? us >> (2 * state->shortened) : us;
 }
 
-static gboolean sequencer_trigger(Sequencer *seq, int c, GError **error) {
+gboolean sequencer_make_ready(Sequencer *seq, const struct session_shot *shot, int sub, int c,
+                              const struct sequencer_camera *state, GError **error) {
     Camera *camera = seq->devices->cameras[c];
     struct camera_settings settings = {
-        .exposure_us = exposure_us(seq, c),
+        .exposure_us = sequencer_exposure_us(seq, shot, sub, state),
         .gain_db = seq->conf->gain_db,
     };
-    guint64 tag = (guint64)seq->shot->id << 16 | (guint64)seq->sub;
     return camera_configure(camera, &settings, error) &&
-           (camera_is_armed(camera) || camera_arm(camera, error)) &&
-           camera_trigger(camera, tag, error);
+           (camera_is_armed(camera) || camera_arm(camera, error));
+}
+
+gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int sub, int c,
+                           const struct sequencer_camera *state, GError **error) {
+    guint64 tag = (guint64)shot->id << 16 | (guint64)sub;
+    return sequencer_make_ready(seq, shot, sub, c, state, error) &&
+           camera_trigger(seq->devices->cameras[c], tag, error);
 }
 
 static gint64 rest_us(int refused) {
@@ -173,14 +152,14 @@ static gint64 rest_us(int refused) {
     return MIN(us, REST_US);
 }
 
-/* FALSE: no attempts are left, and everything has been stopped. */
-static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
-    struct sequencer_camera *state = &seq->states[camera];
+gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
+                                 const GError *error) {
+    struct sequencer_unit *unit = &seq->units[camera];
     const char *name = seq->devices->geometry.cameras[camera].name;
     state->retakes++;
     if (++state->refused <= seq->conf->retries) {
         gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(state->refused);
-        state->rest_until_us = MAX(state->rest_until_us, until_us);
+        unit->rest_until_us = MAX(unit->rest_until_us, until_us);
         seq->hooks.retake(camera, error_details_text(error), 0, seq->hooks.data);
         return seq->state != IDLE;
     }
@@ -193,6 +172,13 @@ static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     return FALSE;
 }
 
+gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camera *state,
+                              const GError *error) {
+    camera_disarm(seq->devices->cameras[camera]);
+    seq->units[camera].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
+    return sequencer_count_refusal(seq, camera, state, error);
+}
+
 /* Cameras that are gone stay pending, and are tried again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
@@ -201,15 +187,13 @@ static void trigger_pending(Sequencer *seq) {
         guint32 bit = 1u << c;
         if (!(seq->pending & bit))
             continue;
-        if (sequencer_trigger(seq, c, &error)) {
+        if (sequencer_trigger(seq, seq->shot, seq->sub, c, &seq->cameras[c], &error)) {
             seq->pending &= ~bit;
             seq->exposing |= bit;
             seq->waiting |= bit;
             continue;
         }
-        camera_disarm(seq->devices->cameras[c]);
-        seq->states[c].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
-        if (!count_refusal(seq, c, error))
+        if (!sequencer_count_gone(seq, c, &seq->cameras[c], error))
             return;
     }
     if (seq->waiting == 0) {
@@ -221,7 +205,7 @@ static void trigger_pending(Sequencer *seq) {
 static void timer_due(gpointer data) {
     Sequencer *seq = data;
     seq->timer = 0;
-    advance(seq);
+    sequencer_advance(seq);
 }
 
 static void sequencer_prepare(Sequencer *seq) {
@@ -233,11 +217,15 @@ static void sequencer_prepare(Sequencer *seq) {
     clock_cancel(seq->devices->clock, &seq->timer);
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
         if (seq->pending & 1u << c)
-            ready_us = MAX(ready_us, seq->states[c].rest_until_us);
+            ready_us = MAX(ready_us, seq->units[c].rest_until_us);
     }
     if (ready_us > clock_now_us(seq->devices->clock))
         seq->timer = clock_call_at(seq->devices->clock, ready_us, timer_due, seq);
-    else if (seq->hooks.may_trigger(seq->hooks.data))
+    else if (!seq->hooks.may_trigger(seq->hooks.data))
+        return;
+    else if (seq->pass.n > 0)
+        sequencer_pass_start(seq);
+    else
         trigger_pending(seq);
 }
 
@@ -252,16 +240,29 @@ static void start_shots(Sequencer *seq) {
         sequencer_finish(seq);
 }
 
-/* Something has changed: takes the next steps that are possible now. */
-static void advance(Sequencer *seq) {
+void sequencer_go_on(Sequencer *seq) {
+    struct stage_goal goal = goal_after(seq);
+    stage_pursue(seq->stage, &goal);
+}
+
+void sequencer_advance(Sequencer *seq) {
     if (seq->state == HOMING && stage_is_homed(seq->stage)) {
         start_shots(seq);
     } else if (seq->state == PREPARING) {
         sequencer_prepare(seq);
     } else if (seq->state == EXPOSING && seq->exposing == 0) {
-        struct stage_goal goal = goal_after(seq);
-        stage_pursue(seq->stage, &goal);
+        sequencer_go_on(seq);
+    } else if (seq->state == PASSING) {
+        sequencer_pass_step(seq);
     }
+}
+
+void sequencer_next_shot(Sequencer *seq) {
+    seq->state = PREPARING;
+    if ((seq->pausing && !session_is_within_group(seq->shot)) || !begin_shot(seq))
+        sequencer_finish(seq);
+    else
+        sequencer_prepare(seq);
 }
 
 /* All cameras have answered: the refused ones once more, or the next picture, or the next shot. */
@@ -270,9 +271,8 @@ static void picture_over(Sequencer *seq) {
     if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
         seq->sub++;
         seq->pending = seq->shot->cameras;
-    } else if (seq->pending == 0 &&
-               ((seq->pausing && !session_is_within_group(seq->shot)) || !begin_shot(seq))) {
-        sequencer_finish(seq);
+    } else if (seq->pending == 0) {
+        sequencer_next_shot(seq);
         return;
     }
     sequencer_prepare(seq);
@@ -286,16 +286,15 @@ static void answered(Sequencer *seq, int camera) {
     if (seq->waiting == 0)
         picture_over(seq);
     else if (was_exposing && seq->exposing == 0)
-        advance(seq);
+        sequencer_advance(seq);
 }
 
-/* Whether to take a picture again with a shorter exposure. If no shorter one is possible, or all
- * retries are used, the picture is kept as it is: a highlight must not end an unattended capture.
- */
-static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **ret_why) {
-    struct sequencer_camera *state = &seq->states[camera];
-    const gint64 us = exposure_us(seq, camera);
-    if (seq->shot->kind != SHOT_LAMP || seq->sub != 0 || state->shortened >= seq->conf->retries ||
+/* If no shorter exposure is possible, or all retries are used, the picture is kept as it is: a
+ * highlight must not end an unattended capture. */
+gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
+                           struct sequencer_camera *state, const Frame *frame) {
+    const gint64 us = sequencer_exposure_us(seq, shot, sub, state);
+    if (shot->kind != SHOT_LAMP || sub != 0 || state->shortened >= seq->conf->retries ||
         us / 4 < seq->devices->cameras[camera]->format.min_exposure_us)
         return FALSE;
     const double pct =
@@ -303,32 +302,34 @@ static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **r
     if (pct <= seq->conf->saturated_pct)
         return FALSE;
     state->shortened++;
-    *ret_why = g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
-                               " µs; it is taken again at %" G_GINT64_FORMAT " µs",
-                               pct, us, us / 4);
+    state->retakes++;
+    g_autofree char *why =
+        g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
+                        " µs; it is taken again at %" G_GINT64_FORMAT " µs",
+                        pct, us, us / 4);
+    seq->hooks.retake(camera, why, sequencer_exposure_us(seq, shot, sub, state), seq->hooks.data);
     return TRUE;
 }
 
 static void take_frame(Sequencer *seq, int camera, Frame *frame) {
-    struct sequencer_camera *state = &seq->states[camera];
-    g_autofree char *why = NULL;
+    struct sequencer_camera *state = &seq->cameras[camera];
     state->refused = 0;
-    if (shorten(seq, camera, frame, &why)) {
-        state->retakes++;
-        seq->hooks.retake(camera, why, exposure_us(seq, camera), seq->hooks.data);
+    if (sequencer_shorten(seq, seq->shot, seq->sub, camera, state, frame)) {
         if (seq->state != EXPOSING)
             return;
         seq->pending |= 1u << camera;
         answered(seq, camera);
         return;
     }
-    seq->hooks.frame(seq->shot, camera, seq->sub, frame, state->retakes, seq->hooks.data);
+    const struct sequencer_taken taken = {camera, seq->sub, state->retakes};
+    seq->hooks.frame(seq->shot, &taken, frame, seq->hooks.data);
     if (seq->state == EXPOSING)
         answered(seq, camera);
 }
 
 static void take_again(Sequencer *seq, int camera, const GError *error) {
-    if (!count_refusal(seq, camera, error) || seq->state != EXPOSING)
+    if (!sequencer_count_refusal(seq, camera, &seq->cameras[camera], error) ||
+        seq->state != EXPOSING)
         return;
     seq->pending |= 1u << camera;
     answered(seq, camera);
@@ -336,13 +337,14 @@ static void take_again(Sequencer *seq, int camera, const GError *error) {
 
 static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
                       gpointer data) {
-    const struct sequencer_camera *unit = data;
+    const struct sequencer_unit *unit = data;
     Sequencer *seq = unit->sequencer;
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
            !(seq->waiting & 1u << c))
         c++; /* of its stops, the one that is waited for */
-    if (seq->state != EXPOSING || c >= seq->devices->geometry.n_cameras ||
+    const gboolean passing = seq->state == PASSING;
+    if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
         seq->devices->cameras[c] != camera)
         return;
     const guint32 bit = 1u << c;
@@ -350,23 +352,23 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     case CAMERA_EXPOSED:
         seq->exposing &= ~bit;
         if (seq->exposing == 0)
-            advance(seq);
+            sequencer_advance(seq);
         break;
     case CAMERA_FRAME:
-        take_frame(seq, c, frame);
+        (passing ? sequencer_pass_take : take_frame)(seq, c, frame);
         break;
     case CAMERA_FAULT:
         camera_disarm(camera); /* trigger() arms it again */
-        take_again(seq, c, error);
+        (passing ? sequencer_pass_refused : take_again)(seq, c, error);
         break;
     case CAMERA_REFUSED:
-        take_again(seq, c, error);
+        (passing ? sequencer_pass_refused : take_again)(seq, c, error);
         break;
     }
 }
 
 static void on_stage_changed(gpointer data) {
-    advance(data);
+    sequencer_advance(data);
 }
 
 static void on_stage_fault(const char *source, const char *reason, gpointer data) {
@@ -389,9 +391,9 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->hooks = *hooks;
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
-        seq->states[c] = (struct sequencer_camera){.sequencer = seq, .camera = c};
+        seq->units[c] = (struct sequencer_unit){.sequencer = seq, .camera = c};
         if (devices_is_unit(&devices->geometry, c)) /* which of its stops: see on_camera() */
-            camera_listen(devices->cameras[c], on_camera, &seq->states[c]);
+            camera_listen(devices->cameras[c], on_camera, &seq->units[c]);
     }
     return seq;
 }
@@ -402,6 +404,7 @@ void sequencer_free(Sequencer *seq) {
     clock_cancel(seq->devices->clock, &seq->timer);
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
         camera_listen(seq->devices->cameras[c], NULL, NULL);
+    sequencer_pass_clear(seq);
     stage_free(seq->stage);
     g_free(seq);
 }
@@ -412,7 +415,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     seq->next = 0;
     seq->pausing = FALSE;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        seq->states[c].rest_until_us = 0;
+        seq->units[c].rest_until_us = 0;
     seq->state = HOMING;
     const Interlock *open = stage_open_interlock(seq->stage);
     if (open) {
@@ -421,19 +424,23 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
         return;
     }
     stage_home(seq->stage);
-    advance(seq); /* a rig without axes is homed at once */
+    sequencer_advance(seq); /* a rig without axes is homed at once */
 }
 
 void sequencer_pause(Sequencer *seq) {
     seq->pausing = TRUE;
-    gboolean untouched = seq->state == PREPARING && seq->sub == 0 && seq->shot &&
-                         seq->pending == seq->shot->cameras && seq->shot->multiplex.k == 0;
+    gboolean untouched =
+        seq->state == PREPARING && seq->sub == 0 && seq->shot &&
+        (seq->pass.n > 0 ? sequencer_pass_is_untouched(seq)
+                         : seq->pending == seq->shot->cameras && seq->shot->multiplex.k == 0);
     if (seq->state == HOMING || untouched)
         sequencer_finish(seq);
+    else if (seq->state == PASSING)
+        sequencer_pass_step(seq);
 }
 
 void sequencer_poke(Sequencer *seq) {
-    advance(seq);
+    sequencer_advance(seq);
 }
 
 const Interlock *sequencer_open_interlock(const Sequencer *seq) {

@@ -1,8 +1,10 @@
 /*
  * Takes shots in order: homes the axes, brings the stage to where each picture is taken, triggers
  * the cameras, and hands on every accepted frame. As soon as the cameras have exposed, the stage
- * goes on to the next picture while frames are read out. A state machine driven by the devices'
- * events; every wait has the deadline of the class it waits for. Main loop's thread.
+ * goes on to the next picture while frames are read out. Shots of a pass (struct session_pass) are
+ * taken while the turntable turns: cameras are triggered such that it passes the shot's angle in
+ * the middle of the exposure. A state machine driven by the devices' events; every wait has the
+ * deadline of the class it waits for. Main loop's thread.
  */
 #pragma once
 
@@ -10,13 +12,20 @@
 
 typedef struct Sequencer Sequencer;
 
+struct sequencer_taken {
+    int camera, sub, retakes; /* retakes: of this camera in this shot */
+    gboolean turned;          /* it was exposed in a pass: */
+    double turntable_deg;     /* where the table was in the middle of the exposure */
+};
+
 struct sequencer_hooks {
     void (*homed)(gpointer data);
     /* Asked before cameras are triggered; if FALSE, sequencer_poke() says when to ask again. */
     gboolean (*may_trigger)(gpointer data);
-    /* An accepted frame, in order of sub for each camera; retakes: of this camera in this shot. */
-    void (*frame)(const struct session_shot *shot, int camera, int sub, Frame *frame, int retakes,
-                  gpointer data);
+    /* An accepted frame, in order of sub for each camera. Frames of a pass come shot by shot for
+     * each camera, but for those that another turn takes. */
+    void (*frame)(const struct session_shot *shot, const struct sequencer_taken *taken,
+                  Frame *frame, gpointer data);
     /* A picture was refused or lost and is taken again; shortened_us: the exposure that it is taken
      * again with since it was saturated, or 0. */
     void (*retake)(int camera, const char *why, gint64 shortened_us, gpointer data);

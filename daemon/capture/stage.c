@@ -107,7 +107,9 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     struct track *track = data;
     if (!track->stage->active)
         return;
-    if (event == AXIS_FAULT) {
+    if (event == AXIS_PASSING) {
+        stage_changed(track->stage);
+    } else if (event == AXIS_FAULT) {
         axis_fault(track, error);
     } else if (!track->homed && !track->homing) {
         start_homing(track); /* it was still stopping */
@@ -299,6 +301,14 @@ static void pursue_axis(Stage *stage, Axis *axis, double target_deg) {
     track->at_deg = NAN;
     track->target_deg = target_deg;
     if (!axis_move(axis, target_deg, &error))
+        axis_fault(track, error);
+}
+
+void stage_turn(Stage *stage, double by_deg, double speed_deg_s) {
+    struct track *track = find_track(stage, stage->devices->turntable);
+    g_autoptr(GError) error = NULL;
+    track->at_deg = track->target_deg = NAN;
+    if (!axis_turn(track->axis, by_deg, speed_deg_s, &error))
         axis_fault(track, error);
 }
 

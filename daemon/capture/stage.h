@@ -45,6 +45,10 @@ gboolean stage_is_homed(const Stage *stage);
  * must go dark is switched off first. */
 void stage_pursue(Stage *stage, const struct stage_goal *goal);
 
+/* The turntable, which stands, turns by an angle at a speed (axis_turn()); its reports and its
+ * arrival are changes. Where it stands then is not known as that of a goal. */
+void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
+
 /* Whether everything is as the goal says; ret_at_us: from when its light is stable. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 

@@ -30,6 +30,8 @@ struct job {
     int sub;
     int retakes;
     double time_s;
+    gboolean turned;
+    double turntable_deg; /* if it turned */
     Frame *frame;
 };
 
@@ -124,6 +126,10 @@ static void lane_reset(struct lane *lane) {
     lane->shot = NULL;
 }
 
+static double job_turntable_deg(const struct job *job) {
+    return job->turned ? job->turntable_deg : job->shot->turntable_deg;
+}
+
 static void intake_describe(struct lane *lane, const struct job *job, struct intake_file *file) {
     const struct intake_setup *setup = &lane->intake->setup;
     const struct rig *rig = &setup->devices->geometry;
@@ -135,6 +141,8 @@ static void intake_describe(struct lane *lane, const struct job *job, struct int
         .rig = rig,
         .conf = setup->conf,
         .last = job->frame,
+        .turntable_deg = job_turntable_deg(job),
+        .turned = job->turned,
     };
     if (job->shot->kind == SHOT_LAMP)
         file->source_name = rig->lamps[job->shot->device].name;
@@ -152,6 +160,8 @@ static void return_result(struct lane *lane, const struct job *job, struct intak
     finished->result.frame.camera = job->camera;
     finished->result.frame.retakes = job->retakes;
     finished->result.frame.captured_s = job->time_s;
+    finished->result.frame.turned = job->turned;
+    finished->result.frame.turntable_deg = job->turned ? job->turntable_deg : 0;
     g_async_queue_push(lane->intake->finished, finished);
     g_source_set_ready_time(lane->intake->wake, 0);
 }
@@ -208,7 +218,7 @@ static GArray *measure_marks(const struct lane *lane, const struct job *job, con
         .rig = &calibration->rig,
         .camera = job->camera,
         .lamp = shot->device,
-        .turntable_rad = shot->turntable_deg * G_PI / 180,
+        .turntable_rad = job_turntable_deg(job) * G_PI / 180,
         .arc_rad = shot->arc_deg * G_PI / 180,
         .radiometry = &calibration->camera_radiometry[job->camera],
         .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
@@ -674,15 +684,23 @@ static void intake_flush(struct lane *lane) {
     lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
 }
 
-void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
-                  Frame *frame, int retakes, double time_s) {
-    struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
+void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
+                  Frame *frame) {
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[of->camera]];
     struct job *job = g_new0(struct job, 1);
-    *job = (struct job){intake->generation, shot, camera, sub, retakes, time_s, frame_ref(frame)};
+    *job = (struct job){.generation = intake->generation,
+                        .shot = shot,
+                        .camera = of->camera,
+                        .sub = of->sub,
+                        .retakes = of->retakes,
+                        .time_s = of->time_s,
+                        .turned = of->turned,
+                        .turntable_deg = of->turntable_deg,
+                        .frame = frame_ref(frame)};
     gsize bytes = job_bytes(job);
     add_bytes(intake, (gssize)bytes);
     g_ptr_array_add(lane->batch, job);
-    gboolean last = sub + 1 == shot_n_frames(intake->setup.conf, shot);
+    gboolean last = of->sub + 1 == shot_n_frames(intake->setup.conf, shot);
     if (last || lane->batch->len >= BATCH)
         intake_flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)

@@ -6,10 +6,12 @@
  * The files, and with them the contract with processing. Every part has these attributes
  * (session_frame_path() gives the names):
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
- *   commanded; with a camera arm or a light probe mesorig.arm_deg, mesorig.probe_deg, too),
- *   mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000";
- * the first is shorter than planned where too much was saturated), mesorig.dark_dn (double, mean
- * dark level at the longest exposure), mesorig.saturated (int, pixels)
+ *   commanded; of a picture that was taken while the turntable turned, mesorig.turntable_deg is
+ * where it was in the middle of the exposure, and mesorig.turning_deg_s its speed; with a camera
+ * arm or a light probe mesorig.arm_deg, mesorig.probe_deg, too), mesorig.cfa (string, cfa_name()),
+ * mesorig.exposures_us (string, "500;2000;8000"; the first is shorter than planned where too much
+ * was saturated), mesorig.dark_dn (double, mean dark level at the longest exposure),
+ * mesorig.saturated (int, pixels)
  *
  * SHOT_LAMP: one part "radiance", channel "Y", half, the mosaic as it lies on the sensor;
  * mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string). Where mesorig.saturated is not 0,
@@ -77,9 +79,16 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
 void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 
+struct intake_frame {
+    int camera, sub, retakes;
+    double time_s;
+    gboolean turned; /* as in struct session_frame, with the next */
+    double turntable_deg;
+};
+
 /* The next frame of a camera, in order of sub; takes a reference of its own. */
-void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
-                  Frame *frame, int retakes, double time_s);
+void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
+                  Frame *frame);
 
 /* Too much waits for the workers: trigger nothing until room() is called. A virtual clock is
  * held meanwhile, since writing takes no simulated time. */

@@ -43,7 +43,9 @@ static struct exr_part *part_new(const struct intake_file *file, const char *nam
     }
     exr_set_string(part, "mesorig.camera", file->camera_name);
     exr_set_int(part, "mesorig.shot", (int)file->shot->id);
-    exr_set_double(part, "mesorig.turntable_deg", file->shot->turntable_deg);
+    exr_set_double(part, "mesorig.turntable_deg", file->turntable_deg);
+    if (file->turned)
+        exr_set_double(part, "mesorig.turning_deg_s", file->shot->pass.speed_deg_s);
     exr_set_double(part, "mesorig.arc_deg", file->shot->arc_deg);
     if (vec3_length(file->rig->arm.axis) > 0)
         exr_set_double(part, "mesorig.arm_deg", rig_arm_deg(file->rig, file->shot->cameras));

@@ -18,6 +18,10 @@
  * is kept beside the session (truth_N.bin), since tracing it takes minutes: remove it when the
  * world changes.
  *
+ * --beside OTHER: instead, the products of another session of the same folder and directions, as
+ * they are (of an adaptive capture, one with motion = continuous and so on), and how long its
+ * capture took by the rig's own clock.
+ *
  * pictures: mean ΔE2000 of twelve pictures of the whole sample against those of the truth, drawn
  * from the full capture, from a quarter chosen, and from half of that (prediction_pictures.c).
  */
@@ -39,6 +43,7 @@ static const char *const ways[WAYS] = {"start", "chosen", "interpolated", "low_r
 
 static gboolean json;
 static char *only, *write_pictures, *parts_list;
+static char **besides;
 static int truth_samples = 3, every = 1;
 static const GOptionEntry entries[] = {
     {"truth", 0, 0, G_OPTION_ARG_INT, &truth_samples,
@@ -49,6 +54,9 @@ static const GOptionEntry entries[] = {
     {"write", 0, 0, G_OPTION_ARG_FILENAME, &write_pictures,
      "Write the pictures of a quarter there, as NAME.png: the truth, the full capture, the quarter",
      "FOLDER"},
+    {"beside", 0, 0, G_OPTION_ARG_STRING_ARRAY, &besides,
+     "Measure another session beside it, by its name without .session; may be given several times",
+     "NAME"},
     {"parts", 0, 0, G_OPTION_ARG_STRING, &parts_list,
      "Take one of so many shots; the first is the start set of the chosen ones; default 16;8;4;2",
      "N;…"},
@@ -283,6 +291,7 @@ struct maker {
     Prediction *prediction;                   /* NULL: one of the next, or interpolated */
     struct prediction_completion *completion; /* or NULL */
     struct prediction_radial *radial;         /* or NULL */
+    const struct btf_matrix *other;           /* another session's BTF; or NULL */
 };
 
 struct measuring {
@@ -293,7 +302,13 @@ struct measuring {
 static void prediction_bench_make(const struct maker *maker, int texel, float *values,
                                   float *sigma) {
     const struct prediction_scene *scene = maker->scene;
+    const float *other =
+        maker->other ? maker->other->values + 3 * (gsize)texel * (gsize)scene->n_pairs : NULL;
     prediction_bench_texel(scene, texel, maker->taken, values);
+    for (int i = 0; other && i < 3 * scene->n_pairs; i++)
+        values[i % 3 * scene->n_pairs + i / 3] = other[i];
+    if (other)
+        return;
     if (maker->prediction)
         prediction_fill(maker->prediction, values, &scene->at_mm[texel], 1, sigma);
     else if (maker->completion)
@@ -355,14 +370,10 @@ static void prediction_bench_maker_clear(struct maker *maker) {
     prediction_free(maker->prediction);
 }
 
-static struct result prediction_bench_error(const struct prediction_scene *scene, int way,
-                                            const gboolean *taken) {
-    const double begun = bench_cpu_s();
-    const int n = (scene->n_texels + every - 1) / every;
-    struct result result = {.expected = NAN};
-    struct maker maker = prediction_bench_maker(scene, way, taken);
+static struct sums prediction_bench_sum(const struct maker *maker) {
+    const int n = (maker->scene->n_texels + every - 1) / every;
     g_autofree struct sums *sums = g_new0(struct sums, n);
-    struct measuring job = {&maker, sums};
+    struct measuring job = {maker, sums};
     struct sums all = {0};
     work_for_each(0, n, prediction_bench_measure, &job);
     for (int i = 0; i < n; i++) {
@@ -373,6 +384,15 @@ static struct result prediction_bench_error(const struct prediction_scene *scene
         all.within += sums[i].within;
         all.predicted += sums[i].predicted;
     }
+    return all;
+}
+
+static struct result prediction_bench_error(const struct prediction_scene *scene, int way,
+                                            const gboolean *taken) {
+    const double begun = bench_cpu_s();
+    struct result result = {.expected = NAN};
+    struct maker maker = prediction_bench_maker(scene, way, taken);
+    const struct sums all = prediction_bench_sum(&maker);
     result.error = sqrt(all.squares / all.norm);
     result.left_out = sqrt(all.off / fmax(all.measured, 1e-30));
     result.within = maker.prediction ? (double)all.within / (double)MAX(all.predicted, 1) : NAN;
@@ -416,6 +436,47 @@ static void prediction_bench_tell(const char *name, int part, int way, const str
         g_print("}");
 }
 
+static double prediction_bench_clock_s(const char *session) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) opened = session_open(session, SESSION_READ, &error);
+    bench_check(error);
+    g_autofree char *clock = session_value(opened, "clock_s");
+    return clock ? g_ascii_strtod(clock, NULL) : NAN;
+}
+
+/* Another session's BTF against the same truth. */
+static void prediction_bench_beside(const struct prediction_scene *scene, const char *session,
+                                    const char *material, const gboolean *all, double full) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_path_get_dirname(session);
+    for (char **name = besides; *name; name++) {
+        g_autofree char *file = g_strconcat(*name, ".session", NULL);
+        g_autofree char *path = g_build_filename(folder, file, NULL);
+        struct btf_matrix *other = btf_matrix_read(path, NULL, &error);
+        bench_check(error);
+        if (other->layout.views.n != (gsize)scene->n_views ||
+            other->layout.lights.n != (gsize)scene->n_lights ||
+            btf_layout_texels(&other->layout) != (gsize)scene->n_texels)
+            bench_fail(1, "%s has other texels or directions", path);
+        struct maker maker = {.scene = scene, .taken = all, .other = other};
+        const struct sums sums = prediction_bench_sum(&maker);
+        const double found = sqrt(sums.squares / sums.norm);
+        const struct prediction_pictures seen =
+            prediction_pictures_compare(scene, prediction_bench_make_values, &maker, NULL);
+        const double took_s = prediction_bench_clock_s(path),
+                     full_s = prediction_bench_clock_s(session);
+        btf_matrix_free(other);
+        if (json)
+            g_print(",\n    \"%s\": {\"seconds\": %.1f, \"full_seconds\": %.1f, \"error\": %.4f, "
+                    "\"ratio\": %.3f, \"full_delta_e\": %.3f, \"delta_e\": %.3f}",
+                    *name, took_s, full_s, found, found / full, seen.full, seen.made);
+        else
+            g_print("%-10s %-12s %.1f of %.1f s, error %.4f (%.3f of full), ΔE %.3f of the full "
+                    "capture, %.3f of this one\n",
+                    material, *name, took_s, full_s, found, found / full, seen.full, seen.made);
+    }
+}
+
 /* Whether a way is measured at a part. */
 static gboolean prediction_bench_has(int way, int part) {
     if (only && strcmp(only, ways[way]) != 0)
@@ -438,8 +499,8 @@ static int prediction_bench_part(const char *text) {
     return part;
 }
 
-static void prediction_bench_material(struct prediction_scene *scene, const char *name,
-                                      char *const *parts, gboolean first) {
+static void prediction_bench_material(struct prediction_scene *scene, const char *session,
+                                      const char *name, char *const *parts, gboolean first) {
     g_autofree gboolean *taken = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *chosen = g_new(gboolean, scene->n_shots);
     g_autofree gboolean *sliced = g_new0(gboolean, scene->n_shots);
@@ -451,8 +512,11 @@ static void prediction_bench_material(struct prediction_scene *scene, const char
         g_print("%s\n  \"%s\": {\"full\": {\"error\": %.4f}", first ? "{" : ",", name, full.error);
     else
         g_print("%-10s full: error %.4f\n", name, full.error);
-    prediction_bench_start(scene, scene->n_shots / part, chosen);
-    for (int k = 0; parts[k]; k++) {
+    if (besides)
+        prediction_bench_beside(scene, session, name, taken, full.error);
+    else
+        prediction_bench_start(scene, scene->n_shots / part, chosen);
+    for (int k = 0; parts[k] && !besides; k++) {
         before = part;
         part = prediction_bench_part(parts[k]);
         const int n = scene->n_shots / part;
@@ -492,7 +556,7 @@ int main(int argc, char **argv) {
         g_autofree char *folder = g_path_get_dirname(argv[i]);
         g_autofree char *name = g_path_get_basename(folder);
         prediction_bench_open(&scene, argv[i]);
-        prediction_bench_material(&scene, name, parts, i == 1);
+        prediction_bench_material(&scene, argv[i], name, parts, i == 1);
         prediction_bench_close(&scene);
     }
     if (json)

@@ -77,7 +77,8 @@ static void take(struct live *live, gboolean drop) {
     for (int camera = 0; camera < CAMERAS; camera++) {
         const guint8 *from = last ? live->dark : live->pictures[(live->sub + camera) % PICTURES];
         g_autoptr(Frame) frame = unpack(from);
-        intake_frame(live->intake, shot, camera, live->sub, frame, 0, 0);
+        const struct intake_frame of = {.camera = camera, .sub = live->sub};
+        intake_frame(live->intake, shot, &of, frame);
     }
     live->ret.frames += CAMERAS;
     live->ret.dropped += drop ? CAMERAS : 0;

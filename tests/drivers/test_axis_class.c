@@ -215,6 +215,69 @@ static void test_settling(struct heard *heard, gconstpointer unused) {
     g_assert_cmpfloat(true_turntable(heard->clock), ==, 40);
 }
 
+static gboolean silent_turn(Axis *axis, double target_deg, double speed_deg_s, GError **error) {
+    return silent_move(axis, target_deg, error);
+}
+
+static gboolean silent_open_turning(Axis *axis, GError **error) {
+    axis->motion = (struct axis_motion){
+        .min_deg = -50, .max_deg = 50, .speed_deg_s = 10, .accel_deg_s2 = 10, .report_ms = 100};
+    return TRUE;
+}
+
+static void on_turning(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    if (event != AXIS_PASSING)
+        heard_event(data, (int)event, error);
+}
+
+/* What the class makes of the reports of an axis that turns from 0 at 5°/s, 0.5 s after which it
+ * has that speed. */
+static void test_turning(struct heard *heard, gconstpointer unused) {
+    struct axis_driver driver = silent_driver;
+    gint64 us;
+    double deg;
+    driver.open = silent_open_turning;
+    driver.turn = silent_turn;
+    g_autoptr(Axis) axis = open_axis(&driver, "[axis a]", heard);
+    axis_listen(axis, on_turning, heard);
+    g_assert_true(axis_can_turn(axis));
+    g_assert_true(axis_home(axis, NULL));
+    axis_report(axis, AXIS_HOMED, NULL);
+    heard_next(heard, AXIS_HOMED);
+    g_assert_cmpfloat_with_epsilon(axis_ramp_deg(&axis->motion, 5), 1.25, 1e-12);
+    g_assert_false(axis_turn(axis, 51, 5, NULL)); /* beyond its limit */
+    g_assert_false(axis_was_at(axis, clock_now_us(heard->clock), &deg));
+
+    const gint64 t0 = clock_now_us(heard->clock);
+    g_assert_true(axis_turn(axis, 20, 5, NULL));
+    g_assert_false(axis_turn(axis, 1, 5, NULL)); /* busy */
+    axis_report_position(axis, 0, t0);
+    axis_report_position(axis, 1, t0 + 450000);
+    g_assert_false(axis_passes_at(axis, 10, &us)); /* it may still accelerate */
+    axis_report_position(axis, 2.5, t0 + 750000);
+    g_assert_true(axis_passes_at(axis, 10, &us));
+    g_assert_cmpint(us, ==, t0 + 2250000);
+    axis_report_position(axis, 9, t0 + 700000); /* out of order */
+    g_assert_true(axis_passes_at(axis, 10, &us));
+    g_assert_cmpint(us, ==, t0 + 2250000);
+    g_assert_true(axis_was_at(axis, t0 + 600000, &deg));
+    g_assert_cmpfloat_with_epsilon(deg, 1.75, 1e-9);
+    g_assert_true(axis_was_at(axis, t0 + 225000, &deg));
+    g_assert_cmpfloat_with_epsilon(deg, 0.5, 1e-9);
+    g_assert_false(axis_was_at(axis, t0 + 750001, &deg));
+    g_assert_false(axis_was_at(axis, t0 - 1, &deg));
+    arrive(axis);
+    heard_next(heard, AXIS_ARRIVED);
+    g_assert_true(axis_was_at(axis, t0 + 600000, &deg)); /* still known */
+    g_assert_false(axis_passes_at(axis, 10, &us));
+
+    g_assert_true(axis_turn(axis, 10, 5, NULL));
+    g_assert_cmpfloat(axis_turned_from_deg(axis), ==, 20);
+    g_assert_false(axis_was_at(axis, t0 + 600000, &deg)); /* that was another turn */
+    heard_next(heard, AXIS_FAULT);                        /* it never says that it has arrived */
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+}
+
 static void test_stall(void) {
     static const char *const kinds[] = {"reported", "silent"};
     for (int kind = 0; kind < 2; kind++) {
@@ -248,6 +311,7 @@ int main(int argc, char **argv) {
     g_test_add("/axis/true-position", struct heard, NULL, heard_begin, test_true_position,
                heard_end);
     g_test_add("/axis/settling", struct heard, NULL, heard_begin, test_settling, heard_end);
+    g_test_add("/axis/turning", struct heard, NULL, heard_begin, test_turning, heard_end);
     g_test_add_func("/axis/stall", test_stall);
     return g_test_run();
 }

@@ -289,7 +289,8 @@ static void tear_down(struct bench *bench, gconstpointer data) {
 }
 
 static void give(struct bench *bench, const struct session_shot *shot, int sub, Frame *frame) {
-    intake_frame(bench->intake, shot, 0, sub, frame, 0, sub * 0.5);
+    const struct intake_frame of = {.sub = sub, .time_s = sub * 0.5};
+    intake_frame(bench->intake, shot, &of, frame);
     frame_unref(frame);
 }
 

@@ -1,0 +1,320 @@
+/* A pass: the table turns by, and cameras are triggered half an exposure before it is where each
+ * shot wants it. What was not taken, or is not good, is taken when the table passes again, from the
+ * same place at the same speed, so that its picture is the same as if nothing had happened. */
+#include "sequencer_private.h"
+
+#include <math.h>
+
+/* A frame that was exposed farther from where it should have been is taken again. */
+#define MOST_OFF_DEG 0.5
+
+/* Poses are stored in steps of 1/8192°, far below what any axis can tell. A step is no decimal
+ * fraction, so that no angle lies in the middle of two: the same pass gives the same numbers,
+ * however its positions were rounded. */
+#define POSE_BITS 13
+
+/* A trigger that is this late is not given. */
+#define LATE_US 1000
+
+struct told_frame { /* whose pose is not told yet */
+    guint shot;     /* index in the pass */
+    int camera;
+    Frame *frame;
+};
+
+static void told_free(gpointer data) {
+    struct told_frame *told = data;
+    frame_unref(told->frame);
+    g_free(told);
+}
+
+void sequencer_pass_clear(Sequencer *seq) {
+    g_queue_clear_full(&seq->pass.told, told_free);
+    g_clear_pointer(&seq->pass.shots, g_free);
+    seq->pass = (struct sequencer_pass){.told = G_QUEUE_INIT};
+}
+
+/* The cameras that something is still to be taken with. */
+static guint32 pass_pending(const Sequencer *seq) {
+    guint32 pending = 0;
+    for (guint i = 0; i < seq->pass.n; i++)
+        pending |= seq->pass.shots[i].pending;
+    return pending;
+}
+
+void sequencer_pass_begin(Sequencer *seq) {
+    struct sequencer_pass *pass = &seq->pass;
+    const guint first = seq->next - 1;
+    guint end = seq->next;
+    while (end < seq->shots->len &&
+           session_follows_in_pass(seq->shots->pdata[end - 1], seq->shots->pdata[end]))
+        end++;
+    sequencer_pass_clear(seq);
+    pass->n = end - first;
+    pass->shots = g_new0(struct pass_shot, pass->n);
+    for (guint i = 0; i < pass->n; i++) {
+        pass->shots[i].shot = seq->shots->pdata[first + i];
+        pass->shots[i].pending = pass->shots[i].shot->cameras;
+    }
+    seq->next = end;
+    seq->pending = pass_pending(seq);
+}
+
+static gboolean pass_is_begun(const struct pass_shot *shot) {
+    return shot->pending != 0 && shot->pending != shot->shot->cameras;
+}
+
+gboolean sequencer_pass_is_untouched(const Sequencer *seq) {
+    for (guint i = 0; i < seq->pass.n; i++)
+        if (seq->pass.shots[i].pending != seq->pass.shots[i].shot->cameras)
+            return FALSE;
+    return TRUE;
+}
+
+/* Whether a shot is to be triggered in this turn. Before a pause only what was begun is ended. */
+static gboolean pass_wants(const Sequencer *seq, const struct pass_shot *shot) {
+    return shot->pending != 0 && (!seq->pausing || pass_is_begun(shot));
+}
+
+static void pass_find_next(Sequencer *seq) {
+    struct sequencer_pass *pass = &seq->pass;
+    while (pass->next < pass->n && !pass_wants(seq, &pass->shots[pass->next]))
+        pass->next++;
+    if (pass->next < pass->n)
+        seq->shot = seq->last_shot = pass->shots[pass->next].shot;
+}
+
+/* Makes all cameras of the turn ready, which takes some of them longer than there is time in it. */
+static gboolean pass_arm(Sequencer *seq) {
+    for (guint i = 0; i < seq->pass.n; i++)
+        for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+            struct pass_shot *shot = &seq->pass.shots[i];
+            g_autoptr(GError) error = NULL;
+            if (!pass_wants(seq, shot) || !(shot->pending & 1u << c) ||
+                camera_is_armed(seq->devices->cameras[c]) ||
+                sequencer_make_ready(seq, shot->shot, 0, c, &shot->cameras[c], &error))
+                continue;
+            sequencer_count_gone(seq, c, &shot->cameras[c], error);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+void sequencer_pass_start(Sequencer *seq) {
+    struct sequencer_pass *pass = &seq->pass;
+    const struct session_pass *way = &pass->shots[0].shot->pass;
+    if (!pass_arm(seq)) {
+        if (seq->state == PREPARING)
+            sequencer_advance(seq);
+        return;
+    }
+    seq->state = PASSING;
+    pass->next = 0;
+    pass->progress = FALSE;
+    pass_find_next(seq);
+    stage_turn(seq->stage, way->by_deg, way->speed_deg_s);
+}
+
+/* When the cameras must be triggered for a shot; FALSE: that cannot be told yet. */
+static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *shot,
+                                gint64 *ret_us) {
+    const struct axis_motion *motion = &seq->devices->turntable->motion;
+    const double at_deg = passes_at_deg(&shot->shot->pass, shot->shot->turntable_deg);
+    /* Passes count from where the plan has them begin, the axis from where it stood. */
+    const double turned = at_deg - shot->shot->pass.from_deg;
+    gint64 lead_us = 0, us;
+    if (!axis_passes_at(seq->devices->turntable,
+                        axis_turned_from_deg(seq->devices->turntable) + turned, &us))
+        return FALSE;
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
+        if (shot->pending & 1u << c)
+            lead_us =
+                MAX(lead_us, seq->devices->cameras[c]->format.trigger_us +
+                                 sequencer_exposure_us(seq, shot->shot, 0, &shot->cameras[c]) / 2);
+    *ret_us = us - lead_us;
+    /* One of the next two reports may know it better. */
+    return *ret_us - clock_now_us(seq->devices->clock) <= (gint64)(2e3 * motion->report_ms);
+}
+
+static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
+    for (int c = 0; c < seq->devices->geometry.n_cameras && seq->state == PASSING; c++) {
+        g_autoptr(GError) error = NULL;
+        const guint32 bit = 1u << c;
+        if (!(shot->pending & bit) || seq->waiting & bit)
+            continue; /* what is still on its way: the next turn takes this one */
+        if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
+            seq->exposing |= bit;
+            seq->waiting |= bit;
+            seq->units[c].passing = seq->pass.next;
+            continue;
+        }
+        if (!sequencer_count_gone(seq, c, &shot->cameras[c], error))
+            return;
+    }
+}
+
+static void pass_on_timer(gpointer data) {
+    Sequencer *seq = data;
+    seq->timer = 0;
+    pass_find_next(seq);
+    if (seq->pass.next < seq->pass.n && seq->hooks.may_trigger(seq->hooks.data))
+        pass_trigger(seq, &seq->pass.shots[seq->pass.next]);
+    seq->pass.next++;
+    if (seq->state == PASSING)
+        sequencer_pass_step(seq);
+}
+
+/* Waits for the time of the next shot, as soon as it is known. */
+static void pass_schedule(Sequencer *seq) {
+    struct sequencer_pass *pass = &seq->pass;
+    gint64 at_us;
+    for (pass_find_next(seq); pass->next < pass->n && seq->timer == 0; pass_find_next(seq)) {
+        if (!pass_trigger_at(seq, &pass->shots[pass->next], &at_us))
+            return;
+        if (at_us >= clock_now_us(seq->devices->clock) - LATE_US)
+            seq->timer = clock_call_at(seq->devices->clock, at_us, pass_on_timer, seq);
+        else
+            pass->next++;
+    }
+}
+
+/* An accepted frame, at an angle of the table. */
+static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double off_deg) {
+    struct pass_shot *shot = &seq->pass.shots[told->shot];
+    const struct sequencer_taken taken = {.camera = told->camera,
+                                          .retakes = shot->cameras[told->camera].retakes,
+                                          .turned = TRUE,
+                                          .turntable_deg =
+                                              shot->shot->turntable_deg +
+                                              ldexp(rint(ldexp(off_deg, POSE_BITS)), -POSE_BITS)};
+    shot->cameras[told->camera].refused = 0;
+    shot->pending &= ~(1u << told->camera);
+    seq->pass.progress = TRUE;
+    seq->hooks.frame(shot->shot, &taken, told->frame, seq->hooks.data);
+}
+
+static void pass_refuse(Sequencer *seq, guint shot, int camera, const GError *error) {
+    sequencer_count_refusal(seq, camera, &seq->pass.shots[shot].cameras[camera], error);
+}
+
+/* Hands on the frames whose poses are known by now. */
+static void pass_tell(Sequencer *seq) {
+    const Axis *table = seq->devices->turntable;
+    while (seq->state == PASSING && !g_queue_is_empty(&seq->pass.told)) {
+        struct told_frame *told = g_queue_peek_head(&seq->pass.told);
+        const struct session_shot *shot = seq->pass.shots[told->shot].shot;
+        const Frame *frame = told->frame;
+        const gint64 middle_us = (frame->exposure_start_us + frame->exposure_end_us) / 2;
+        g_autoptr(GError) error = NULL;
+        double deg = NAN;
+        const gboolean known = axis_was_at(table, middle_us, &deg);
+        if (!known && axis_is_moving(table))
+            return;
+        const double off = deg - axis_turned_from_deg(table) -
+                           (passes_at_deg(&shot->pass, shot->turntable_deg) - shot->pass.from_deg);
+        g_queue_pop_head(&seq->pass.told);
+        if (!known)
+            device_error_set(&error, DEVICE_ERROR_TIMEOUT, table->device.who,
+                             "it did not tell where it was while a frame was "
+                             "exposed" ERROR_ADVICE "check its cable, and stamp_ms if it has that");
+        else if (fabs(off) > MOST_OFF_DEG)
+            device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
+                             "it was %+.2f° from %g° while a frame was exposed" ERROR_ADVICE
+                             "check trigger_ms of the camera",
+                             off, shot->turntable_deg);
+        if (error)
+            pass_refuse(seq, told->shot, told->camera, error);
+        else
+            pass_hand_on(seq, told, off);
+        told_free(told);
+    }
+}
+
+/* Whether a frame of a shot is on its way, or its pose is. */
+static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
+    if (seq->waiting & 1u << camera && seq->units[camera].passing == shot)
+        return TRUE;
+    for (const GList *at = seq->pass.told.head; at; at = at->next) {
+        const struct told_frame *told = at->data;
+        if (told->shot == shot && told->camera == camera)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+/* Whether another turn is needed, unless a frame that is on its way is refused. */
+static gboolean pass_needs_more(const Sequencer *seq) {
+    for (guint i = 0; i < seq->pass.n; i++)
+        for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+            if (seq->pass.shots[i].pending & 1u << c && pass_wants(seq, &seq->pass.shots[i]) &&
+                !pass_awaits(seq, i, c))
+                return TRUE;
+    return FALSE;
+}
+
+/* The table stands, and all frames are here: passes again, or goes on. */
+static void pass_end(Sequencer *seq) {
+    struct sequencer_pass *pass = &seq->pass;
+    const gboolean more = pass_needs_more(seq);
+    pass->fruitless = pass->progress ? 0 : pass->fruitless + 1;
+    if (!more) {
+        sequencer_pass_clear(seq);
+        seq->pending = 0;
+        sequencer_next_shot(seq);
+    } else if (pass->fruitless <= seq->conf->retries) {
+        pass->next = 0;
+        pass_find_next(seq);
+        seq->pending = pass_pending(seq);
+        seq->state = PREPARING;
+        sequencer_advance(seq);
+    } else {
+        const char *name = seq->devices->turntable->device.name;
+        g_autofree char *reason = g_strdup_printf(
+            "axis %s: it passed %d times without a picture that could be taken. Check that it "
+            "tells where it is, or set [capture] motion = standing.",
+            name, pass->fruitless);
+        sequencer_fail(seq, name, reason, TRUE);
+    }
+}
+
+void sequencer_pass_step(Sequencer *seq) {
+    const Axis *table = seq->devices->turntable;
+    pass_tell(seq);
+    if (seq->state != PASSING)
+        return;
+    pass_schedule(seq);
+    if (seq->pass.next < seq->pass.n && axis_is_moving(table))
+        return;
+    if (seq->exposing == 0 && !pass_needs_more(seq))
+        sequencer_go_on(seq);
+    if (seq->state != PASSING || seq->waiting != 0 || !g_queue_is_empty(&seq->pass.told))
+        return;
+    if (!axis_is_moving(table))
+        pass_end(seq);
+    else if (seq->pausing && !pass_needs_more(seq))
+        sequencer_finish(seq); /* which stops the table */
+}
+
+void sequencer_pass_take(Sequencer *seq, int camera, Frame *frame) {
+    const guint index = seq->units[camera].passing;
+    struct pass_shot *shot = &seq->pass.shots[index];
+    seq->exposing &= ~(1u << camera);
+    seq->waiting &= ~(1u << camera);
+    if (!sequencer_shorten(seq, shot->shot, 0, camera, &shot->cameras[camera], frame)) {
+        struct told_frame *told = g_new(struct told_frame, 1);
+        *told = (struct told_frame){index, camera, frame_ref(frame)};
+        g_queue_push_tail(&seq->pass.told, told);
+    } else {
+        seq->pass.progress = TRUE;
+    }
+    if (seq->state == PASSING)
+        sequencer_pass_step(seq);
+}
+
+void sequencer_pass_refused(Sequencer *seq, int camera, const GError *error) {
+    seq->exposing &= ~(1u << camera);
+    seq->waiting &= ~(1u << camera);
+    pass_refuse(seq, seq->units[camera].passing, camera, error);
+    if (seq->state == PASSING)
+        sequencer_pass_step(seq);
+}
