@@ -41,7 +41,7 @@
  */
 #pragma once
 
-#include "board.h"
+#include "boards/board.h"
 #include "calibration/calibration.h"
 #include "geometry/swing.h"
 #include "pictures/picture.h"

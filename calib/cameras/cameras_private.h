@@ -1,7 +1,7 @@
 /* State shared by cameras_*.c: pictures, corners, and the present geometry. */
 #pragma once
 
-#include "board_find.h"
+#include "boards/board_find.h"
 #include "bundle.h"
 #include "cameras.h"
 

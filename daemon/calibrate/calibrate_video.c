@@ -1,7 +1,7 @@
 /* Chooses a video's frames for the calibration of a lens. */
 #include "calibrate_video.h"
 
-#include "cameras/board_find.h"
+#include "boards/board_find.h"
 #include "exr/exr.h"
 #include "pictures/vision.h"
 

@@ -11,7 +11,7 @@
 #pragma once
 
 #include "base/work.h"
-#include "cameras/board.h"
+#include "boards/board.h"
 #include "pictures/video.h"
 
 typedef struct calibrate_video {

@@ -1,5 +1,5 @@
 /* board: calibration boards to print. */
-#include "cameras/board.h"
+#include "boards/board.h"
 #include "command/cli.h"
 
 static char *board_option;

@@ -1,6 +1,6 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
-#include "cameras/board.h"
-#include "cameras/corner.h"
+#include "boards/board.h"
+#include "boards/corner.h"
 #include "pictures/picture_read.h"
 #include "pictures/vision.h"
 

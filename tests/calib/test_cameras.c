@@ -4,7 +4,7 @@
  */
 #include "lib/calibration_fixture.h"
 
-#include "cameras/board_find.h"
+#include "boards/board_find.h"
 
 #define N_STOPS 8
 
