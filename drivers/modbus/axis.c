@@ -445,6 +445,7 @@ static gboolean modbus_axis_home(Axis *axis, GError **error) {
     struct modbus_job job = {0};
     if (priv->faulty)
         add_writes(&job, priv->clear);
+    priv->speed_deg_s = 0; /* whatever it was before: a write may have failed */
     modbus_axis_set_speed(priv, &job, priv->motion.speed_deg_s);
     add_writes(&job, priv->home);
     modbus_axis_command(axis, HOMING, &job);
