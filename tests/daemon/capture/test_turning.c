@@ -235,7 +235,7 @@ static void test_stall(void) {
 /* What is saturated is taken again in another turn, with a quarter of the exposure. */
 static void test_saturated(void) {
     static const struct change bright[] = {TURNING, {"[capture]", "exposures_us = 60000"}, {0}};
-    static const int every[] = {50};
+    static const int every[] = {83};
     struct run *run = run_begin(bright);
     g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
     g_assert_nonnull(strstr(run->told->str, "saturated at 60000"));
