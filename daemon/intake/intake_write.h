@@ -11,9 +11,9 @@ struct intake_file {
     const char *camera_name;
     const char *source_name; /* lamp or laser; NULL for dark */
     const struct session_conf *conf;
-    const struct rig *rig;       /* nominal, for the angles of arm and probe */
-    const Frame *last;           /* of those that went into it */
-    double turntable_deg; /* where the table stood, or, if it turned, was in the middle of last */
+    const struct rig *rig; /* nominal, for the angles of arm and probe */
+    const Frame *last;     /* of those that went into it */
+    double turntable_deg;  /* where the table stood, or, if it turned, was in the middle of last */
     gboolean turned;
     const Frame *const *bracket; /* SHOT_LAMP: all of them */
     double dark_dn;

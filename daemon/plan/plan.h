@@ -69,7 +69,7 @@ struct plan {
     int n_passes, n_passing; /* MOTION_CONTINUOUS: passes, and the shots that are taken in them */
     struct passes_speed passes;
     double standing_s; /* the same: predicted with the turntable standing for all of them */
-    GPtrArray *notes;                    /* char *: what was re-planned or left out, and why */
+    GPtrArray *notes;  /* char *: what was re-planned or left out, and why */
 };
 
 #define PLAN_ERROR plan_error_quark()

@@ -39,8 +39,8 @@ struct btf_light {
     const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
     double turntable_rad; /* while its picture was exposed; else the view's */
-    double output;    /* of the lamp in this shot, relative to its calibration */
-    gboolean missing; /* the plan left it out; input is empty */
+    double output;        /* of the lamp in this shot, relative to its calibration */
+    gboolean missing;     /* the plan left it out; input is empty */
     gboolean
         left_out; /* missing since it can be predicted: it does not count in BTF_MOST_MISSING */
     struct input input;

@@ -59,7 +59,7 @@ struct World {
     double warm_up_s, warm_up_start, drift, drift_period_s;
     Cache *cache;
 
-    GMutex lock; /* guards the fields below */
+    GMutex lock;                    /* guards the fields below */
     struct turn turns[WORLD_TURNS]; /* a ring of the last ones */
     guint n_turns;                  /* at least 1 */
     double arc_deg, arm_deg, probe_deg, sweep_deg[WORLD_MAX_LASERS];
