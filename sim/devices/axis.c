@@ -182,6 +182,7 @@ static gint64 latency_us(const struct sim_axis *sim) {
 static void stall(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     sim->phase = STALLED;
+    update_world(axis, 0); /* it stands */
     if (sim->fault_stall_kind == STALL_SILENT)
         return;
     axis_report(axis, AXIS_FAULT,
@@ -285,7 +286,10 @@ static gboolean sim_axis_turn(Axis *axis, double target_deg, double speed_deg_s,
 static gboolean sim_axis_stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     double speed, a = sim->motion.accel_deg_s2;
-    gboolean halted = sim->phase == STANDING && axis_is_moving(axis); /* stopped by axis_halt() */
+    /* Stopped by axis_halt(). One that has stalled silently does not answer. */
+    gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
+                      (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
+    gboolean halted = stands && axis_is_moving(axis);
     if (sim->phase == HOMING || halted) { /* homing is so slow that the axis stops at once */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);

@@ -294,6 +294,11 @@ static void test_stall(void) {
         g_assert_error(heard.error, DEVICE_ERROR, code);
         g_assert_false(axis_is_homed(axis));
         g_assert_false(axis_move(axis, 20, NULL));
+        for (int again = 0; again < 2; again++) { /* one that still answers says that it stands */
+            g_assert_true(axis_halt(axis, NULL));
+            heard_next(&heard, kind ? AXIS_FAULT : AXIS_STOPPED);
+            g_assert_cmpint(axis_safety(axis), ==, kind ? DEVICE_UNSAFE : DEVICE_SAFE);
+        }
         home(axis, &heard);
         go(axis, &heard, 100);
         heard_clear(&heard);

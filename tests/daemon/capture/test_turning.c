@@ -216,7 +216,16 @@ static void test_lost_frames(void) {
     }
 }
 
-/* The table stalls in a turn, and a door is opened: everything stops, and the session goes on. */
+/* Of the simulated world. */
+static double table_deg(const struct run *run) {
+    g_autofree char *path = g_build_filename(run->directory, "world.conf", NULL);
+    g_autoptr(World) world = world_get(path, NULL);
+    struct world_state state;
+    world_snapshot(world, clock_now_us(run->devices->clock), 1, &state);
+    return state.turntable_deg;
+}
+
+/* The table stalls in a turn: everything stops, and the session goes on. */
 static void test_stall(void) {
     g_autofree char *expected = undisturbed(turning);
     for (int at = 2; at < 8; at++) {
@@ -225,6 +234,9 @@ static void test_stall(void) {
         struct run *run = run_begin(stall);
         run_to_pause(run, "axis turntable: stalled");
         run_check_safe(run);
+        const double stalled_deg = table_deg(run);
+        run_pass_time(run, 1);
+        g_assert_cmpfloat(table_deg(run), ==, stalled_deg);
         run_continue(run);
         run_to_end(run);
         compare_text(run, expected);
