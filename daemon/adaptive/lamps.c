@@ -226,9 +226,10 @@ struct lamps_candidates lamps_list_candidates(Lamps *lamps) {
         const double price_s = lamps->price_s[g_array_index(ret.numbers, int, chain[0])];
         double more_s;
         lamps_add_candidate(lamps, &ret, chain, 1, price_s);
-        const int length = plan_lamp_chain(setup->conf, setup->nominal, setup->timing,
-                                           (const struct session_shot *const *)left->pdata, n,
-                                           CHAIN, chain, &more_s);
+        const int length = plan_lamp_chain(
+            setup->conf, setup->nominal, setup->timing,
+            (const struct session_shot *const *)left->pdata, n,
+            setup->conf->motion == MOTION_CONTINUOUS ? CHAIN : STANDING, chain, &more_s);
         if (length > 1)
             lamps_add_candidate(lamps, &ret, chain, length, price_s + more_s);
     }
