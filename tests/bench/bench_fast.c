@@ -8,12 +8,17 @@
  * measured by the view itself, or, with those, predicted by others. RMS: of the final distances
  * against the truth, in texels, away from depth edges. wrong: share of all distances that are off
  * by more than a texel.
+ *
+ * --replay: instead of a session captured with stop = covered, that with all sweeps, of which the
+ * rounds choose as they would in a capture (line_mm aside). Its laser time is that of as many of
+ * the sweeps.
  */
 #include "bench.h"
 
 #include <math.h>
 #include <string.h>
 
+#include "adaptive/sweeps.h"
 #include "base/work.h"
 #include "mdf/mdf_views.h"
 #include "pipeline/catalogue.h"
@@ -34,16 +39,19 @@ struct scene {
     struct catalogue *catalogue;
     struct mdf_result **results;
     int n_texels, n_views;
+    gboolean *taken; /* of each shot: the rounds have chosen it; NULL: all are taken */
     float **truth; /* of each view */
     guint8 **edges;
 };
 
-static gboolean json;
+static gboolean json, replay;
 static int every = 1;
 static const GOptionEntry entries[] = {
     {"every", 0, 0, G_OPTION_ARG_INT, &every,
      "Measure every so manieth view alone, by what it saw itself; default 1: all, and settled",
      "N"},
+    {"replay", 0, 0, G_OPTION_ARG_NONE, &replay,
+     "Replay the rounds with the session that has all sweeps", NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print one JSON object", NULL},
     {NULL},
 };
@@ -55,6 +63,13 @@ static void fast_make_view(int block, gpointer data) {
     struct mdf_job *job = NULL;
     if (catalogue_mdf(scene->catalogue, view, &job) != CATALOGUE_READY)
         bench_fail(1, "view %d has no sweeps, or its session is not finished", view);
+    for (guint i = job->sweeps->len; scene->taken && i > 0; i--) {
+        struct mdf_input *sweep = &g_array_index(job->sweeps, struct mdf_input, i - 1);
+        if (scene->taken[sweep->input.shot - 1])
+            continue;
+        input_clear(&sweep->input);
+        g_array_remove_index(job->sweeps, i - 1);
+    }
     scene->results[view] = mdf_make_view(job, &scene->catalogue->grid, NULL, &error);
     bench_check(error);
     mdf_job_free(job);
@@ -118,7 +133,65 @@ static void fast_compare(const struct scene *scene, struct measured *ret) {
     ret->wrong = (double)wrong / (double)MAX(known, 1);
 }
 
-static void fast_measure(struct scene *scene, const char *directory, struct measured *ret) {
+/* Takes a shot's frames, as if it had just been captured. */
+static void fast_take(Sweeps *sweeps, struct session_shot *shot, const GPtrArray *frames) {
+    shot->state = SHOT_DONE;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (frame->shot == shot->id)
+            sweeps_take(sweeps, shot, frame, 1);
+    }
+}
+
+static void fast_replay(struct scene *scene, Session *session, struct measured *ret) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) frames = session_frames(session, &error);
+    g_autofree char *text = session_text(session, "session.conf", &error);
+    g_auto(SessionConf) conf = {0};
+    bench_check(error);
+    session_conf_parse(&conf, text, "session.conf", &error);
+    bench_check(error);
+    conf.laser_stop = STOP_COVERED;
+    Clock *clock = clock_new_virtual();
+    Readers *readers = readers_new(clock);
+    Sweeps *sweeps = sweeps_new(session, &conf, shots, &scene->catalogue->rig, readers);
+    const int n = (int)shots->len, before = ret->sweeps;
+    g_autofree gboolean *first = g_new0(gboolean, n);
+    scene->taken = g_new0(gboolean, n);
+    for (int i = 0; i < n; i++)
+        ((struct session_shot *)shots->pdata[i])->state = SHOT_PLANNED;
+    plan_first_sweeps(&conf, &scene->catalogue->rig,
+                      (const struct session_shot *const *)shots->pdata, n, first);
+    ret->rounds = ret->sweeps = 0;
+    g_autoptr(GArray) round = g_array_new(FALSE, FALSE, sizeof(int));
+    for (int i = 0; i < n; i++)
+        if (first[i] && ((struct session_shot *)shots->pdata[i])->kind == SHOT_SWEEP)
+            g_array_append_val(round, i);
+    while (round->len > 0) {
+        ret->rounds++;
+        for (guint i = 0; i < round->len; i++) {
+            const int number = g_array_index(round, int, i);
+            scene->taken[number] = TRUE;
+            ret->sweeps++;
+            fast_take(sweeps, shots->pdata[number], frames);
+        }
+        if (!readers_wait(readers, &error))
+            bench_check(error);
+        sweeps_note_done(sweeps);
+        const struct sweeps_choice choice = sweeps_choose(sweeps);
+        g_array_unref(round);
+        round = choice.shots;
+    }
+    ret->laser_s *= (double)ret->sweeps / before;
+    ret->left_out = before - ret->sweeps;
+    readers_free(readers);
+    sweeps_free(sweeps);
+    clock_unref(clock);
+}
+
+static void fast_measure(struct scene *scene, const char *directory, gboolean covered,
+                         struct measured *ret) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
     bench_check(error);
@@ -128,6 +201,8 @@ static void fast_measure(struct scene *scene, const char *directory, struct meas
     bench_check(error);
     const struct session_grid *grid = &scene->catalogue->grid;
     const int n = (int)scene->catalogue->views->len;
+    if (covered && replay)
+        fast_replay(scene, session, ret);
     scene->n_texels = grid->width * grid->height;
     scene->n_views = n;
     scene->results = g_new0(struct mdf_result *, n);
@@ -151,6 +226,7 @@ static void fast_measure(struct scene *scene, const char *directory, struct meas
     for (int v = 0; v < n; v++)
         mdf_result_free(scene->results[v]);
     g_free(scene->results);
+    g_clear_pointer(&scene->taken, g_free);
     g_clear_pointer(&scene->catalogue, catalogue_free);
 }
 
@@ -194,8 +270,8 @@ int main(int argc, char **argv) {
         bench_check(error);
         for (int k = 0; k < WAYS; k++) {
             g_autofree char *session =
-                g_strdup_printf("%s/%s/%s.session", argv[1], argv[i], ways[k]);
-            fast_measure(&scene, session, &measured[k]);
+                g_strdup_printf("%s/%s/%s.session", argv[1], argv[i], ways[replay ? ALL : k]);
+            fast_measure(&scene, session, k == COVERED, &measured[k]);
         }
         for (int v = 0; v < scene.n_views; v++) {
             g_free(scene.truth[v]);
