@@ -40,7 +40,7 @@ struct scene {
     struct mdf_result **results;
     int n_texels, n_views;
     gboolean *taken; /* of each shot: the rounds have chosen it; NULL: all are taken */
-    float **truth; /* of each view */
+    float **truth;   /* of each view */
     guint8 **edges;
 };
 
