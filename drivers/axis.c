@@ -359,6 +359,12 @@ void axis_report_position(Axis *axis, double deg, gint64 at_us) {
         state->func(axis, AXIS_PASSING, NULL, state->data);
 }
 
+void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us) {
+    const gint64 took_us = answered_us - asked_us;
+    if ((double)took_us <= 2000 * axis->motion.stamp_ms)
+        axis_report_position(axis, deg, asked_us + took_us / 2);
+}
+
 gboolean axis_stop(Axis *axis, GError **error) {
     struct axis_state *state = axis->state;
     if (state->activity == IDLE || state->stopping)

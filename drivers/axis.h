@@ -155,11 +155,16 @@ void axis_report(Axis *axis, enum axis_event event, GError *error);
  * are ignored. The listener may stop the axis meanwhile, but does not close it. */
 void axis_report_position(Axis *axis, double deg, gint64 at_us);
 
+/* The same for a driver that asks its device, which looks between request and answer: in the middle
+ * of these, within half of the time between them. If that is more than motion.stamp_ms, nothing is
+ * reported. */
+void axis_report_answer(Axis *axis, double deg, gint64 asked_us, gint64 answered_us);
+
 /* Seconds a move takes, backlash and settling included; 0 if from and to are the same. Pure.
  * Trapezoidal speed: t = d/v + v/a, or 2 sqrt(d/a) where the top speed is not reached. */
 double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
 
-/* What an axis turns by while it accelerates from 0 to a speed, or brakes: v²/2a. Pure. */
+/* The angle that an axis needs to accelerate from 0 to a speed, or to brake: v²/2a. Pure. */
 double axis_ramp_deg(const struct axis_motion *motion, double speed_deg_s);
 
 /* Signed distance from one position to another: the shorter way round if the axis wraps. Pure. */

@@ -422,11 +422,10 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     }
     priv->n_unheard = 0;
     priv->heard_us = clock_now_us(axis->device.clock);
-    const gint64 took_us = priv->heard_us - priv->polled_us;
-    if (priv->phase == MOVING && (double)took_us <= 2000 * priv->stamp_ms) {
+    if (priv->phase == MOVING) {
         const gint64 steps =
             modbus_axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
-        axis_report_position(axis, to_deg(priv, steps), priv->polled_us + took_us / 2);
+        axis_report_answer(axis, to_deg(priv, steps), priv->polled_us, priv->heard_us);
     }
     if (priv->n_commands == 0) /* the listener may have stopped it */
         modbus_axis_evaluate(axis, job);

@@ -59,9 +59,7 @@ enum flag {
 #define STANDING_MS  100 /* between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
-/* An answer is given between request and arrival: one that took twice as long as this does not tell
- * when the axis was there. */
-#define STAMP_MS 2
+#define STAMP_MS 2 /* the motion's stamp_ms: an answer takes one to two milliseconds */
 
 /* An "exit safe start" holds for 200 ms; an earlier error may still be reported for that long. */
 #define GRACE_US 250000
@@ -277,11 +275,10 @@ static void check_tic_homing(Axis *axis, const struct status *status) {
 
 static void usb_tic_evaluate(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
-    const gint64 now = clock_now_us(axis->device.clock);
     tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
-    if (tic->phase == MOVING && tic->n_asked == tic->n_started &&
-        now - tic->asked_us <= 2 * STAMP_MS * 1000)
-        axis_report_position(axis, tic->position_deg, tic->asked_us + (now - tic->asked_us) / 2);
+    if (tic->phase == MOVING && tic->n_asked == tic->n_started)
+        axis_report_answer(axis, tic->position_deg, tic->asked_us,
+                           clock_now_us(axis->device.clock));
     if (tic->n_asked != tic->n_started)
         return;
     if (tic->phase == STOPPING && status->velocity == 0)
