@@ -229,7 +229,7 @@ struct lamps_candidates lamps_list_candidates(Lamps *lamps) {
         const int length = plan_lamp_chain(
             setup->conf, setup->nominal, setup->timing,
             (const struct session_shot *const *)left->pdata, n,
-            setup->conf->motion == MOTION_CONTINUOUS ? CHAIN : STANDING, chain, &more_s);
+            setup->conf->motion == MOTION_CONTINUOUS ? CHAIN : CHAIN_STANDING, chain, &more_s);
         if (length > 1)
             lamps_add_candidate(lamps, &ret, chain, length, price_s + more_s);
     }

@@ -33,8 +33,8 @@ float *lamps_table(const Lamps *lamps, int *ret_taken);
 /* All pairs, as the predictor takes them; they stay the Lamps'. */
 struct prediction_pairs lamps_pairs(const Lamps *lamps);
 
-#define CHAIN    12 /* shots of a chain, at most */
-#define STANDING 4  /* if the turntable stands for each: other shots follow as quickly */
+#define CHAIN          12 /* shots of a chain, at most, of a pass of the turntable */
+#define CHAIN_STANDING 4  /* if it stands for each shot: others follow as quickly */
 
 /* A choice takes one of these: a shot by itself, or a chain of shots that follow each other
  * quickly, since a shot alone costs more than one of several between which the axes move little. */

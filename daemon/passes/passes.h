@@ -56,9 +56,9 @@ void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig);
 /* The angle of a shot as its pass counts: between from_deg and from_deg + by_deg. */
 double passes_at_deg(const struct session_pass *pass, double turntable_deg);
 
-/* Of a shot of a pass that takes frame_s from its trigger to the end of its exposure of exposure_s:
- * from the start of the pass to the trigger; or, if before is of the same pass, from the end of its
- * exposure. */
+/* Seconds before the trigger of a shot in a pass: since the pass began, or, if before is in the
+ * same pass, since the end of before's exposure. frame_s: from a trigger to the end of its
+ * exposure, which takes exposure_s. */
 double passes_lead_s(const struct session_shot *before, const struct session_shot *shot,
                      double frame_s, double exposure_s, const struct axis_motion *table);
 

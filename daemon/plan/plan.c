@@ -493,7 +493,7 @@ static double plan_standing_s(const struct plan_build *b, const struct plan_pose
     return plan_total_s(shots, b->conf, b->rig, b->timing, &first_s);
 }
 
-/* What there is to tell of passes. */
+/* Counts the passes and their shots, and sets the speed and blur of a pass. */
 static void plan_count_passes(const struct plan_build *b, struct plan *plan) {
     guint32 cameras = 0;
     int before = 0;

@@ -276,8 +276,8 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
     }
 }
 
-/* What the i-th shot, of a pass, takes in any order of passes: from the one before it in its pass,
- * or its exposure. */
+/* Lower bound of the seconds that the i-th shot takes, which is in a pass: since the shot before it
+ * in the same pass, or its exposure if it is the first. */
 static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
                         const struct rig_timing *timing) {
     const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);

@@ -104,7 +104,8 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
 }
 
-/* Of a session whose pictures are taken while the turntable turns. */
+/* Adds a line about the passes, and the time with a standing table ([capture] motion = continuous).
+ */
 static void report_add_passes(GVariant *report, GString *text) {
     const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
     const double standing_s = get_double(report, "standing_s");

@@ -62,7 +62,8 @@ static void offline_assume(GPtrArray *assumed, const struct config_section *sect
     g_ptr_array_add(assumed, g_strdup_printf("assumed of [%s]: %s", section->group, what));
 }
 
-/* How often it tells where it is while it turns, as its driver's open() finds: with each poll. */
+/* How often the axis tells where it is while it turns: with each poll. Its driver's open() adds the
+ * time of an answer. */
 static void offline_turn(const struct offline *device, struct axis_motion *motion) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
     double poll_ms, speed_register, stamp_ms = 0;

@@ -363,7 +363,8 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
     }
 }
 
-/* Of pictures in one pose, with or without the guide. */
+/* Makes the rectification of the pictures that were taken in one pose. guided: it uses the guide.
+ */
 static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaics *mosaics,
                                 double turntable_rad, gboolean guided, GError **error) {
     Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa, turntable_rad,

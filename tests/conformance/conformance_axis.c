@@ -10,8 +10,8 @@ struct bench {
     gboolean in_call;
     int n_events;
     enum axis_event last;
-    /* Of a turn: its reports, when they said that passing_deg will be passed, the first and the
-     * last time. */
+    /* The reports of a turn: their number, and the first and the last time that was predicted for
+     * passing_deg. */
     int n_passing;
     double passing_deg;
     gint64 said_first_us, said_last_us;

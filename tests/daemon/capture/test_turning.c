@@ -43,7 +43,7 @@ static char *text_of(const char *path) {
     return g_string_free(text, FALSE);
 }
 
-/* Of the session turning it is made once. g_free() */
+/* The text of a session that nothing happens to; g_free(). The session turning is captured once. */
 static char *undisturbed(const struct change *with) {
     static char *known;
     if (with == turning && known)
