@@ -156,19 +156,8 @@ double lamps_hours(const LampBank *bank, int index) {
     return (double)us / (3600.0 * G_USEC_PER_SEC);
 }
 
-void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
-    g_autoptr(GError) owned = error;
-    struct pending *pending = g_queue_peek_head(&bank->state->pending);
-    on = on != FALSE;
-    /* Any other report is the late answer to a set() that has timed out. */
-    if (!pending || pending->index != index || pending->on != on)
-        return;
-    g_queue_pop_head(&bank->state->pending);
-    lamps_pending_free(pending);
-    if (!on && (owned || index < 0))
-        bank->state->doubt = owned != NULL;
-    gint64 now = clock_now_us(bank->device.clock);
-    for (int i = 0; !owned && i < bank->n; i++) {
+static void lamps_switched(LampBank *bank, int index, gboolean on, gint64 now) {
+    for (int i = 0; i < bank->n; i++) {
         struct lamp *lamp = &bank->state->lamps[i];
         if (index >= 0 && index != i)
             continue;
@@ -178,6 +167,25 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
             lamp->since_us = now;
         lamp->on = on;
     }
+}
+
+void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
+    g_autoptr(GError) owned = error;
+    struct pending *pending = g_queue_peek_head(&bank->state->pending);
+    gint64 now = clock_now_us(bank->device.clock);
+    on = on != FALSE;
+    if (!pending || pending->index != index || pending->on != on) {
+        /* The late answer to a set() that has timed out; if it reports light, believe it. */
+        if (!owned && on)
+            lamps_switched(bank, index, TRUE, now);
+        return;
+    }
+    g_queue_pop_head(&bank->state->pending);
+    lamps_pending_free(pending);
+    if (!on && (owned || index < 0))
+        bank->state->doubt = owned != NULL;
+    if (!owned)
+        lamps_switched(bank, index, on, now);
     lamps_notify(bank, index, on, now, owned);
 }
 

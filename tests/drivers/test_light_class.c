@@ -88,8 +88,10 @@ static void test_lamp_deadline(struct heard *heard, gconstpointer unused) {
     g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_cmpint(heard->at_us - start, ==, 2000000);
     g_assert_false(lamps_is_on(silent, 1));
-    lamps_report(silent, 1, TRUE, NULL); /* too late */
+    lamps_report(silent, 1, TRUE, NULL); /* too late, but it is lit */
     g_assert_cmpint(heard->n, ==, 0);
+    g_assert_true(lamps_is_on(silent, 1));
+    g_assert_cmpint(lamps_safety(silent), ==, DEVICE_UNSAFE);
     g_assert_true(lamps_all_off(silent, NULL));
     g_assert_cmpint(lamps_safety(silent), ==, DEVICE_TOLD);
     heard_next(heard, -1);
