@@ -13,7 +13,7 @@ typedef struct Camera Camera;
 enum camera_event {
     CAMERA_EXPOSED, /* exposure is over: lamps and axes may change while the frame is read out */
     CAMERA_FRAME,   /* the frame, checked */
-    CAMERA_REFUSED, /* stale, repeated, incomplete or of the wrong size: error says which; the
+    CAMERA_REFUSED, /* stale, repeated, incomplete or of the wrong size: error says why; the
                        trigger is over and may be given again */
     CAMERA_FAULT, /* no frame before the deadline, or the camera is gone; it must be armed again */
 };
@@ -29,10 +29,10 @@ struct camera_format { /* filled by the driver's open() */
     int bits;
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
-    gint64 trigger_us; /* from the trigger until the exposure begins, and */
-    gint64 readout_us; /* from the end of exposure until the frame is here; for the plan */
-    gint64 stamp_us; /* by which exposure_start_us of its frames may be off, at most; −1: not known,
-                        or its rows are exposed one after the other */
+    gint64 trigger_us; /* from the trigger until the exposure begins */
+    gint64 readout_us; /* from the end of the exposure until the frame is here */
+    gint64 stamp_us;   /* largest error of a frame's exposure_start_us; −1: not known, or the rows
+                          are exposed one after the other */
 };
 
 struct camera_settings {

@@ -167,7 +167,6 @@ struct calibration *calibration_read(const char *path, GError **error) {
     return NULL;
 }
 
-/* Names and sizes identify devices: their order is that of the rig file. */
 /* Says how a lamp or laser differs from the rig file: its name, or whether the arc carries it; NULL
  * if it does not differ. */
 static char *differ(const char *what, int index, const char *name, int fixed,
@@ -182,24 +181,25 @@ static char *differ(const char *what, int index, const char *name, int fixed,
     return NULL;
 }
 
+/* Names and sizes identify devices: their order is that of the rig file. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
     g_autofree char *why = NULL;
 
     if (strcmp(rig->id, nominal->id) != 0)
-        why = g_strdup_printf("is of rig %s, but this is rig %s", rig->id, nominal->id);
+        why = g_strdup_printf("it is of rig %s, but this is rig %s", rig->id, nominal->id);
     else if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
              rig->n_lasers != nominal->n_lasers)
         why = g_strdup_printf(
-            "has %d cameras, %d lamps and %d lasers where the rig file has %d, %d and %d",
+            "it has %d cameras, %d lamps and %d lasers where the rig file has %d, %d and %d",
             rig->n_cameras, rig->n_lamps, rig->n_lasers, nominal->n_cameras, nominal->n_lamps,
             nominal->n_lasers);
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
             why = g_strdup_printf("camera %d, %s, stops at another angle of the camera arm than "
-                                  "the rig file's",
+                                  "in the rig file",
                                   i, a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(
@@ -214,7 +214,7 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                      nominal->lasers[i].fixed);
     if (why)
         g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
-                    "%s: %s; a calibration is valid only for its own rig: calibrate this one", path,
+                    "%s: %s; a calibration is valid only for its own rig: calibrate this rig", path,
                     why);
     return !why;
 }

@@ -13,7 +13,7 @@
 #define RAD(deg)        ((deg) * (G_PI / 180))
 #define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
 #define NEAR_PX         3   /* search radius once the geometry is known */
-#define FAR             0.2 /* the same over the picture's width, before it is known */
+#define FAR             0.2 /* the same before it is known, as a share of the picture's width */
 #define LEAST_CORNERS   6   /* in a usable picture */
 #define LEAST_PICTURES  3   /* of a camera, to refine it */
 

@@ -23,8 +23,8 @@ static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
     return nearest;
 }
 
-/* A stop from the nearest calibrated one, turned about the axis. Its centre may be off by what the
- * calibrated stops are: that adds to the variances of its translation and rotation. */
+/* Predicts a stop: the nearest calibrated one, turned about the axis. The RMS deviations of the
+ * calibrated stops from the axis are added to the variances of its rotation and translation. */
 static void predict(struct calibration *calibration, int camera, int from,
                     const struct rig_swing_fit *arm) {
     struct rig_camera *to = &calibration->rig.cameras[camera];

@@ -77,8 +77,8 @@ static void preparer_report_end(const struct child *child, GError **error) {
     if (child->late)
         g_set_error(
             error, BUS_ERROR, BUS_ERROR_LIMIT,
-            "%s took longer than the %u s that it may take: give a smaller session, or check "
-            "which files it names",
+            "%s took longer than the limit of %u s: give a smaller session, or check that the "
+            "disk with its files is not too slow",
             what, child->limits.wall_s);
     else if (signal == SIGXCPU)
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,

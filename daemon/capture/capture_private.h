@@ -47,7 +47,7 @@ struct Capture {
     char *reason, *doing;
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
-    GArray *replanned;           /* ids of shots whose rows go before anything is taken */
+    GArray *replanned;           /* ids of shots to be taken again; their rows are deleted first */
     guint committed;             /* of remaining */
     guint n_held;                /* of remaining, from the first on: see capture_lasers.h */
     GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
@@ -61,26 +61,27 @@ struct Capture {
     struct exposure_retakes exposures;
     gint64 begun_us;                               /* real time, monotonic */
     double real_base_s, frames_base, retakes_base; /* of earlier runs of this session */
-    double clock_base_s; /* session clock at since_us, or while it stands */
+    double clock_base_s; /* the session's clock at since_us; its value while it stands */
     gint64 since_us;     /* −1 while it stands */
     double clock_saved_s;
     double predicted_s, lower_bound_s;
-    struct { /* of frames of each kind (enum session_shot_kind) and camera: their bytes on disk */
+    struct { /* bytes of the stored frames, by kind (enum session_shot_kind) and camera: as they are
+                on disk (sum), and as the plan expected them (planned) */
         double sum, planned;
     } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     struct plan_footprint *footprints; /* of each camera; NULL: not needed yet */
-    float *shot_bytes; /* shots × cameras, of those that were to be taken; NULL: not needed yet */
-    double stored_bytes;               /* on disk, frames and their rows */
+    float *shot_bytes;   /* shots × cameras, planned; 0: not to be taken; NULL: not needed yet */
+    double stored_bytes; /* on disk, frames and their rows */
     double expected_bytes, said_bytes; /* of the whole session, now and as last said */
-    double *plan_left_s; /* before each of remaining and after the last: plan_left_s(); or NULL */
-    double left_s, left_at_s; /* predicted, and when */
-    double left_least_s;      /* not before the shot under way has been exposed */
+    double *plan_left_s;      /* time left before each of remaining and after the last; or NULL */
+    double left_s, left_at_s; /* predicted time left, and when it was predicted */
+    double left_least_s;      /* the time left counts as at least this until the next exposure */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
     guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
     guint32 suspected; /* those that the previous shot seemed to show */
     GQueue *marks;     /* of GArray of struct fiducial_seen: of the last shots */
-    gboolean marks_reported; /* how they looked at the beginning */
+    gboolean marks_reported; /* the first check of the fiducials */
     guint changed_source;
     gint64 changed_at_us;
     guint starter;

@@ -16,7 +16,7 @@
 #define LEAST_COS    0.05 /* least difference of cos θ within a pair */
 #define LEAST_PAIRS  6
 #define LEAST_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
-#define BETTER       4.0  /* a mistake is indicated if undoing it makes it so many times smaller */
+#define BETTER       4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
 #define DISPLAY      2.2
 #define MOST_ALBEDO  1.05
 #define LEAST_ALBEDO 0.002 /* the blackest paints have more */
@@ -76,7 +76,7 @@ static double *find_means(const struct btf_matrix *btf, GError **error) {
     return g_steal_pointer(&means);
 }
 
-/* values less pedestal. */
+/* The asymmetry s of the values minus a pedestal. */
 static double asymmetry(const GArray *pairs, const double *values, double pedestal) {
     double differences = 0, squares = 0;
     for (guint i = 0; i < pairs->len; i++) {

@@ -19,7 +19,7 @@ static struct given options[MOST_OPTIONS];
 static int n_methods, n_options;
 static char *method_option, *output_option;
 
-/* An option of all codecs that keep to it. */
+/* --memory, an option of all codecs that set bounded. */
 static const struct option memory = {
     .name = "memory",
     .type = OPTION_BYTES,
@@ -46,7 +46,7 @@ static void compress_list_method(struct compress_method method) {
         compress_list_option(option);
 }
 
-/* Names of all methods that take an option, NULL: of all methods. g_free() */
+/* The names of all methods that take an option; option NULL: of all methods. g_free() */
 static char *compress_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)

@@ -11,7 +11,7 @@ const char *const hooks_events[] = {"begun", "done",         "fault",       "abo
 #define HOOKS(member) G_STRUCT_OFFSET(struct hooks_conf, member)
 static const struct option hooks_options[] = {
     {"folder", OPTION_PATH, .fallback = "/etc/mesorig/hooks.d", .offset = HOOKS(folder),
-     .help = "Folder of the executables that every event runs, in the order of their names"},
+     .help = "Folder of the executables that are run for every event, in the order of their names"},
     {"time_limit_s", OPTION_DOUBLE, "s", 0.1, 86400, "60", .offset = HOOKS(time_limit_s),
      .help = "How long each of them may take before it is ended"},
     {NULL},
@@ -25,7 +25,7 @@ static const struct option mail_options[] = {
     {"events", OPTION_STRINGS, .fallback = EVENTS, .offset = MAIL(events),
      .help = "Events that a mail is sent for"},
     {"sendmail", OPTION_PATH, .fallback = "/usr/sbin/sendmail", .offset = MAIL(sendmail),
-     .help = "Program that sends a mail, of any mail server that has one of this name"},
+     .help = "Program that sends a mail; most mail servers have one of this name"},
     {NULL},
 };
 
@@ -42,7 +42,7 @@ static const struct option webhook_options[] = {
     {"retries", OPTION_INT, NULL, 0, 20, "4", .offset = WEBHOOK(retries),
      .help = "How often a post that failed is tried again; others do not wait for it"},
     {"retry_s", OPTION_DOUBLE, "s", 0.1, 3600, "10", .offset = WEBHOOK(retry_s),
-     .help = "Time from the failure to the first of these attempts; it doubles with each further "
+     .help = "Time from the failure to the next attempt; it doubles with each further "
              "one, to an hour at most"},
     {NULL},
 };

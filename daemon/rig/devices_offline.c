@@ -1,13 +1,15 @@
 /* The speeds and delays of a rig's devices from its file alone. Drivers of a class use the same
- * names for the same options: an axis by AXIS_MOTION_OPTIONS, others by those named below. */
+ * names for the same options: those of AXIS_MOTION_OPTIONS for an axis, those named below for
+ * others. */
 #include "devices_private.h"
 
 #include <string.h>
 
 #define ASSUMED_READOUT_MS 33.0 /* of a camera that runs freely, 30 pictures a second */
 #define ASSUMED_BITS       12
-#define ASSUMED_STAMP_US   1000 /* of a camera that stamps its frames with their exposure */
-#define MOST_EXPOSURE_US   60000000
+#define ASSUMED_STAMP_US                                                                           \
+    1000 /* of a camera that stamps its frames with the time of their exposure */
+#define MOST_EXPOSURE_US 60000000
 
 struct offline { /* the options of one device */
     const struct driver_info *info;
@@ -59,11 +61,11 @@ static void offline_assume(GPtrArray *assumed, const struct config_section *sect
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    g_ptr_array_add(assumed, g_strdup_printf("assumed of [%s]: %s", section->group, what));
+    g_ptr_array_add(assumed, g_strdup_printf("assumed for [%s]: %s", section->group, what));
 }
 
-/* How often the axis tells where it is while it turns: with each poll. Its driver's open() adds the
- * time of an answer. */
+/* Sets report_ms and stamp_ms of an axis that has turn(): while it turns, it reports its position
+ * with each poll. Its driver's open() adds the time that an answer may take. */
 static void offline_turn(const struct offline *device, struct axis_motion *motion) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
     double poll_ms, speed_register, stamp_ms = 0;
@@ -138,7 +140,8 @@ static gboolean offline_camera(const struct config_section *section, int index,
         return FALSE;
     if (!offline_number(&device, "readout_ms", &readout_ms) ||
         !offline_number(&device, "trigger_ms", &trigger_ms))
-        offline_assume(assumed, section, "30 pictures a second; it says itself how many");
+        offline_assume(assumed, section,
+                       "30 pictures a second, since only the camera knows how many");
     if (!offline_number(&device, "min_exposure_us", &least_us) ||
         !offline_number(&device, "max_exposure_us", &most_us))
         offline_assume(assumed, section, "that it can expose as the session asks");

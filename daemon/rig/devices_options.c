@@ -16,10 +16,10 @@ const struct option devices_rig_options[] = {
      .help = "The rig's calibration file, relative to this file; without it, the geometry and "
              "light of this file are used"},
     {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
-     .help = "Age from which an old calibration of a part causes a warning"},
+     .help = "Age from which the calibration of a part causes a warning"},
     {"lamps_at_once", OPTION_INT, NULL, 1, RIG_MAX_LAMPS, "1", .offset = RIG(lamps_at_once),
-     .help = "How many lamps may be lit at the same time, by their supply and by their heat; more "
-             "than one only in sessions with [lights] multiplex"},
+     .help = "How many lamps may be lit at once, for their supply and their heat; only sessions "
+             "with [lights] multiplex light more than one"},
     {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
      .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
     {"arm_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
@@ -30,10 +30,10 @@ const struct option devices_rig_options[] = {
      .help = "Its azimuth. Seen from where it points to, the arm turns counter-clockwise: about an "
              "axis at azimuth 90 it lowers a camera at azimuth 0"},
     {"probe_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
-     .offset = RIG(probe_axis_theta_deg), .help = "The same of [axis probe], which carries lamps"},
+     .offset = RIG(probe_axis_theta_deg), .help = "The same for [axis probe], which carries lamps"},
     {"probe_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90",
      .offset = RIG(probe_axis_phi_deg),
-     .help = "Its azimuth; of a probe on the arc, with the arc at 0"},
+     .help = "Azimuth of that axis; if the arc carries the probe, with the arc at 0"},
     {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
      .help = "Width of the light arc with its lamps, and of lamps and cameras that stand by "
              "themselves; it determines what they hide from a camera or a lamp"},
@@ -44,7 +44,8 @@ const struct option devices_rig_options[] = {
 #define THETA                                                                                      \
     {                                                                                              \
         "theta_deg", OPTION_DOUBLE, "degrees", 0, 89.9,                                            \
-            .offset = PLACE(theta_deg), .help = "Elevation it stands at, from straight above"      \
+            .offset = PLACE(theta_deg),                                                            \
+            .help = "Polar angle at which it stands; 0 is straight above"                          \
     }
 #define DISTANCE                                                                                   \
     {                                                                                              \
@@ -70,7 +71,7 @@ const struct option devices_axis_options[] = {
 const struct option devices_lamp_options[] = {
     {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
     {"index", OPTION_INT, NULL, 0, 1023, .offset = PLACE(index),
-     .help = "Its number there, from 0"},
+     .help = "Its number in the bank, from 0"},
     THETA,
     AZIMUTH,
     DISTANCE,
@@ -132,13 +133,15 @@ const struct option devices_mount_options[] = {
 #define MARK(member) G_STRUCT_OFFSET(struct mark_fields, member)
 const struct option devices_mark_options[] = {
     {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
-     .help = "Its middle, with the turntable at 0"},
-    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm), .help = "Its middle"},
+     .help = "x of its middle, with the turntable at 0"},
+    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm),
+     .help = "y of its middle, likewise"},
     {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
-     .help = "Its face, above the turntable's top"},
-    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm), .help = "Of its face"},
+     .help = "Height of its face above the turntable's top"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm),
+     .help = "Radius of its face"},
     {"reflectance", OPTION_DOUBLES, NULL, 0.01, 2, "0.9", .offset = MARK(reflectance),
-     .help = "Of its face, one value or three for red, green and blue"},
+     .help = "Reflectance of its face: one value, or three for red, green and blue"},
     {NULL},
 };
 

@@ -36,7 +36,9 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
     const struct tensor_field *field = tensor_file_field(rgl->file, name);
     const enum tensor_type type = strcmp(name, "jacobian") == 0 ? TENSOR_UINT8 : TENSOR_FLOAT32;
     if (!field) {
-        data_error_set(path, 0, error, "it has no field “%s”, which a BRDF of RGL's has", name);
+        data_error_set(path, 0, error,
+                       "the file lacks the field “%s”; give a BRDF file in RGL's format (.bsdf)",
+                       name);
         return NULL;
     }
     gboolean good = field->type == type && field->n_dimensions == n_dimensions;

@@ -28,7 +28,8 @@ struct warp_table {
     const float *values;
 };
 
-/* The bilinear interpolant at x, y of 0 … 1. A table of one column or row does not vary there. */
+/* The bilinear interpolant at x, y of 0 … 1. Along an axis with one node the table is
+ * constant. */
 double warp_table_value(const struct warp_table *table, const struct warp_slices *slices, double x,
                         double y);
 
@@ -40,12 +41,12 @@ Warp *warp_new(int width, int height, int n_slices, const float *values);
 void warp_free(Warp *warp); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Warp, warp_free)
 
-/* From a point of the density's square to the point of the uniform square; returns the density,
- * whose integral over the square is 1. */
+/* Maps x, y, distributed with this density, to a point of the unit square that is distributed
+ * uniformly (ret). Returns the density at x, y; its integral over the square is 1. */
 double warp_invert(const Warp *warp, const struct warp_slices *slices, double x, double y,
                    double ret[2]);
 
-/* The opposite map: from the uniform square to where the density is. */
+/* The inverse of warp_invert(): maps a uniformly distributed point to one with the density. */
 void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
                  double ret[2]);
 

@@ -61,7 +61,7 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
         return exr_read_fail(
             source, EXR_ERROR_FORMAT, error,
             "a text, not an EXR file; “mesorig calibrate show” prints calibrations");
-    return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a whole EXR file: %s", what);
+    return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a valid EXR file: %s", what);
 }
 
 static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,

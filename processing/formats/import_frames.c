@@ -14,14 +14,14 @@
 #define MOST_DN_MS   65504.0 /* the largest half */
 #define UNEVEN       0.05    /* tolerance of an angle, in steps */
 #define MOST_MISSING 0.1     /* largest share of a sweep's pictures */
-#define BESIDE       2.0     /* steps around a missing picture in which peaks are invalid, and */
-#define PULSE        4.0 /* the same in standard deviations of the pulse; the larger one counts */
+#define BESIDE       2.0     /* peaks within so many steps of a missing picture are invalid, */
+#define PULSE        4.0     /* or so many standard deviations of the pulse; the larger counts */
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
 }
 
-/* A picture for the BTF: of one view all are grey, or all are in colour. */
+/* Reads a picture for the BTF. Those of one view must all be grey, or all in colour. */
 static struct import_picture *read_lamp(const struct import_set *set, const struct import_row *row,
                                         GError **error) {
     g_autoptr(ImportPicture) picture = import_coding_picture(set, row, error);
@@ -112,7 +112,7 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
-    /* Of a grey picture, and of one in colour; with a further channel if any pixel is saturated. */
+    /* Channels by [in colour][a pixel is saturated]. */
     static const char *const names[2][2][5] = {{{"Y"}, {"Y", "saturated"}},
                                                {{"B", "G", "R"}, {"B", "G", "R", "saturated"}}};
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
@@ -321,8 +321,8 @@ static gboolean import_frames_agree(const struct import_set *set, const struct r
             shot->sweep_to_deg == run->sweep_to_deg) ||
            data_error_fail(
                set->table, run->rows->line, error,
-               "the sweep that begins here goes from %g° to %g° in %d steps, for another "
-               "camera from %g° to %g° in %d",
+               "the sweep that begins here goes from %g° to %g° in %d steps, but that of another "
+               "camera from %g° to %g° in %d; give all cameras the same values of sweep_deg",
                run->sweep_from_deg, run->sweep_to_deg, run->sweep_steps, shot->sweep_from_deg,
                shot->sweep_to_deg, shot->sweep_steps);
 }

@@ -218,8 +218,9 @@ GArray *import_lights_read(const char *path, GError **error) {
         data_error_set(path, 1, error, "the number of pictures, or " EXPECTED " are expected");
     else if (list.count > 0 && lights->len != list.count)
         data_error_set(path, list.count_line, error,
-                       "it says that there are %d pictures, but lists %u", (int)list.count,
-                       lights->len);
+                       "this line says that there are %d pictures, but the file lists %u; "
+                       "correct the number, or list every picture",
+                       (int)list.count, lights->len);
     else
         return g_steal_pointer(&lights);
     return NULL;

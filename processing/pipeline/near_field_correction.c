@@ -68,8 +68,10 @@ static gboolean near_field_read_views(struct job *job, struct near_field_correct
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = btf != NULL;
     if (ok && btf->layout.views.n != job->near->views.n) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: its BTF is being made just now; wait until that has ended", job->source);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+            "%s: its BTF is still being made; wait until processing has ended, then try again",
+            job->source);
         ok = FALSE;
     }
     for (gsize view = 0; ok && view < btf->layout.views.n; view++) {

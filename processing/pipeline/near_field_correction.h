@@ -43,8 +43,8 @@ struct near_field_correction_result {
     int n_views, n_lights;           /* of the source */
     int sampled;                     /* texels of the leave-one-out test */
     gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
-    GArray *from, *to; /* of struct near_field_correction_band; those measured, those made */
-    struct near_field_correction_band all; /* θ −1 */
+    GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */
+    struct near_field_correction_band all; /* of all views; theta_deg is −1 */
     double light_moved_deg, light_most_moved_deg;
 };
 void near_field_correction_result_clear(struct near_field_correction_result *result);

@@ -584,13 +584,13 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     /* Without --follow, missing frames are an error unless the plan leaves them out. */
     const int waiting = run->options->follow ? 0 : count_waiting(run);
     if (waiting > 0) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
-                    "%s: %d of %d views lack some of their frames, for %d of %u shots are still to "
-                    "be taken; `mesorig resume %s` takes them. With --follow processing waits for "
-                    "them, or leaves these views out if the capture was aborted",
-                    session_path(run->session), waiting, run->n_views,
-                    catalogue_planned(run->catalogue), run->catalogue->shots->len,
-                    session_path(run->session));
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+            "%s: %d of %d views lack some of their frames, because %d of %u shots are still "
+            "to be taken; `mesorig resume %s` takes them. With --follow, processing waits "
+            "for them; if the capture was aborted, it leaves these views out",
+            session_path(run->session), waiting, run->n_views, catalogue_planned(run->catalogue),
+            run->catalogue->shots->len, session_path(run->session));
         return FALSE;
     }
     if (!make_folders(run, error) || !find_whole(run, error) ||

@@ -69,7 +69,7 @@ gboolean index_map_write(const char *path, const struct index_map *map, GError *
 
 static gboolean index_map_fail(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a whole index map: %s; synthesize it again", path, what);
+                "%s: this is not a valid index map: %s; synthesize it again", path, what);
     return FALSE;
 }
 

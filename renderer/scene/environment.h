@@ -29,7 +29,7 @@ int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
 /* Adds the environment's lamps to the settings, at most settings' environment_lamps, turned by
- * environment_turn_deg. Fails, and changes nothing, if the environment is black or no lamp is
- * left. */
+ * environment_turn_deg. Fails, and changes nothing, if the environment is black or the settings
+ * have no room for a lamp. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

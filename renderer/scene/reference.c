@@ -192,9 +192,10 @@ gboolean reference_move_along_surface(Reference *r, const char *mdf, GError **er
     const struct mdf_plane *plane = reprojection_plane(r->reprojection);
     if (plane->width == r->width && plane->height == r->height)
         return TRUE;
-    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
-                "%s: %d × %d texels, but the BTF has %d × %d; process again", mdf, plane->width,
-                plane->height, r->width, r->height);
+    g_set_error(
+        error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+        "%s: the MDF has %d × %d texels, but the BTF has %d × %d; process the session again", mdf,
+        plane->width, plane->height, r->width, r->height);
     return FALSE;
 }
 

@@ -42,15 +42,17 @@ static GArray *series_give_up(enum series_error code, const char *session, GArra
                               double wait_s, GError **error) {
     const int n = series_count(views);
     if (code == SERIES_ERROR_ENDED)
-        g_set_error(error, SERIES_ERROR, code,
-                    "%s: its capture has ended and %d of %u views are there; ask for a smaller "
-                    "share, or leave --series out",
-                    session, n, views->len);
+        g_set_error(
+            error, SERIES_ERROR, code,
+            "%s: its capture has ended with %d of %u views; give --series a smaller share of "
+            "the views, or leave it out",
+            session, n, views->len);
     else
-        g_set_error(error, SERIES_ERROR, code,
-                    "%s: no new view for %g s, %d of %u are there; check that it is being captured "
-                    "and that “mesorig process --follow” runs, or give a larger --wait-s",
-                    session, wait_s, n, views->len);
+        g_set_error(
+            error, SERIES_ERROR, code,
+            "%s: no new view for %g s, %d of %u are measured; check that the capture goes on "
+            "and that “mesorig process --follow” runs, or give a larger --wait-s",
+            session, wait_s, n, views->len);
     g_array_unref(views);
     return NULL;
 }

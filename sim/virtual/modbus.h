@@ -4,8 +4,8 @@
  * pseudo-terminal, in a thread of its own and in real time. For tests and measurements.
  *
  * Holding registers: 0–1 target (32 bits, high word first), 2 command (1 start, 2 home, 3 stop,
- * 4 clear), 3 speed, 4 acceleration (kept alone; the speed
- * too without speed_unit_steps_s), 5 watchdog (writes are counted), 6 communication
+ * 4 clear), 3 speed, 4 acceleration (stored without effect;
+ * so is the speed if speed_unit_steps_s is 0), 5 watchdog (writes are counted), 6 communication
  * timeout in 0.1 s (0: none; if no request comes for so long, the coils go off and the drive
  * brakes), 100–107 plain.
  * Input registers and, for reading, holding registers from 20 on: status (bit 0 moving, 1 homed,
@@ -30,8 +30,8 @@ typedef struct VirtualModbus VirtualModbus;
 struct virtual_modbus_options {
     gboolean rtu;
     int unit;
-    double speed_steps_s, accel_steps_s2; /* of the drive, whatever its registers hold, but: */
-    double speed_unit_steps_s; /* what 1 in the register of the speed means, if it counts; else 0 */
+    double speed_steps_s, accel_steps_s2; /* whatever the drive's registers hold */
+    double speed_unit_steps_s; /* unit of the speed register; 0: that register has no effect */
 };
 
 VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, GError **error);
@@ -41,17 +41,19 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 /* The value of "bus" in a section. */
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
-/* Sets the faults from now on. Each reply lowers the counts by one; a count of −1 never ends. */
+/* The faults that virtual_modbus_fail() sets. skip, late, damaged, silent and refused are counts:
+ * each request that one of them concerns lowers it by one, and −1 never ends. Until skip has come
+ * to 0, the other counts stay as they are. */
 struct virtual_modbus_faults {
-    int skip;          /* replies that are still good */
-    int late, late_ms; /* replies that are held back, with what they said when they were made */
-    int damaged;       /* replies with a wrong check sum (TCP: of another transaction) */
-    int silent;        /* requests that are carried out and not answered */
-    int refused, exception;
-    int delay_us;     /* of the wire: added to every reply */
-    gboolean blocked; /* the motor cannot turn, though the drive says that it moves */
-    gboolean deaf;    /* coils do not switch, though writing them is answered */
-    gboolean cut;     /* no request comes through */
+    int skip;               /* replies that are still good */
+    int late, late_ms;      /* replies that are sent late_ms after they were made */
+    int damaged;            /* replies with a wrong check sum (TCP: of another transaction) */
+    int silent;             /* requests that are carried out and not answered */
+    int refused, exception; /* requests that are refused with this exception code */
+    int delay_us;           /* of the wire: added to every reply */
+    gboolean blocked;       /* the motor cannot turn, though the drive says that it moves */
+    gboolean deaf;          /* coils do not switch, though writing them is answered */
+    gboolean cut;           /* no request comes through */
 };
 void virtual_modbus_fail(VirtualModbus *device, const struct virtual_modbus_faults *faults);
 

@@ -44,9 +44,8 @@ gboolean world_part_find(World *world, const char *name, struct world_part *ret,
     struct world_part part = {0};
     if (!virtual_world_link_find(world, name, &part)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "the world has no \"%s\"; give turntable, arc, arm or probe, or sweep, lamp or "
-                    "laser and a "
-                    "name in the world file",
+                    "the world has no \"%s\"; give turntable, arc, arm or probe, or \"sweep "
+                    "NAME\", \"lamp NAME\" or \"laser NAME\" with a name in the world file",
                     name);
         return FALSE;
     }

@@ -7,7 +7,7 @@
 
 #define MAP_W 12
 #define MAP_H 10
-#define LOW   0.002F /* halves, and coordinates that are rounded elsewhere */
+#define LOW   0.002F /* tolerance: maps are halves, and coordinates are rounded differently */
 
 /* Patches of the sample beside each other, in which each place has another source: seams of all
  * shapes, and texels that continue each other, within the map and where it repeats. */
@@ -78,7 +78,7 @@ static int count_different(const float *a, const float *b, int pixels, float mos
     return n;
 }
 
-/* Without filtering, each pixel has its texel's value; on a torus, where the map repeats, too. */
+/* Without filtering, each pixel has its texel's value, also where the map repeats on a torus. */
 static void test_texels(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
@@ -96,7 +96,7 @@ static void test_texels(struct fixture *f, gconstpointer data) {
     g_autofree float *b = view_fixture_linear(laid, &t, 200, 150);
     /* Rounding may choose the other of two texels at an edge. */
     g_assert_cmpint(count_different(a, b, 200 * 150, LOW), <, 4 * 200 * 150 / 500);
-    /* The map counts, and is gone when it is taken away. */
+    /* The map has an effect, and none any more once it is taken away. */
     g_assert_true(viewer_set_index(through, NULL, &error));
     g_autofree float *c = view_fixture_linear(through, &s, 200, 150);
     g_assert_cmpint(count_different(a, c, 200 * 150, 0.05F), >, 200 * 150 / 10);

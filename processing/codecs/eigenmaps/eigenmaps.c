@@ -79,8 +79,10 @@ gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, Ex
 }
 
 static gboolean eigenmaps_format_error(const char *path, GError **error, const char *what) {
-    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: these are not whole eigen-maps: %s; compress or process again", path, what);
+    g_set_error(
+        error, EXR_ERROR, EXR_ERROR_FORMAT,
+        "%s: this is not a valid file of eigen-maps: %s; compress or process the session again",
+        path, what);
     return FALSE;
 }
 

@@ -52,7 +52,8 @@ gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error) {
 
 static gboolean hsh_format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: these are not whole hemispherical harmonics: %s; compress again", path, what);
+                "%s: this is not a valid file of hemispherical harmonics: %s; compress again", path,
+                what);
     return FALSE;
 }
 

@@ -95,7 +95,7 @@ gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error
 
 static gboolean lobes_file_format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a whole model of lobes: %s; compress again", path, what);
+                "%s: this is not a valid file of a lobe model: %s; compress again", path, what);
     return FALSE;
 }
 

@@ -141,7 +141,7 @@ gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
 
 static gboolean lpca_file_format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a whole local PCA: %s; compress again", path, what);
+                "%s: this is not a valid file of a local PCA: %s; compress again", path, what);
     return FALSE;
 }
 

@@ -165,7 +165,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     if (!what)
         return g_steal_pointer(&blocks);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: these are not whole blocks of an MDF: %s; compress again", path, what);
+                "%s: this is not a valid file of MDF blocks: %s; compress again", path, what);
     return NULL;
 }
 

@@ -220,7 +220,7 @@ static struct mdf_factors *mdf_factors_search(const struct factoring *f, int mos
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "an error of %.3g mm is not reached with %d maps of distances (%.3g mm); "
-                    "allow more",
+                    "allow a larger error or more maps",
                     target_mm, n, factors->error_mm);
         return NULL;
     }
@@ -232,14 +232,15 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
     struct mdf_factors *factors = NULL;
     const char *what = NULL;
     if (n_terms < 1 || n_terms > MDF_FACTORS_MAX_TERMS)
-        what = "there can be 1 to 32 maps";
+        what = "give 1 to 32 maps";
     else if (table->n_views < 1 || table->n_views > MDF_FACTORS_MAX_VIEWS)
-        what = "there can be 1 to 4096 views";
+        what = "it may have 1 to 4096 views";
     else if (n_measured < 1 || n_measured > table->n_views)
         what = "at least one view must be a measured one";
     if (what) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%d maps of distances for %d views: %s",
-                    n_terms, table->n_views, what);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the MDF cannot be compressed to %d maps for %d views: %s", n_terms,
+                    table->n_views, what);
         return NULL;
     }
     struct factoring f = {.table = table,

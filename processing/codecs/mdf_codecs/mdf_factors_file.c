@@ -128,6 +128,6 @@ struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
     if (!what)
         return g_steal_pointer(&factors);
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: this is not a whole compressed MDF: %s; compress again", path, what);
+                "%s: this is not a valid file of a compressed MDF: %s; compress again", path, what);
     return NULL;
 }

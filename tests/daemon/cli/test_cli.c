@@ -376,7 +376,7 @@ static const struct step compress_steps[] = {
 
 /* With packed.exr cut short. */
 static const struct step cut_steps[] = {
-    {1, "info packed.exr", "not a whole EXR file"},
+    {1, "info packed.exr", "not a valid EXR file"},
     {1, "compare S packed.exr"},
     {0, "compare --json S --curve curve.svg", "\"series\": \"local PCA, packed\", \"label\": \""},
     {1, "compare S S/products/fields.exr --plot /no/such/folder/x.png"},

@@ -66,7 +66,7 @@ static void check_told(struct operation *run, const char *device, const char *ha
     assert_has(run->out, reason);
     assert_has(run->out, "mesorig resume");
     operator_does(run, 1, "process", run->session, NULL);
-    assert_has(run->err, "4 views lack some of their frames, for ");
+    assert_has(run->err, "4 views lack some of their frames, because ");
     assert_has(run->err, " of 13 shots are still to be taken");
     assert_has(run->err, "mesorig resume");
 }

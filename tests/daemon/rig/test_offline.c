@@ -106,7 +106,7 @@ static void test_absent_devices(void) {
     g_assert_cmpint(timing.trigger_us[0], ==, 1000);
     g_assert_cmpint(timing.readout_us[1], ==, 33000);
     g_assert_cmpint(assumed->len, ==, 3);
-    g_assert_true(g_str_has_prefix(assumed->pdata[1], "assumed of [camera c1]: 30 pictures"));
+    g_assert_true(g_str_has_prefix(assumed->pdata[1], "assumed for [camera c1]: 30 pictures"));
     g_assert_null(devices_open(path, &error)); /* indeed it is not there */
     g_assert_nonnull(error);
     g_clear_error(&error);

@@ -344,7 +344,7 @@ static void test_file(void) {
     g_rmdir(folder);
 }
 
-/* Whole EXR files that are not whole eigen-maps. */
+/* Valid EXR files that are not valid eigen-maps. */
 static void test_hostile(void) {
     g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);

@@ -338,7 +338,7 @@ static void test_truncated_file(void) {
     g_rmdir(folder);
 }
 
-/* Whole EXR files that are not whole local PCAs: a part is gone, a value of a channel or an
+/* Valid EXR files that are not valid local PCAs: a part is gone, a value of a channel or an
  * attribute of the part is another. */
 static const struct fault {
     const char *part, *channel;

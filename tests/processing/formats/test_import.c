@@ -302,7 +302,8 @@ static void test_bad_lists(void) {
     static const char *const bad[][2] = {
         {"", "lights.lp:1: the number of pictures"},
         {"many\n", "lights.lp:1: the number of pictures"},
-        {"2\na.png 0 0 1\n", "it says that there are 2 pictures, but lists 1"},
+        {"2\na.png 0 0 1\n",
+         "lights.lp:1: this line says that there are 2 pictures, but the file lists 1"},
         {"1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z"},
         {"1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number"},
         {"1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number"},

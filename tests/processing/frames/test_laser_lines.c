@@ -1,4 +1,5 @@
-/* Sheets of light that are not where the calibration has them, seen on what lies flat around. */
+/* Laser sheets that deviate from the calibration, in simulated sweeps: laser_lines_find() measures
+ * them by their lines on the flat face around the sample. */
 #include "frames/laser_lines.h"
 
 #include "lib/analytic.h"
@@ -26,9 +27,10 @@ struct sweep {
     double slip, roll; /* rad */
     int slips_at;      /* frame */
     double noise;      /* frames, standard deviation */
-    double astray;     /* share of pixels that saw something else */
+    double astray;     /* share of pixels with a random peak */
     double uneven;     /* of the sheet from frame to frame: rad, up and down */
-    gboolean glow;     /* frames of two runs show nothing of the sheet, but what it lit elsewhere */
+    gboolean glow;     /* in two runs of frames the line is hidden, and light thrown elsewhere seen:
+                          thrown() */
     float peak[N_PIXELS], width[N_PIXELS], intensity[N_PIXELS];
     struct laser_lines lines; /* what find() found */
 };
@@ -50,7 +52,7 @@ static struct sweep *new_sweep(void) {
     return sweep;
 }
 
-/* The angle at which a sheet meets a point that is rolled about its own beam. */
+/* The angle at which the sheet, rolled about its own beam, meets a point. */
 static double meets(const struct sweep *sweep, const double *point) {
     double source[3], axis[3] = {-sin(sweep->arc), cos(sweep->arc), 0};
     line_laser_position(&sweep->laser, sweep->arc, source);
@@ -81,13 +83,13 @@ static double normal_deviate(GRand *random) {
     return sum;
 }
 
-/* What the sheet had turned too far in a frame. */
+/* By how much the sheet has turned too far in a frame, in rad. */
 static double turned(const struct sweep *sweep, int frame) {
     return sweep->uneven * (frame * 7 % 5 - 2) / 2;
 }
 
-/* Frames 20 to 23 and the last that have a line: theirs is hidden, and that of 40 frames before or
- * after is thrown there. */
+/* In frames 20 to 23 and 74 to 77 the line is hidden; instead they show light where the line is
+ * 40 frames later (earlier). */
 static double thrown(double peak) {
     const int frame = (int)lround(peak);
     if ((frame >= 20 && frame < 24) || (frame >= 74 && frame < 78))
@@ -153,7 +155,7 @@ static const struct laser_lines *find(struct sweep *sweep, const struct laser_re
 
 static const struct laser_known well = {2e-4, 2e-4};
 
-/* Nothing is wrong: it is not said to be, and what is added stays far below the noise of pixels. */
+/* Without errors no disagreement is reported, and the correction is far below the noise. */
 static void test_agrees(void) {
     g_autoptr(TestSweep) sweep = new_sweep();
     shoot(sweep);
@@ -170,7 +172,7 @@ static void test_agrees(void) {
     g_assert_cmpfloat_with_epsilon(lines->scatter_mm, 0.084, 0.015);
 }
 
-/* Standard errors are what errors are, over sweeps of other noise. */
+/* The standard error predicts the scatter of the errors over sweeps with different noise. */
 static void test_error(void) {
     double squares = 0;
     const int n = 30;
@@ -195,7 +197,7 @@ struct merged {
     int missing;
 };
 
-/* Of the sample's texels, with planes from lines or by calibration alone. */
+/* Errors of the sample's texels, with planes from lines, or (NULL) from the calibration alone. */
 static struct merged measure(const struct sweep *sweep, const struct laser_lines *lines) {
     const struct rig rig = rig_of(sweep);
     g_autoptr(MdfView) view = mdf_view_new(&rig.cameras[0], sweep->turntable, &grid);
@@ -225,8 +227,8 @@ static struct merged measure(const struct sweep *sweep, const struct laser_lines
     return merged;
 }
 
-/* The sweep has slipped on its shaft, from the first frame or from the middle on; the sheet is
- * rolled: lines tell, and the surface is where it is; by the calibration alone it is not. */
+/* The sweep has slipped on its shaft, from the first frame or from the middle on, or the sheet is
+ * rolled: with the lines the surface comes out right, with the calibration alone it does not. */
 static void test_wrong(void) {
     static const struct {
         double slip_deg, roll_deg;
@@ -253,8 +255,8 @@ static void test_wrong(void) {
     }
 }
 
-/* Frames in a row that show light thrown on the face, at the edge of the lit ones too, are no
- * sheets that leapt; nor are those without a line. */
+/* Frames in a row that show only light thrown on the face are not taken for sheets that leapt; nor
+ * are frames without a line. */
 static void test_glow(void) {
     g_autoptr(TestSweep) sweep = new_sweep();
     sweep->glow = TRUE;
@@ -287,7 +289,8 @@ static void test_uneven(void) {
     g_assert_cmpfloat(left, <, 0.1 * squares);
 }
 
-/* By their errors: where the face's height is hardly known, the calibration counts. */
+/* Both are weighted by their errors: where the face's height is hardly known, the calibration
+ * counts. */
 static void test_weights(void) {
     static const struct laser_reference vague = {1, 1.0, {30, 32}, 5, 40};
     static const struct laser_known hardly = {0.02, 0.02};
@@ -302,7 +305,7 @@ static void test_weights(void) {
     g_assert_cmpfloat_with_epsilon(lines->turn_rad[N_STEPS / 2], 0.02 * DEGREE, 0.003 * DEGREE);
 }
 
-/* A fifth of the pixels saw something else. */
+/* A fifth of the pixels have a random peak. */
 static void test_astray(void) {
     g_autoptr(TestSweep) sweep = new_sweep();
     sweep->astray = 0.2;
@@ -314,7 +317,7 @@ static void test_astray(void) {
         g_assert_cmpfloat_with_epsilon(lines->turn_rad[k], 0.3 * DEGREE, 0.01 * DEGREE);
 }
 
-/* Without a face, without light, with what is not a time: the calibration alone, never a crash. */
+/* Without a face, without light, or with peaks that are no times, only the calibration is used. */
 static void test_nothing(void) {
     static const struct laser_reference none = {0}, hole = {1, 0.01, {80, 80}, 5, 40};
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};
@@ -338,7 +341,7 @@ static void test_nothing(void) {
     }
 }
 
-/* Pixels that see the sample, its side, or a mark are none of the region's. */
+/* Pixels that see the sample, its side, or a mark do not belong to the region. */
 static void test_region(void) {
     g_autoptr(TestSweep) sweep = new_sweep();
     struct rig rig = rig_of(sweep);

@@ -1,4 +1,4 @@
-/* What of a frame's pixels is not a number, saturated or known from shorter exposures alone. */
+/* The marks of pixels that are NaN, saturated or known only from shorter exposures. */
 #include "base/data_error.h"
 #include "lib/pipeline_fixture.h"
 
@@ -15,7 +15,7 @@ static void all_nan(struct exr_part *part, const struct session_shot *shot) {
         part->planes[0][i] = NAN;
 }
 
-/* A pixel that is not a number makes holes that are counted; a picture of them is refused. */
+/* A pixel that is NaN makes holes, which are counted; a picture with NaN alone is refused. */
 static void test_nan(struct fixture *fixture, gconstpointer unused) {
     fixture_capture(fixture, 0, fixture->n_shots, one_nan);
     fixture_process(fixture, 2, FALSE);
@@ -43,7 +43,7 @@ static void add_channel(struct exr_part *part, const char *name) {
 
 enum { SATURATED = 40 * SIDE + 40, BRIGHT = 55 * SIDE + 60 };
 
-/* One pixel saturated, another too bright for the longest exposure, a third no number. */
+/* In shot 2 one pixel is saturated, another too bright for the longest exposure, a third NaN. */
 static void all_sorts(struct exr_part *part, const struct session_shot *shot) {
     if (shot->id != 2)
         return;
@@ -58,7 +58,7 @@ static void all_sorts(struct exr_part *part, const struct session_shot *shot) {
     exr_set_int(part, "mesorig.saturated", 1);
 }
 
-/* The texel that a pixel of the first camera shows the middle of, or is next to. */
+/* The texel in which the ray of a pixel of the first camera meets the plane at 5 mm. */
 static int texel_at(int pixel) {
     double p[3];
     hit(&pinholes[0], pixel, 5, p);
@@ -83,7 +83,7 @@ static void check_mark(const struct exr_part *part, int mark, const char *name, 
     g_assert_cmpint(said, ==, count);
 }
 
-/* What was wrong with a pixel is said of the texels that show it, and of no others. */
+/* What was wrong with a pixel marks the texels that show the pixel, and no others. */
 static void test_marks(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
     fixture_capture(fixture, 0, fixture->n_shots, all_sorts);
