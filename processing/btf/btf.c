@@ -1,7 +1,6 @@
-/* Makes one view of the BTF. All frames are loaded as half floats first, since the sum over all
- * lights is the guide of the rectification (rectify.h); then each is rectified (n_texels × 3),
- * divided by its irradiance and written as one part. Lights that were not captured are predicted
- * from the parts of the others. */
+/* All frames are loaded as half floats first, since their sum is the guide of the rectification
+ * (rectify.h); then each is rectified (n_texels × 3), divided by its irradiance and written as one
+ * part. Lights that were not captured are predicted from the parts of the others. */
 #include "btf.h"
 
 #include <math.h>
@@ -13,8 +12,7 @@
 #include "exr/exr_half.h"
 #include "multiplex/multiplex.h"
 
-/* A frame whose pose moves the sample's corner by more than this, against the view's, is not a part
- * of the guide, and has none. */
+/* Frames whose pose moves the sample's corner by more than this neither make nor use the guide. */
 #define GUIDE_PX 0.25
 
 #define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
@@ -45,8 +43,7 @@ static gsize btf_texels(const struct btf_view *view) {
     return (gsize)view->grid.width * (gsize)view->grid.height;
 }
 
-/* Sets an attribute to a point of the rig frame, in the sample frame at an angle of the turntable.
- */
+/* Sets an attribute to a point of the rig frame, in the sample frame at a turntable angle. */
 static void btf_set_point(struct exr_part *part, double turntable_rad, const char *name,
                           struct vec3 rig_mm) {
     const struct vec3 p = rig_turn(rig_mm, -turntable_rad);
@@ -121,10 +118,9 @@ struct mosaic {
 /* The frames of a view. */
 struct mosaics {
     struct mosaic *lights;
-    double *sum;      /* n_values, over all lights in the view's pose: the guide */
-    gboolean guided;  /* it has some */
-    GHashTable *sums; /* of the first shots of groups: float *, n_values: Σ over the group's lights;
-                         NULL: there are none */
+    double *sum;     /* n_values, over all lights in the view's pose: the guide */
+    gboolean guided; /* it has some */
+    GHashTable *sums; /* first shot of a group → float *, n_values, Σ over its lights; NULL: none */
     gsize n_pixels;
     gsize n_values; /* of a frame: n_pixels, or 3 n_pixels of "rgb"; set by the first frame */
     char *cfa;
@@ -166,8 +162,7 @@ static gboolean btf_check_frame(const struct input *input, const struct exr_part
     return FALSE;
 }
 
-/* Reads which of a frame's pixels are saturated, and from which value on shorter exposures were
- * used. */
+/* Reads which pixels are saturated, and from which value on shorter exposures were used. */
 static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
@@ -189,8 +184,7 @@ static gboolean btf_is_in_pose(const struct btf_view *view, const struct btf_lig
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
-/* Stores a frame's planes as half floats, and adds their finite values to the guide, if there is
- * one. */
+/* Stores a frame's planes as half floats; if it guides, adds finite values to the guide. */
 static gboolean btf_store_planes(const struct input *input, const struct exr_part *frame, guint i,
                                  gboolean guides, struct mosaics *to, GError **error) {
     static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"R", "G", "B", NULL};
@@ -273,9 +267,8 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* The mean of the patterns with which a group of lamps was taken; NULL for a lamp alone. The
- * radiance of the patterns, not that of the lamp, decides which exposures a value comes from, and
- * its noise. g_free() */
+/* The mean pattern of a group of lamps, whose radiance decides which exposures a value comes from,
+ * and its noise; NULL for a lamp alone. g_free() */
 static float *btf_mean_pattern(const struct mosaic *mosaic, gsize n) {
     if (mosaic->multiplex == 0)
         return NULL;
@@ -363,8 +356,7 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
     }
 }
 
-/* Makes the rectification of the pictures that were taken in one pose. guided: it uses the guide.
- */
+/* The rectification of the pictures of one pose. guided: it uses the guide. */
 static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaics *mosaics,
                                 double turntable_rad, gboolean guided, GError **error) {
     Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa, turntable_rad,
@@ -389,8 +381,7 @@ static gboolean btf_load_mosaics(const struct btf_view *view, struct mosaics *to
     return TRUE;
 }
 
-/* Makes the part of a light with the rectification of its pose, which is kept for the next light.
- */
+/* Makes a light's part with the rectification of its pose, which is kept for the next light. */
 static struct exr_part *btf_make_posed(const struct btf_view *view, guint i,
                                        const struct mosaics *mosaics, struct posed *posed,
                                        GError **error) {

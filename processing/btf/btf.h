@@ -2,10 +2,9 @@
  * One view of the BTF: the frames of all lights, rectified and divided by the radiance of a white
  * diffuser: ρ(x, v, l) = π L(x, v, l) / E(x, l). See pipeline.h for the file. Any thread.
  *
- * Each frame is rectified in its own pose: pictures that were taken while the turntable turned
- * differ a little from the view's. Directions are the view's and the light's nominal ones; the
- * positions of camera and lamp in a part (view.centre_mm, light.position_mm) are those of its
- * frame.
+ * Each frame is rectified in its own pose, which differs a little from the view's while the
+ * turntable turns. Directions are nominal; the positions of camera and lamp in a part
+ * (view.centre_mm, light.position_mm) are those of its frame.
  */
 #pragma once
 
@@ -13,17 +12,14 @@
 #include "radiometry/photon_transfer.h"
 #include "session/inputs.h"
 
-/* Version of the method: it increases whenever the same frames give other values. Products of an
- * older version are made again. */
+/* Version of the method: rises if the same frames give other values; older products are remade. */
 #define BTF_METHOD 6
 
 /* Flags of a texel: bits of a part's channel "mark", which exists if any texel has one. */
 enum btf_flag {
-    BTF_FLAG_SHORTER = 1, /* saturated in the longest exposure: the value is from shorter ones and
-                             has more noise */
-    BTF_FLAG_BOUND = 2,   /* saturated in all exposures: the value is a lower bound */
-    BTF_FLAG_HOLE =
-        4, /* no finite value, or outside of the picture: the value is 0 and means nothing */
+    BTF_FLAG_SHORTER = 1,   /* saturated in the longest exposure: from shorter ones, noisier */
+    BTF_FLAG_BOUND = 2,     /* saturated in all exposures: the value is a lower bound */
+    BTF_FLAG_HOLE = 4,      /* no finite value, or outside of the picture: 0, which means nothing */
     BTF_FLAG_PREDICTED = 8, /* not captured: predicted from the lights around it */
 };
 
@@ -41,8 +37,7 @@ struct btf_light {
     double turntable_rad; /* while its picture was exposed; else the view's */
     double output;        /* of the lamp in this shot, relative to its calibration */
     gboolean missing;     /* the plan left it out; input is empty */
-    gboolean
-        left_out; /* missing since it can be predicted: it does not count in BTF_MOST_MISSING */
+    gboolean left_out;    /* missing since predictable: not counted in BTF_MOST_MISSING */
     struct input input;
 };
 
@@ -56,8 +51,7 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
-    int n_missing;  /* number of missing lights, those left out included; without them at most
-                       BTF_MOST_MISSING of all */
+    int n_missing;  /* missing lights with those left out; without them ≤ BTF_MOST_MISSING */
     char *inputs;   /* hash of all of the above */
 };
 
@@ -84,7 +78,6 @@ gboolean btf_is_made(const struct btf_view *view, const char *path);
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, float *ret_rgb, GError **error);
 
-/* The direction in a part's attributes OF.theta_deg and OF.phi_deg, OF being "view" or "light".
- * FALSE if an angle is missing or not finite. */
+/* Attributes OF.theta_deg and OF.phi_deg, of: "view" or "light"; FALSE: missing or not finite. */
 gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
                        float *ret_phi_deg);

@@ -21,8 +21,7 @@ static gboolean btf_holes_fill(float *const *planes, int n, int width, int heigh
     return found > 0;
 }
 
-/* A pixel is a hole if any of its n planes is NaN. Each round fills the holes at the border of the
- * known area, and thus the distance from it grows by one pixel per round. */
+/* A hole has NaN in any plane. Each round fills the holes at the border of the known area. */
 int btf_fill_holes(float *const *planes, int n, int width, int height) {
     const int pixels = width * height;
     g_autofree int *holes = g_new(int, pixels);

@@ -1,6 +1,5 @@
 /*
- * The dimensions of a BTF and of every model of one: texels, views and lights. Plain data; any
- * thread.
+ * The dimensions of a BTF or of a model of one: texels, views and lights. Plain data; any thread.
  */
 #pragma once
 
@@ -34,11 +33,9 @@ void btf_layout_clear(struct btf_layout *layout);
 gsize btf_layout_texels(const struct btf_layout *layout); /* width × height */
 gsize btf_layout_values(const struct btf_layout *layout); /* of a texel: views × lights × 3 */
 
-/*
- * How files of models hold a layout: double attributes texel_mm and reference_mm of one part, and
- *   parts "views", "lights"    channels "phi_deg", "theta_deg", width n, height 1, float
- * The size in texels is that of the file's other parts.
- */
+/* Files of models hold a layout as the double attributes texel_mm and reference_mm of one part, and
+ * as parts "views" and "lights" with float channels "phi_deg" and "theta_deg", width n, height 1.
+ * The size in texels is that of the file's other parts. */
 void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *part);
 void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file);
 /* Reads both; width and height stay as they are. NULL, or what is wrong with the file. */

@@ -1,6 +1,5 @@
-/* Reads the views of a session into the matrix values[texel][view][light][colour] or into a
- * scratch file [view][texel][light][colour]. Every view is checked against the first: its size,
- * its lights, and finite values; holes are filled while reading (btf_holes.c). */
+/* Reads a session's views into values[texel][view][light][colour], or into a scratch file [view]
+ * [texel][light][colour]; checks each against the first, and fills its holes (btf_holes.c). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,8 +34,7 @@ gint64 btf_matrix_bytes(const struct btf_layout *layout) {
     return (gint64)(btf_layout_texels(layout) * btf_layout_values(layout) * sizeof(float));
 }
 
-/* values: n_texels × n_views × n_lights × 3, so that consecutive texels of one view lie a whole
- * BRDF apart; the scratch file holds one view after the other. */
+/* In memory, consecutive texels of one view lie a whole BRDF apart. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error) {
     const gsize row = btf->layout.lights.n * COLOURS;
@@ -107,8 +105,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Allocates memory or a scratch file for all views, once the first view gives the number of
- * lights. */
+/* Allocates memory or a scratch file for all views by the first view's number of lights. */
 static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
                                  const struct exr_file *first, const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -145,10 +142,9 @@ static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struc
     return TRUE;
 }
 
-/* Fills the holes of one picture and adds their number; whatever else is not finite is an error.
- * Holes are 0 in the file, and known by the channel "mark". Imported pictures have none but may
- * have a number of holes: then every black texel is one. A picture of holes alone becomes black:
- * one among thousands should not make the BTF unusable. */
+/* Fills a picture's holes and adds their number; whatever else is not finite is an error. Holes are
+ * known by the channel "mark"; in imported pictures, which have none but may have a number of
+ * holes, every black texel is one. A picture of holes alone becomes black. */
 static gboolean btf_matrix_fill_holes(const struct exr_part *part, gsize light,
                                       float *const planes[COLOURS], const char *path, gint64 *holes,
                                       GError **error) {

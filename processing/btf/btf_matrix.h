@@ -1,9 +1,8 @@
 /*
  * A whole BTF as a matrix, one row (apparent BRDF) per texel: in memory, or, where that is too
- * small, in a scratch file of half floats. Values of a session that no camera measured (NaN, or
- * those that btf_make_view() set to 0 and flagged, see btf.h) are filled from the texels around
- * them in the same picture, and counted. Lower bounds are used as they are, which is more accurate
- * than the values around them, and counted, too.
+ * small, in a scratch file of half floats. Values that no camera measured (NaN, or 0 and flagged by
+ * btf_make_view(), see btf.h) are filled from the texels around them in the same picture, and
+ * counted. Lower bounds are used as they are, and counted, too.
  */
 #pragma once
 
@@ -28,8 +27,7 @@ struct btf_matrix {
 
 void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 
-/* The session directory of a path: the path itself, or the directory that contains its
- * products/btf; g_free() it. */
+/* The session directory of a path to it or to its products/btf; g_free() it. */
 char *btf_matrix_session(const char *path);
 
 /* Reads the BTF of a session directory, or of its products/btf. Views without a file are left
@@ -43,20 +41,17 @@ struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GE
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
-/* For a team (base/team.h), all of whose ranks call this: values hold the rows of a rank's own
- * texels only. Each view is read by one rank, which distributes its texels. An error of one rank
- * is an error of all. */
+/* All ranks of a team (base/team.h) call this; values hold only the rows of a rank's own texels.
+ * One rank reads each view and distributes its texels. An error of one rank is an error of all. */
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error);
 
-/* The values of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
- * *ret_stride floats apart. They lie in memory, or else are read into buffer (n × n_lights × 3).
- * NULL if the file cannot be read. Any thread. */
+/* Texels first … first + n − 1 in a view: n rows of n_lights × 3 floats, *ret_stride floats apart,
+ * in memory or read into buffer (n × n_lights × 3). NULL: the file cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
-/* Copies the same rows in another order: texel first + i becomes row indices[i] of ret (n ×
- * n_lights × 3). */
+/* Copies the same rows, that of texel first + i to row indices[i] of ret (n × n_lights × 3). */
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
                                const int *indices, float *ret, GError **error);
 

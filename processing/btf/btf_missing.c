@@ -7,8 +7,7 @@
 #define FLATNESS  1e-4 /* regularises the slope where the lights lie in a row */
 #define LEAST_COS 0.02
 
-/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, relative to the missing light.
- */
+/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, from the missing light's. */
 struct disc_point {
     guint light;
     double x, y, d;

@@ -1,6 +1,5 @@
 /*
- * Predicts the picture of a missing light from those of the lights around it: see btf.h. Any
- * thread.
+ * Predicts a missing light's picture from those of the lights around it: btf.h. Any thread.
  */
 #pragma once
 
@@ -10,8 +9,7 @@
  * each light, NULL if missing. g_free() the result; NULL if no light was captured. */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i);
 
-/* Flags of the n texels: BTF_FLAG_PREDICTED, or a hole if any picture with a weight has one
- * there. */
+/* Flags of the n texels: BTF_FLAG_PREDICTED, or a hole if any picture with a weight has one. */
 void btf_missing_flags(const double *weights, struct exr_part *const *taken, guint n_lights,
                        gsize n, guint8 *ret_flags);
 

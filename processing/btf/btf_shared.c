@@ -1,6 +1,5 @@
-/* Distributed reading: with R ranks, each round reads R views, one per rank, and then every rank
- * distributes its view, so that all files are read once and each rank keeps [own
- * texels][view][light][colour]. */
+/* With R ranks, each round reads R views, one per rank, and then every rank distributes its view:
+ * all files are read once, and each rank keeps [own texels][view][light][colour]. */
 #include <string.h>
 
 #include "btf_private.h"

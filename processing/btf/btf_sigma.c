@@ -1,5 +1,4 @@
-/* From a sensor's noise to the error bars of texels: variances of pixels from the exposures that
- * each was merged from, and the channel with the result of rectify_errors(). */
+/* Variances of pixels by their exposures, and the channel with the result of rectify_errors(). */
 #include "btf_sigma.h"
 
 #include <math.h>
@@ -79,8 +78,7 @@ static double btf_sigma_median(float *values, gsize n) {
     return (double)values[n / 2];
 }
 
-/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², with f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²). Holes are left
- * out. */
+/* sigma(x)² = ⅓ Σ_c σ_c(x)² / f_c², f_c² = Σ_x σ_c(x)² / (⅓ Σ_x,c σ_c(x)²), without holes. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     float *sigma = exr_part_plane(part, "sigma");
@@ -119,8 +117,7 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
 }
 
-/* ρ_c ∝ 1 / (response · camera colour_c · intensity · lamp colour_c): relative errors add in
- * squares. */
+/* ρ_c ∝ 1 / (response · camera colour_c · intensity · lamp colour_c): relative variances add. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double ret[3]) {
     for (int c = 0; c < 3; c++) {

@@ -1,11 +1,8 @@
 /*
  * Error bars of a BTF: the standard error σ of each value ρ, beside the values in a view's file
  * (pipeline.h). Errors that differ from value to value are in a channel, since they depend on the
- * pixels of a texel: on the exposures they were merged from, and on edges within them. A model in
- * attributes of each light (a constant, photons, relative errors, slopes between texels) would cost
- * nothing and miss both. One channel serves all three colours, and holds 5 significant bits (σ to 3
- * %): three channels, or all bits of a half, would make files larger for digits that no error bar
- * has.
+ * exposures that a texel's pixels were merged from, and on edges within them. To keep files small,
+ * one channel serves all three colours, and holds 5 significant bits (σ to 3 %).
  *
  *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
  *                                edges within pixels and colours that a pixel does not see; and
@@ -17,15 +14,13 @@
  *   sigma.median (double)        median over texels of sigma(x), without holes
  *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
  *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
- * have in common, from the calibration of camera and lamp: response, intensity and colours. It is
- * not in the channel and not in the other attributes; 0 where the radiometry is not calibrated.
- * Errors of flat field and of the lamp's fall-off and aim are left out: the calibration file does
- * not say how they are correlated
+ * have in common, from the calibrated response, intensity and colours; it is in none of the others,
+ * and 0 where the radiometry is not calibrated. Errors of flat field, fall-off and aim are left
+ * out: the calibration file does not say how they are correlated
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
- * error bars of their prediction alone. Parts without the channel, such as those of other predicted
- * lights, of cameras whose noise is not calibrated, and of older files, have errors that are not
- * known. Any thread.
+ * error bars of their prediction alone. Errors of parts without the channel (other predicted
+ * lights, cameras whose noise is not calibrated, older files) are not known. Any thread.
  */
 #pragma once
 
@@ -57,8 +52,7 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
  * variances: n_texels × 3, of R, G, B in ρ². holes: n_texels; values without meaning. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes);
 
-/* Relative errors of R, G, B that a camera and a lamp of a light cause together. Either may be NULL
- * or unknown. */
+/* Relative errors of R, G, B by camera and lamp together; either may be NULL or unknown. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
                      double ret[3]);
 

@@ -1,9 +1,8 @@
-/* The operator X (samples × n) from measured values to grid samples is found in two steps: a
- * biharmonic spline S (any direction × n) interpolates the n measured values over the hemisphere;
- * then least squares finds the samples whose bilinear interpolant B X (B: direction × samples) is
- * closest to it,
+/* The operator X (samples × n) from measured values to grid samples: a biharmonic spline S (any
+ * direction × n) interpolates the n measured values over the hemisphere; then least squares finds
+ * the samples whose bilinear interpolant B X (B: direction × samples) is closest to it,
  *   min ∫ ‖B(ω) X − S(ω)‖² dω + λ ‖X − S(grid)‖² + w · mean_i ‖B(ω_i) X − e_i‖²,
- * e_i being row i of the identity. All three terms are added to one set of normal equations. */
+ * e_i being row i of the identity. */
 #include "direction_grid.h"
 
 #include "base/data_error.h"
@@ -18,10 +17,9 @@
 #define DENSE  3000 /* directions that sample the hemisphere evenly */
 #define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* Weight w of the measured directions relative to all others together. Where many of them lie
- * midway between samples, as the rings of the papers' 81 directions do on a grid of 12, the
- * samples would oscillate to fit them. Therefore w is halved, down to LEAST, until no sample
- * exceeds MOST_GAIN times the values (maximum absolute row sum). */
+/* Weight w of the measured directions relative to all others together. Samples would oscillate to
+ * fit those midway between them, as many of the papers' 81 are on a grid of 12: w is halved, down
+ * to LEAST, until no sample exceeds MOST_GAIN times the values (maximum absolute row sum). */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
@@ -51,8 +49,7 @@ void direction_grid_square(const float direction[3], double *ret_s, double *ret_
     *ret_t = CLAMP((b + 1) / 2, 0, 1);
 }
 
-/* Bilinear weights in cell (i, j) of the grid, with u, v the fractions: (1 − u)(1 − v), u (1 −
- * v), (1 − u) v, u v. */
+/* Bilinear, with the fractions u, v in a cell: (1 − u)(1 − v), u (1 − v), (1 − u) v, u v. */
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]) {
     double s, t;
@@ -138,9 +135,8 @@ static double *smooth_at(const struct smooth *smooth, const float *directions, i
     return ret;
 }
 
-/* Adds weight · ‖bᵀX − target‖² to the normal equations of the samples X (samples × n), b being
- * the four bilinear weights at a direction, target a row of n: matrix += weight · b bᵀ, right +=
- * weight · b · target. */
+/* Adds weight · ‖bᵀX − target‖² to the normal equations of X, b being the bilinear weights at a
+ * direction, target a row of n: matrix += weight · b bᵀ, right += weight · b · target. */
 static void add_equation(int n_grid, const float *direction, double weight, const double *target,
                          int n, double *matrix, double *right) {
     const int samples = n_grid * n_grid;
@@ -165,8 +161,7 @@ static float *grid_directions(int n_grid) {
     return ret;
 }
 
-/* Normal equations matrix · X = right; the samples are X · values. matrix: samples × samples,
- * right and X: samples × n. */
+/* Normal equations matrix · X = right. matrix: samples × samples; right and X: samples × n. */
 struct equations {
     gsize samples, n;
     double *matrix, *right;

@@ -30,9 +30,8 @@ void direction_grid_square(const float direction[3], double *ret_s, double *ret_
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]);
 
-/* The matrix (n_grid² × n) that maps values at the n directions to samples. lights: see above.
- * g_free() it. NULL with an error: the grid size is out of bounds, there are no directions, or
- * some are invalid. */
+/* The matrix (n_grid² × n; g_free()) from values at the n directions to samples. lights: see above.
+ * DATA_ERROR_INVALID: a grid size out of bounds, no directions, or invalid ones. */
 float *direction_grid_operator(const struct direction_list *list, int n_grid, gboolean lights,
                                GError **error);
 

@@ -1,6 +1,5 @@
 /* Gradients g_k are linear in the values, so they are stored as weights of differences to the
- * neighbours: g_k = Σ_i s_ki (f_i − f_k), s_ki ∈ ℝ², and applied to all channels of a row at
- * once. */
+ * neighbours: g_k = Σ_i s_ki (f_i − f_k), s_ki ∈ ℝ². */
 #include "direction_mesh.h"
 
 #include <lapacke.h>
@@ -9,8 +8,7 @@
 
 #include "directions/triangulation.h"
 
-#define TOGETHER                                                                                   \
-    (0.25 * G_PI / 180 / 2) /* distance in the plane near its centre: closer directions are one */
+#define TOGETHER  (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre: closer directions are one */
 #define FLAT      0.02 /* height of a triangle over its longest side: flatter ones are dropped */
 #define MOST_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
 #define AROUND    20   /* neighbours in the fit of a slope, at most */
@@ -109,11 +107,10 @@ static int direction_mesh_by_distance(const void *a, const void *b) {
     return x->distance != y->distance ? (x->distance < y->distance ? -1 : 1) : x->index - y->index;
 }
 
-/* Gradient at direction `at`: the quadric through its own value that fits the differences d_i to
+/* Gradient at direction `at` of the quadric through its own value that fits the differences d_i to
  * its n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
- * distance. The solution is linear in d; its first two rows are kept. If the neighbours do not
- * determine all five terms, the solution of least norm. Neighbours are those within two triangles,
- * the nearest AROUND of them. */
+ * distance, with least norm. Of the solution, linear in d, the first two rows are kept. Neighbours
+ * are the nearest AROUND of those within two triangles. */
 static void direction_mesh_fit_slope(DirectionMesh *mesh, int at) {
     g_autofree guint8 *within = g_new0(guint8, mesh->n);
     g_autofree struct near *around = g_new(struct near, mesh->n);
@@ -217,8 +214,7 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
         ret->triangle[k] = list[k].index;
 }
 
-/* The triangle that contains a point, or else the one whose smallest barycentric weight is
- * largest. −1: there are no triangles. */
+/* The triangle that contains a point, else that with the largest smallest weight; −1: none. */
 static int direction_mesh_find(const DirectionMesh *mesh, const double *points, const double at[2],
                                const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;
@@ -253,9 +249,8 @@ static gboolean limit_weights(double weights[3]) {
     return clamped;
 }
 
-/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Without triangles f(x) is that
- * of the nearest direction. Where lights are extrapolated too far, f(x) is multiplied by cos θ at
- * the point asked for over cos θ at the end of the extrapolation: reflectance contains n·l. */
+/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). Beyond the extrapolation, f(x)
+ * of lights is multiplied by cos θ at the point over cos θ at its end: reflectance contains n·l. */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
     double weights[3], end[2] = {0}, sum[2] = {0}, best = G_MAXDOUBLE;

@@ -1,20 +1,17 @@
 /*
- * Interpolation over measured directions that differ slightly from texel to texel. The directions
- * are triangulated once, as seen from the centre of the sample. For a texel the corners move
- * (smoothly, with the distances of cameras and lamps), but which three surround a direction
- * hardly changes; the weights follow from the positions of the corners for that texel.
+ * Interpolation over measured directions that differ slightly from texel to texel. They are
+ * triangulated once, as seen from the centre of the sample. For a texel the corners move, but which
+ * three surround a direction hardly changes; the weights follow from the corners for that texel.
  *
  * Directions are points x of the stereographic plane, (x, y) / (1 + z). Within a triangle with
- * corners x_k, barycentric weights b_k, values f_k and gradients g_k (of the quadric that fits
- * the values around a corner best), f(x) = Σ b_k (f_k + ½ g_k · (x − x_k)), which is exact for
- * every quadric. In 1D, f = x² with corners 0 and 1 gives x (1 + ½ · 2 (x − 1)) = x². Linear
- * interpolation would lower a highlight in proportion to the distance from the nominal direction.
+ * corners x_k, barycentric weights b_k, values f_k and gradients g_k (of the quadric that fits the
+ * values around a corner best), f(x) = Σ b_k (f_k + ½ g_k · (x − x_k)), which is exact for every
+ * quadric. Linear interpolation would lower highlights with distance from the nominal direction.
  *
  * Outside of all triangles the nearest one is extrapolated by up to half its height: near the
  * border half of the texels were seen from less oblique directions than the nominal one. Beyond,
- * the value is constant, and for lights falls with the cosine. Without triangles (fewer than
- * three directions, or all collinear) the nearest direction is used. Any thread; immutable once
- * made.
+ * the value is constant, and for lights falls with the cosine. Without triangles (fewer than three
+ * directions, or all collinear) the nearest direction is used. Any thread; immutable once made.
  */
 #pragma once
 
@@ -23,8 +20,7 @@
 
 typedef struct DirectionMesh DirectionMesh;
 
-/* Directions within a quarter of a degree of an earlier one are left out. skip: one more to leave
- * out; −1: none. */
+/* Leaves out directions within ¼° of an earlier one, and number skip (−1: none). */
 DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights);
 void direction_mesh_free(DirectionMesh *mesh); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(DirectionMesh, direction_mesh_free)

@@ -1,7 +1,6 @@
-/* Energy fields, reciprocity and albedo of a BTF B(x, v, l) that contains n·l (Meseth et al. 2003
- * §4.1). All values are luminances. Reciprocity means B(v, l) / cos θ_l = B(l, v) / cos θ_v, and
- * conservation of energy Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v being the cosine-weighted solid angle
- * of view v over π. */
+/* Meseth et al. 2003 §4.1, for luminances B(x, v, l) that contain n·l: reciprocity means B(v, l) /
+ * cos θ_l = B(l, v) / cos θ_v, and conservation of energy Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v being
+ * the cosine-weighted solid angle of view v over π. */
 #include "energy.h"
 
 #include "base/data_error.h"
@@ -83,8 +82,7 @@ struct symmetry {
     int pairs;
 };
 
-/* values: luminance B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged
- * pair. */
+/* values: B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged pair. */
 static void energy_add_symmetry(const struct btf_matrix *btf, const int *other,
                                 const struct vec3 *lights, const double *values,
                                 struct symmetry *to) {
@@ -105,8 +103,7 @@ static double energy_asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
-/* With f(v, l) = B(v, l) / cos θ_l: E_r(v) = mean over l of f, E_i(l) = mean over v of f (Meseth et
- * al. 2003 §4.1). */
+/* E_r(v) = mean_l f, E_i(l) = mean_v f, f(v, l) = B(v, l) / cos θ_l (Meseth et al. 2003 §4.1). */
 static void energy_sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
                               const double *values, double *ret_r, double *ret_i) {
     const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;

@@ -9,10 +9,9 @@
 struct energy {
     int n_views, n_lights;
     /* Luminance Y = 0.2126 R + 0.7152 G + 0.0722 B of f(v, l) = B(v, l) / cos θ_l, of the mean over
-     * all texels and of one texel: E_r of a view is the mean over all lights, E_i of a light the
-     * mean over all views. For equal directions of views and lights both are the same series where
-     * f is reciprocal (Meseth et al. 2003 §4.1), and constant for a diffuser. Lights with cos θ_l
-     * of at most 0.05 are left out of E_r, and their E_i is 0. */
+     * all texels and of one texel: E_r(v) is the mean over lights, E_i(l) that over views, with
+     * equal directions the same where f is reciprocal (Meseth et al. 2003 §4.1), and constant for a
+     * diffuser. Lights with cos θ_l ≤ 0.05 are left out of E_r; their E_i is 0. */
     double *e_r, *e_i;             /* n_views, n_lights */
     double *texel_e_r, *texel_e_i; /* of one texel */
     int texel;
@@ -23,9 +22,8 @@ struct energy {
     double *albedo, largest_albedo; /* n_lights */
     double covered_deg;             /* largest θ of a view: beyond it albedo is extrapolated */
 
-    /* Reciprocity of the mean over all texels: B(v, l) / cos θ_l against the same with v and l
-     * exchanged, where both were measured to within 1°; RMS difference relative to the RMS of the
-     * mean. */
+    /* Reciprocity: RMS difference of B(v, l) / cos θ_l, the mean over all texels, from that with v
+     * and l exchanged where both were measured within 1°, relative to the RMS of their mean. */
     int pairs;
     double asymmetry;
     double texel_asymmetry; /* the same of single texels, which includes parallax and shadows */

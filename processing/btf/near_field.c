@@ -1,5 +1,4 @@
-/* Reads positions of cameras and lamps from the headers of a BTF's files, and computes the
- * directions from any texel. Files of a far-away setup have only directions. */
+/* Files of a far-away setup have no positions, only directions. */
 #include "near_field.h"
 
 #include <math.h>

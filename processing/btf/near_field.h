@@ -14,11 +14,9 @@
 struct near_field {
     struct session_grid grid;
     struct direction_list views, lights; /* nominal */
-    /* Positions in the sample frame: n_views, and n_views × n_lights, since a light arc may turn
-     * about an axis of its own and the lamps then move in the sample frame with the turntable's
-     * angle. Of a view whose pictures were taken while the turntable turned, the camera's is the
-     * mean of those in its pictures. Both NULL: the files have no positions, and all texels have
-     * the nominal directions. */
+    /* Sample frame; n_views, and n_views × n_lights, since lamps may move in this frame with the
+     * turntable's angle. If it turned during a view's pictures, the camera's is the mean over them.
+     * Both NULL: the files have no positions, and all texels have the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
 };
 

@@ -1,6 +1,5 @@
-/* Resampling of one texel's BRDF B[view][light] from its own directions to the common target
- * directions. Interpolation is separable: B'[view][target light] over lights first, B''[target
- * view][target light] over views then. Three errors are summed: of the round trip back to the
+/* Interpolation is separable: from B[view][light] over lights to B'[view][target light], then over
+ * views to B''[target view][target light]. Three errors are summed: of the round trip back to the
  * measured directions, of leaving out each measured direction, and of using nominal directions
  * without any correction. */
 #include <math.h>
@@ -30,8 +29,7 @@ static struct resampler_target *texel_resampler_targets(const DirectionMesh *mes
     return ret;
 }
 
-/* A mesh over the target directions, with guesses for the measured ones: for the round trip.
- */
+/* A mesh over the target directions with guesses for the measured ones, for the round trip. */
 static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *to, int n_to,
                                                 const struct vec3 *from, int n_from,
                                                 gboolean lights, double **ret_points,
@@ -153,13 +151,12 @@ void resampler_sums_add(const struct resampler *r, const struct resampler_sums *
 struct texel_work {
     const struct resampler *r;
     int texel;
-    struct vec3 *views;                  /* n_views */
-    double *view_points;                 /* × 2 */
-    double *light_points;                /* lights of one view: n_lights × 2 */
-    int lights_of;                       /* the view whose lights those are; −1: none */
-    struct direction_share *view_shares; /* target views */
-    struct direction_share
-        *light_shares; /* target lights, in the measured ones of view lights_of */
+    struct vec3 *views;                   /* n_views */
+    double *view_points;                  /* × 2 */
+    double *light_points;                 /* lights of one view: n_lights × 2 */
+    int lights_of;                        /* the view whose lights those are; −1: none */
+    struct direction_share *view_shares;  /* target views */
+    struct direction_share *light_shares; /* target lights, in measured ones of view lights_of */
     struct direction_share *back_light_shares; /* measured lights, in the target ones */
     guint8 *clamped; /* target lights beyond extrapolation, for the first view */
     float *values;   /* n_views × n_lights × lanes; last lane: 1 for a hole, else 0 */
@@ -187,8 +184,7 @@ static void texel_resampler_combine(const struct direction_share *share, const f
     }
 }
 
-/* Prepares the shares of a view's lights, unless those of the present ones have the same lamp
- * positions. */
+/* Prepares the shares of a view's lights, unless the present ones have the same lamp positions. */
 static void texel_resampler_take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     const struct vec3 *lamps = r->near->lamp_mm;
@@ -209,8 +205,7 @@ static void texel_resampler_take_lights(struct texel_work *w, int view) {
                              &r->back_lights[i], &w->back_light_shares[i]);
 }
 
-/* Separates flags from values; the last lane becomes the hole indicator, which is interpolated
- * like a value. */
+/* Separates flags from values; the last lane, 1 for a hole, is interpolated like a value. */
 static void take_values(struct texel_work *w, const float *values) {
     const gsize n = w->r->near->views.n * w->r->near->lights.n;
     memcpy(w->values, values, sizeof(float) * n * LANES);

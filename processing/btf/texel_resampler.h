@@ -1,5 +1,4 @@
-/* Interpolates the values of each texel in directions common to all texels, see
- * near_field_correction.h. */
+/* Interpolates each texel's values in directions common to all texels: near_field_correction.h. */
 #pragma once
 
 #include "btf_directions.h"
@@ -30,8 +29,7 @@ struct resampler {
     struct resampler_target *views, *lights; /* in those */
     DirectionMesh *to_views, *to_lights;
     double *to_view_points, *to_light_points;
-    struct direction_guess *back_views,
-        *back_lights; /* measured directions, in the target meshes */
+    struct direction_guess *back_views, *back_lights; /* measured ones, in the target meshes */
     struct resampler_left_out *left_views, *left_lights;
     int left_step; /* the leave-one-out test takes every left_step-th texel */
 };
@@ -40,8 +38,7 @@ void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Sums over one or many texels of squared differences and squared values (norm), R, G, B
- * together. */
+/* Sums over texels of squared differences and squared values (norm), R, G, B together. */
 struct resampler_from { /* of a measured view: round trip, and leave-one-out of views and lights */
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
@@ -61,7 +58,6 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 
-/* values: measured, n_views × n_lights × lanes; ret: targets, n_views × n_lights × lanes. Adds to
- * sums. */
+/* values: measured; ret: targets; each n_views × n_lights × lanes. Adds to sums. */
 void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
                      struct resampler_sums *sums);

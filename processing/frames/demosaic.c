@@ -41,8 +41,7 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
-/* Green at red and blue pixels: the mean of the horizontal and the vertical interpolation, weighted
- * by 1 / (change² + DARK²). The direction along an edge changes less and dominates. */
+/* Green at red and blue pixels: the mean of both directions, weighted by 1 / (change² + DARK²). */
 static void fill_green(struct picture *picture) {
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
@@ -60,10 +59,9 @@ static void fill_green(struct picture *picture) {
         }
 }
 
-/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the window's pixels of
- * colour c, with a bilateral weight
- *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + LEAST_WEIGHT).
- * The range weight keeps colours from bleeding over edges. */
+/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the window's pixels of colour
+ * c, with a bilateral weight
+ *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + LEAST_WEIGHT). */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
     float level = picture->level[demosaic_pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};

@@ -5,18 +5,14 @@
 
 #include "base/robust.h"
 
-#define AROUND                                                                                     \
-    21 /* frames with a line in the running median: it follows a slip that lasts longer than half  \
-          of them */
+#define AROUND 21  /* frames of the running median, which follows slips longer than half of them */
 #define MANY   4.0 /* standard errors: larger differences are significant */
 #define ROUNDS 6
-/* Standard errors of a median and of a median absolute deviation of n normal deviates, in σ / √n.
- */
+/* Standard errors of median and median absolute deviation of n normal deviates, in σ / √n. */
 #define MEDIAN_ERROR 1.2533
 #define SPREAD_ERROR 1.17
 
-/* Level of each frame: the running median of the AROUND frames about it if that differs
- * significantly from the median of all frames, else the median of all. A median preserves steps. */
+/* level: the median of all frames, or of the AROUND about it if that differs significantly. */
 static void find_levels(struct laser_frames *frames, const int *lines) {
     g_autofree double *all = g_new(double, frames->lines);
     for (int i = 0; i < frames->lines; i++)
@@ -37,9 +33,8 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* Standard deviation u of the frames' own deviation from their levels, beyond their standard
- * errors e: u = √(s² − e²), s being the robust spread of middle − level. 0 unless s exceeds e
- * significantly. */
+/* Standard deviation u = √(s² − e²) of the frames from their levels beyond their standard errors e,
+ * s being the robust spread of middle − level. 0 unless s exceeds e significantly. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);
@@ -52,9 +47,8 @@ static double find_uneven(const struct laser_frames *frames, const int *lines) {
     return spread > chance * error ? sqrt(spread * spread - error * error) : 0;
 }
 
-/* Adds to all levels the mean deviation of the frames from them, weighted by w = biweight(r −
- * mean, e) / e² with e² = error² + uneven². The biweight (Tukey) rejects outlying frames. Sets
- * the sweep's offset, the mean level, and its standard error 1 / √Σw. */
+/* Adds to all levels the mean of r = middle − level, with weights w = biweight(r − mean, e) / e²
+ * (Tukey), e² = error² + uneven². Sets offset, the mean level, and its standard error 1 / √Σw. */
 static void find_offset(struct laser_frames *frames, const int *lines, double uneven) {
     double shift = 0, weights = 0, levels = 0;
     for (int round = 0; round < ROUNDS; round++) {

@@ -1,9 +1,8 @@
 /*
- * From the lines seen in a sweep's frames to the angle error of the sheet of light in each frame:
+ * From the lines seen in a sweep's frames to each frame's angle error of the sheet of light:
  * private to laser_lines.h. A few consecutive frames may show light that the sample reflects onto
- * its surround instead of the sheet. Therefore a frame's measurement counts only as far as its
- * neighbours confirm it, or as frames are known to deviate singly. All spreads are medians of
- * absolute deviations, so that such frames do not count. Any thread.
+ * its surround. Therefore a frame counts only as far as its neighbours confirm it, or as frames are
+ * known to deviate singly, and all spreads are medians of absolute deviations. Any thread.
  */
 #pragma once
 

@@ -13,9 +13,8 @@
 #define ROUNDS       6
 #define MANY         4.0  /* standard errors: larger differences are significant */
 #define OFF_SHARE    0.25 /* of the frames: if more disagree, the sweep as a whole does */
-/* Floors of the calibration's standard errors, since a sheet is only nearly a plane and turns
- * only nearly evenly: for the whole sweep (15 µm at half a metre), and for single frames, as axes
- * step unevenly. */
+/* Floors of the calibration's standard errors, since a sheet is only nearly a plane and axes step
+ * unevenly: for the whole sweep (15 µm at half a metre), and for single frames. */
 #define LEAST_KNOWN_RAD 3e-5
 #define LEAST_FRAME_RAD 2e-4
 
@@ -61,8 +60,7 @@ gboolean laser_reference_from_text(const char *text, struct laser_reference *ret
     return TRUE;
 }
 
-/* Whether the segment from a point of the plane to another point, both in the sample frame,
- * intersects the sample's bounding box (slab method, segment parameter 0 … 1). */
+/* Whether the sample's box cuts the segment between two points, sample frame (slab method). */
 static gboolean is_behind(const struct laser_reference *r, struct vec3 point, struct vec3 other) {
     const double from[3] = {point.x, point.y, point.z}, to[3] = {other.x, other.y, other.z};
     const double low[3] = {-r->hole_mm[0] / 2, -r->hole_mm[1] / 2, r->plane_mm};
@@ -82,8 +80,7 @@ static gboolean is_behind(const struct laser_reference *r, struct vec3 point, st
     return enter < leave;
 }
 
-/* Whether the camera at eye sees the reference face at a point of the plane (both in the sample
- * frame): not the sample's hole, nor a fiducial with its margin, nor behind the sample. */
+/* Whether a camera at eye sees the face at a point, not hole, fiducial or sample; sample frame. */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
@@ -165,8 +162,7 @@ static int by_frame(const void *a, const void *b) {
 }
 
 /* Candidates: pixels with a peak that light reached past the sample. off = α(x) − (from +
- * peak·step), where α(x) is the sweep angle at which the calibrated sheet passes through the
- * pixel's point x. */
+ * peak·step), α(x): sweep angle of the calibrated sheet through the pixel's point x. */
 static void laser_lines_collect(const LaserRegion *region, const struct laser_sweep *sweep,
                                 struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -247,8 +243,7 @@ static void measure_scale(struct search *search, double roll) {
 
 /* The roll is the slope common to the lines of all frames, with one intercept for each frame:
  *   roll = Σ w (a − ā_k)(o − ō_k) / Σ w (a − ā_k)²,
- * a: along, o: off, bars: weighted means over frame k, w: biweight of the residual. FALSE: the
- * candidates do not determine it. */
+ * a: along, o: off, bars: weighted means in frame k, w: residual's biweight. FALSE: unknown. */
 static gboolean fit_roll(struct search *search, double *roll, double *ret_error) {
     double product = 0, square = 0;
     for (int k = 0; k < search->n_frames; k++) {
@@ -280,9 +275,8 @@ static gboolean disagree(double measured, double error, double known) {
     return fabs(measured) > MANY * hypot(error, known);
 }
 
-/* Combines calibration and lines by their standard errors: the offset m ± e of the lines, for a
- * calibration known to ± k, is shrunk to m·k² / (k² + e²). If they disagree the lines alone
- * count. angle_k = offset + (level_k − measured offset) + own_k for each frame k. */
+/* The offset m ± e of the lines, for a calibration known to ± k, is shrunk to m·k² / (k² + e²); if
+ * they disagree the lines alone count. angle_k = offset + (level_k − measured offset) + own_k. */
 static void laser_lines_combine(const struct search *search, const struct laser_known *known,
                                 double plane_error_rad, struct laser_lines *lines) {
     const int n = search->n_frames;
@@ -379,8 +373,7 @@ struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct
     struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
     if (!has || lines->roll_rad == 0)
         return sheet;
-    /* A larger coordinate along the axis is met at a larger sweep angle, hence the sign of the
-     * roll. */
+    /* The roll's sign: a larger coordinate along the axis is met at a larger sweep angle. */
     const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
     sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
                                       vec3_scale(aside, sin(lines->roll_rad))));

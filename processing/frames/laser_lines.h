@@ -2,15 +2,12 @@
  * The laser's line on the flat face around the sample (Wang et al. 2005 §3.2: the reference
  * region), and from it the plane of light of each frame.
  *
- * The paper searches each picture for the line. Here the pictures are no longer available;
- * instead each pixel has the time of its own peak, from a Gaussian fitted to its samples. The
- * candidates of frame k are the pixels of the region whose peak time rounds to k. A robust fit in
- * sweep angle gives the deviation of the sheet from the calibration, and its roll about the beam.
- * Lines and calibration both have standard errors, and the plane is their mean weighted by the
- * inverse variances. Where they differ significantly the line is used alone, since it was seen in
- * this very sweep.
- *
- * Any thread, one at a time.
+ * The paper searches each picture for the line. Here only the time of each pixel's own peak is
+ * left: the candidates of frame k are the pixels of the region whose peak time rounds to k. A
+ * robust fit in sweep angle gives the deviation of the sheet from the calibration, and its roll
+ * about the beam. The plane is the mean of lines and calibration, weighted by the inverse
+ * variances; where they differ significantly the line is used alone, since it was seen in this very
+ * sweep. Any thread, one at a time.
  */
 #pragma once
 
@@ -24,8 +21,7 @@ struct laser_reference {
     double radius_mm;  /* where the face ends; 0: there is no face */
 };
 
-/* Text of one line for session_set_value(); g_free() it. top_mm is not part of it. FALSE: the
- * text is not such a line. */
+/* Text of one line for session_set_value(), without top_mm; g_free() it. FALSE: not such a line. */
 #define LASER_REFERENCE_KEY "reference_region"
 char *laser_reference_to_text(const struct laser_reference *reference);
 gboolean laser_reference_from_text(const char *text, struct laser_reference *ret);
@@ -37,8 +33,7 @@ LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *ca
 void laser_region_free(LaserRegion *region); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserRegion, laser_region_free)
 int laser_region_pixels(const LaserRegion *region);
-/* Index of pixel i in the picture; ret_at_mm: where its ray meets the face, rig frame (may be
- * NULL). */
+/* Pixel i's index in the picture. ret_at_mm (or NULL): where its ray meets the face, rig frame. */
 guint32 laser_region_pixel(const LaserRegion *region, int i, struct vec3 *ret_at_mm);
 
 /* Standard errors of a laser's calibration: of the zero of the sweep, and of the roll. */
@@ -46,8 +41,7 @@ struct laser_known {
     double turn_rad, roll_rad;
 };
 
-/* A sweep as sweep_finish() left it, in the camera's pixels; frame k was taken at sweep angle
- * from + k·step. */
+/* A sweep from sweep_finish() in camera pixels; frame k has the sweep angle from + k·step. */
 struct laser_sweep {
     const struct rig_laser *laser;
     double arc_rad;

@@ -16,15 +16,13 @@ struct LaserPictures {
     const struct laser_sweep *sweep;
     int width, height, n_frames, frame;
     double threshold_dn;
-    gboolean along_rows; /* the line crosses rows: a candidate a row */
-    double *angle,
-        *along; /* of each pixel: where the calibrated sheet passes; NAN beside the region */
+    gboolean along_rows;   /* the line crosses rows: a candidate a row */
+    double *angle, *along; /* of each pixel: where the calibrated sheet passes */
     float weights[REACH + 1];
     float *turn, *roll, *candidates; /* of each frame; candidates 0: no line */
 };
 
-/* angle: sweep angle at which the calibrated sheet passes through the pixel's point of the plane.
- */
+/* angle: sweep angle at which the calibrated sheet passes a pixel's point of the plane, or NAN. */
 static void laser_pictures_place(LaserPictures *p) {
     const struct laser_sweep *s = p->sweep;
     const struct vec3 source = rig_laser_position_mm(s->arc, s->laser, s->arc_rad);
@@ -132,8 +130,7 @@ static int laser_pictures_candidates(const LaserPictures *p, const float *pictur
     return n;
 }
 
-/* angle = turn + roll · along by least squares, without outliers. Returns how many counted; 0: no
- * line. */
+/* angle = turn + roll · along by least squares without outliers. Returns how many count, or 0. */
 static int fit_line(struct found *f, int n, double *ret_turn, double *ret_roll) {
     for (int round = 0; round <= ROUNDS && n >= FEWEST; round++) {
         double a = 0, o = 0, aa = 0, ao = 0, squares = 0;

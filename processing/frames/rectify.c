@@ -25,8 +25,7 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
         }
 }
 
-/* Sets the colour of each pixel. A mono sensor has one colour, which counts as green; so has each
- * plane of "rgb". */
+/* Sets each pixel's colour. Those of a mono sensor, and of each plane of "rgb", count as green. */
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
     static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", "rgb", NULL};
     if (!g_strv_contains(names, cfa)) {
@@ -92,10 +91,9 @@ static guint32 rectify_pixel_at(const Rectify *rectify, int x, int y) {
                      demosaic_mirror(x, rectify->width));
 }
 
-/* A pixel is the mean over its area. Of three adjacent pixels, this is the parabola that has
- * their means, evaluated at t in the middle one (0 … 1): the derivative of Keys' cubic (1981, a =
- * −½) through the cumulative sums at the pixel borders. A mean over whole pixels is therefore
- * exact.
+/* The parabola that has the means of three adjacent pixels, at t in the middle one (0 … 1): the
+ * derivative of Keys' cubic (1981, a = −½) through the cumulative sums at the pixel borders. A mean
+ * over whole pixels is therefore exact.
  *   w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
@@ -221,8 +219,7 @@ static gboolean rectify_sides_px(const struct rig_camera *camera, double turntab
     return TRUE;
 }
 
-/* Sample points per texel and direction so that their distance is at most spacing_px: ⌈longest
- * side of a corner texel / spacing⌉. */
+/* Sample points per texel and direction, at most spacing_px apart. */
 static int points_aside(double longest_px, double spacing_px) {
     return (int)CLAMP(ceil(longest_px / spacing_px), 2, 64);
 }
@@ -242,8 +239,7 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
     g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(guint32));
     struct footprint footprint = {x, y, 0};
     struct weights weights = {sum, touched, pixels};
-    /* From DN per ms to radiance: 1000 / (response · flat field). The gain of a pixel's colour is
-     * applied to the texels instead, since every pixel contributes to all colours. */
+    /* DN/ms to radiance: 1000 / (response · flat field). Colour gains are applied to the texels. */
     for (gsize i = 0; i < n; i++)
         gain[i] =
             (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, (int)(i % width),
@@ -349,9 +345,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
 }
 
 /* value_c = gain_c · (own_c + others_c · excess_c), with excess = own · balance / others of the
- * texel's surround: the ratio of the colour that it measures to the one that the guide's ratios
- * predict. It corrects the guide where the light differs: gloss is white on blue cloth too, and
- * light reflected by a red wall is redder than the lamp. */
+ * texel's surround: its measured colour over the one that the guide's ratios predict. It corrects
+ * the guide where the light differs: gloss is white on blue cloth too. */
 static inline __attribute__((always_inline)) void
 apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
     for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += 3) {

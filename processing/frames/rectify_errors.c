@@ -55,8 +55,7 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
     return ret;
 }
 
-/* Squares of the differences of ln excess between a texel and the one step after it, for each
- * colour; FALSE if either is outside of the picture. */
+/* Squared differences of ln excess from a texel to texel + step; FALSE: either is outside. */
 static gboolean rectify_chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes,
                                     int texel, int step, float ret[3]) {
     if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
@@ -92,9 +91,8 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
     }
 }
 
-/* How much a pixel's colour differs from that of the four nearest pixels behind the same colour
- * filter: (l − the mean of their l)² / 1.25, with l the logarithm of green over the pixel's own
- * colour. This is the variance of l if l varies at random from pixel to pixel. */
+/* (l − the mean l of the four nearest pixels behind the same colour filter)² / 1.25: the variance
+ * of l, the logarithm of green over a pixel's own colour, if l varies at random. */
 static float rectify_vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
@@ -108,10 +106,9 @@ static float rectify_vary_of(const Rectify *rectify, const float *green, int x, 
     return off * off / 1.25f;
 }
 
-/* One pixel in four measures red, and one in four blue. Where red or blue changes relative to green
- * from one such pixel to the next, no picture shows its value at the pixels between them, whose
- * ratios are off by about as much. For red and blue this is the mean over the pixels of a texel
- * that see them; for green 0. */
+/* Where red or blue, which one pixel in four measures, changes relative to green from one such
+ * pixel to the next, the ratios of the pixels between them are off by about as much. This is the
+ * mean over the pixels of a texel that see red or blue; 0 for green. */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
     const float *green = ratio + DEMOSAIC_GREEN * rectify->stride * (gsize)rectify->height;
     float *ret = g_new0(float, 3 * (gsize)rectify->n_texels);
@@ -175,8 +172,7 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
         ret[c] = rectify->colour_gain[c] * rectify->colour_gain[c] * rectify_sum_of(&sum[c]);
 }
 
-/* A texel's area weights, 0 for pixels in the first and last column of the picture. copy: room for
- * them. */
+/* A texel's area weights, 0 in the picture's first and last column. copy: room for them. */
 static const float *rectify_inner_weights(const Rectify *rectify, int texel, float *copy) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);
@@ -190,17 +186,15 @@ static const float *rectify_inner_weights(const Rectify *rectify, int texel, flo
     return copy;
 }
 
-/* Sums over a texel's pixels for one colour: of u², of squares of the other colours' predictions,
- * and of slopes along x and y. */
+/* One colour's sums over a texel: of u², of squares of other colours' predictions, of slopes. */
 struct rectify_sums {
     wide squares, others, dx, dy;
 };
 
-/* LANES pixels of one row in one colour: m is the plane times a factor, which is 1 for the colour's
- * own pixels and the texel's excess for others; it is taken at the pixels themselves, at their
- * neighbours in the row, and above and below. Λ_p = m_p − mean of the four neighbours is the part
- * of p that they do not predict; half the differences between them are the slopes. other: 0 for the
- * colour's own pixels, otherwise 1. ret: u_p = w_p Λ_p. */
+/* LANES pixels of one row in one colour: m is the plane times a factor (here; aside: in the row;
+ * below: above and below), 1 for the colour's own pixels and the texel's excess for others. Λ_p =
+ * m_p − mean of the four neighbours is what they do not predict of p; half their differences are
+ * the slopes. other: 0 for the colour's own pixels, otherwise 1. ret: u_p = w_p Λ_p. */
 static inline __attribute__((always_inline)) void
 rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, wide below,
                       wide other, wide weight, struct rectify_sums *sums, wide *ret) {
@@ -219,9 +213,8 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
 /* Errors are alike along an edge, and it is not known where edges run: with u_p = w_p Λ_p,
  *   most_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
  *   coherence_c = most_c / Σ_p u_p².
- * Where in a pixel an edge lies gives a variance of κ² most_c. A pixel of another colour is off by
- * how far its colours deviate from the texel's, which no picture shows. In a texel CHROMA_PX across
- * they deviate as much as those of adjacent texels, and the more the fewer pixels it has:
+ * Where in a pixel an edge lies gives a variance of κ² most_c. A pixel's colours deviate from its
+ * texel's as adjacent texels' do if that is CHROMA_PX across, more if it is smaller:
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
  *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
  *   detail_c = max(0, κ² (gain_c² most_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),

@@ -1,6 +1,5 @@
 /*
- * Shared by rectification (rectify.c) and its errors (rectify_errors.c): the weights, and weighted
- * sums of pixels.
+ * Weights and weighted sums of pixels, shared by rectify.c and rectify_errors.c.
  */
 #pragma once
 
@@ -13,8 +12,7 @@
 #define LANES 8
 typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
-/* The pixels that a texel has weights for. It begins at an even column, so that a lane has the
- * same colour filter in the window of every texel. */
+/* Pixels that a texel has weights for. x is even: a lane has the same filter in every window. */
 struct window {
     guint32 start; /* index of its first weight; there are n_rows × n_wide × LANES */
     guint16 x, y, n_rows, n_wide;
@@ -36,33 +34,28 @@ struct Rectify {
     gsize planes;        /* of a frame: 1, or 3 of "rgb" */
     struct rows area;    /* each pixel's share of the texel's area, times its gain */
     struct rows around;  /* smooth weights, for the colour of a texel */
-    float (*balance)[3]; /* n_texels: weight of the other colours over that of this one, in around;
-                            0: none */
+    float (*balance)[3]; /* n_texels: the other colours' weight over its own, in around; 0: none */
     float colour_gain[3];
-    float chroma; /* CHROMA_PX / pixels across a texel, in the direction in which it is shortest */
-    float
-        *ratio;  /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
-    float *vary; /* n_texels × 3, of ratio: rectify_find_vary(); NULL: no guide */
+    float chroma; /* CHROMA_PX / pixels across a texel, in its shortest direction */
+    float *ratio; /* planes: factors to R, G and B, 0 for a pixel's own; NULL: no guide */
+    float *vary;  /* n_texels × 3, of ratio: rectify_find_vary(); NULL: no guide */
 };
 
 /* Demosaicing factors of a mosaic as three padded planes (height × stride each), 0 for a pixel's
  * own colour, so that own and estimated values are summed separately. g_free() */
 float *rectify_find_ratios(const Rectify *rectify, const float *mosaic);
 
-/* How much colours change from pixel to pixel in each texel: variances of the logarithms of the
- * ratios, n_texels × 3 (rectify_errors.c). g_free() */
+/* Variances of the ratios' logarithms from pixel to pixel in each texel: n_texels × 3. g_free() */
 float *rectify_find_vary(const Rectify *rectify, const float *ratio);
 
-/* Copies the mosaic to padded rows (height × stride) with 0 for values that are not finite. FALSE
- * if there were any. */
+/* Copies a mosaic to padded rows (height × stride), 0 where not finite; FALSE: it is somewhere. */
 gboolean rectify_pad(const Rectify *rectify, const float *mosaic, float *ret);
 
 static inline const float *rectify_weights_of(const struct rows *rows, int texel) {
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* Weighted sums over a window: of the pixels of each colour, and of the values that the pixels of
- * the other two colours predict for it. */
+/* Weighted sums over a window: of a colour's pixels, and of what others predict for it. */
 struct tally {
     float own[3], others[3];
 };

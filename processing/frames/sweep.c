@@ -9,8 +9,7 @@
 #define MOST_MARGIN  64   /* the margin grows to saturation / this at most */
 #define FEW_PIXELS   256  /* fewer pixels do not measure noise: a line may light them all */
 #define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
-#define NOISE_MARGIN                                                                               \
-    6 /* margin in standard deviations; the minimum of many samples is 2 … 3 below the mean */
+#define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
 #define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
 #define DARKEST      2.5 /* expected distance of the minimum of many samples from their mean, in σ */
 #define NOISE_FRAMES 5   /* first frames of a sweep, whose successive pairs measure noise */
@@ -18,8 +17,7 @@
 #define ODD_DN       2   /* and this many DN more than a later pair */
 #define CROWDED      8   /* records per vector that are expected without noise */
 
-/* Pixels per SIMD vector. If one of them is lit, the samples of all are recorded. A comparison of
- * GCC vectors gives −1 (true) or 0. */
+/* Pixels per SIMD vector; if one is lit, all are recorded. GCC vectors compare to −1 or 0. */
 #define LANES   16
 #define GROUP   4 /* vectors tested together */
 #define NOTHING G_MAXUINT32
@@ -44,8 +42,7 @@ struct Sweep {
     int difference;               /* median difference of the pair that set the margin */
     float pedestal;   /* expected mean − minimum of a pixel's samples without a line */
     guint16 *darkest; /* minimum of each pixel; n_vectors × LANES */
-    guint16 *opening; /* the frame `first`, same size: it cannot be tested before more frames are
-                         there */
+    guint16 *opening; /* the frame `first`, same size: tested only when the pulses are found */
     guint32 *last;    /* newest record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
@@ -107,8 +104,7 @@ static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsiz
     sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
-/* Updates the backgrounds of n vectors (a compile-time constant) and records those that are lit.
- * Writing the whole background back is cheaper than testing whether it changed. */
+/* Updates the backgrounds of n vectors (a compile-time constant) and records those that are lit. */
 static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
                                                               gsize vector, int n, int frame) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -130,8 +126,7 @@ static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *da
     return (guint16)(value - *darkest);
 }
 
-/* As absorb_some(), for a group of vectors and TOGETHER frames in one pass. FALSE if any pixel
- * may be lit: the backgrounds are then restored. */
+/* As absorb_some() for GROUP vectors, TOGETHER frames. FALSE, nothing changed: some may be lit. */
 static inline __attribute__((always_inline)) gboolean
 absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -183,8 +178,7 @@ sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
             absorb_some(sweep, frames[k] + v * LANES, v, 1, sweep->count + k);
 }
 
-/* The dispatch is by hand because the resolvers of target_clones run before the sanitizers' own
- * start-up. */
+/* Dispatched by hand: the resolvers of target_clones run before the sanitizers' start-up. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *const *frames,
                                                         int n) {
@@ -206,10 +200,9 @@ static int sweep_by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels, whose
- * values replace those of the frame before. If a later pair differs much less, one of the earlier
- * frames was lit differently as a whole: the sweep begins again without those frames, and the next
- * one is the first that the backgrounds include. */
+/* The first pair of frames measures the noise: the median of |a − b| over n sampled pixels. If a
+ * later pair differs much less, one of the earlier frames was lit differently as a whole: the sweep
+ * begins again with this frame, the first that the backgrounds then include. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
     int size[NOISE_PIXELS];
@@ -272,8 +265,7 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
     g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
     for (int k = 0, some = 0; k < n; k += some) {
-        /* The margin has to grow after the same frame however the caller splits the frames into
-         * calls. */
+        /* The margin has to grow after the same frame however the calls split the frames. */
         const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
         const gboolean many = n - k >= TOGETHER && sweep->count >= NOISE_FRAMES;
         some = many && most <= sweep->crowded ? TOGETHER : 1;
@@ -337,8 +329,7 @@ static float full_of(const Sweep *sweep, gsize i) {
     return (float)(sweep->saturation - sweep->darkest[i]);
 }
 
-/* Collects a pixel's samples above the margin, and those just before and after. The shorter
- * exposure is added by replace_saturated(). */
+/* Collects a pixel's samples above the margin, and those just before and after. */
 static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     int n = 0;
     const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);

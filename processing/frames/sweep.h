@@ -1,14 +1,12 @@
 /*
- * A laser sweep seen by one camera, analysed while the frames arrive (space-time analysis, Wang
- * et al. 2005 §3.2): for every pixel the time of its peak to a fraction of a frame, without
- * keeping the frames.
+ * A laser sweep seen by one camera, analysed while the frames arrive (space-time analysis, Wang et
+ * al. 2005 §3.2): for every pixel the time of its peak to a fraction of a frame.
  *
- * A line lights each pixel in a few frames only: those samples are kept, and of all others only
- * each pixel's minimum, its background. Samples that exceed the background by less than the noise
- * margin do not belong to a line; they are kept only just before and after one. The noise is
- * measured in the first two frames, with a margin of at least 4 DN. If one of those was lit
- * differently as a whole, as the next pairs show, the frames up to it are left out. Feed frames in
- * order, each once. One thread at a time.
+ * A line lights each pixel in a few frames only: those samples are kept, with those just before and
+ * after, and of all others only each pixel's minimum, its background. A sample belongs to a line if
+ * it exceeds the background by the noise margin. The noise is measured in the first two frames; the
+ * margin is at least 4 DN. If one of those was lit differently as a whole, as the next pairs show,
+ * the frames up to it are left out. Feed frames in order, each once. One thread at a time.
  */
 #pragma once
 
@@ -24,24 +22,20 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 /* Adds the next frame, width × height values. */
 void sweep_add(Sweep *sweep, const guint16 *pixels);
 
-/* Adds the next n frames in order. The result is that of adding them one by one, but faster: four
- * at a time pass each pixel's background. */
+/* Adds the next n frames in order; the result is that of adding them one by one, but faster. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 int sweep_count(const Sweep *sweep);
 
-/* Sets a second sweep over the same steps at a shorter exposure; sweep's exposure is ratio times
- * as long. Pulses that saturate the longer one are then measured by both. Borrowed. Call it
- * before sweep_finish(); frames are added to both as they arrive. */
+/* Borrows a second sweep over the same steps; sweep's exposure is ratio times as long. Pulses that
+ * saturate sweep are then measured by both. Call it before sweep_finish(); add frames to both. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
-/* Writes the results to the caller's arrays, width × height each:
- *   peak       time of the peak in frames (0 is the middle of the first frame); −1: none, since
- *              peak − background is below threshold or the peak is in the first (that is not left
- *              out) or last frame
+/* Writes arrays of width × height each; time and width are those of the Gaussian that fits the
+ * samples of the pulse best, weighted by their noise:
+ *   peak       time in frames (0 is the middle of the first); −1: none, since the maximum is below
+ *              threshold, or in the first (that is not left out) or last frame
  *   width      standard deviation of the pulse in frames
- *   intensity  maximum above background, of the longer exposure where there are two
- * The background is each pixel's own minimum; threshold has the same unit (DN). Time and width
- * are those of the Gaussian that fits the samples of the pulse best, weighted by their noise. */
+ *   intensity  maximum above background in DN (as threshold), of the longer exposure of two */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
 
@@ -49,9 +43,8 @@ struct sweep_pulses {
     float *peak, *width, *intensity; /* as for sweep_finish(); width may be NULL */
 };
 
-/* As sweep_finish(), with each pixel's second brightest pulse: light reflected by the
- * surroundings, or a surface behind an edge; its intensity is 0 where there is none. Either may
- * be NULL. Both together take little longer than one. */
+/* As sweep_finish(), with each pixel's second brightest pulse (light reflected by the surroundings,
+ * or a surface behind an edge); its intensity is 0 where there is none. Either may be NULL. */
 void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                        const struct sweep_pulses *ret_second);
 

@@ -2,8 +2,7 @@
 
 #include <math.h>
 
-#define VALLEY                                                                                     \
-    0.6f /* of the fainter of two peaks: a lower minimum in between separates two pulses */
+#define VALLEY   0.6f  /* of the fainter of two peaks: a lower minimum between separates them */
 #define WINGS    0.12f /* of the maximum: fainter samples may belong to another line */
 #define FAINT    0.6f  /* of the margin: mean of the samples below it next to a pulse */
 #define READ_DN  5.0f  /* DN: where shot noise equals read noise */
@@ -36,8 +35,7 @@ static struct span span_from(const struct sweep_samples *s, int first) {
     return span;
 }
 
-/* Normal equations of the parabola c0 + c1·t + c2·t² through logarithms: m[i] = Σ w tⁱ, v[i] = Σ
- * w tⁱ y. */
+/* Normal equations of c0 + c1·t + c2·t² through logarithms y: m[i] = Σ w tⁱ, v[i] = Σ w tⁱ y. */
 struct sums {
     double m[5], v[3];
 };
@@ -72,20 +70,17 @@ struct gaussian {
     double time, width, c[3];
 };
 
-/* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance
- * of its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise.
- * Saturated samples do not count. */
+/* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance of
+ * its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise. */
 static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double value) {
     const double gain = s->gain ? s->gain[k] : 1;
     return value * value / (gain * (value + gain * READ_DN));
 }
 
-/* Fits the samples of a pulse. old == NULL: the parabola through the logarithms of the samples
- * above the margin. Else one Gauss-Newton step: the logarithm is linearised about the first fit
- * f, y' = ln f + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count,
- * too. Samples so dark that noise decides whether they are recorded do not count: only those
- * that noise makes brighter would be there, and bias the fit. FALSE: no fit, or its time is
- * outside of part. */
+/* Fits the unsaturated samples of a pulse. old == NULL: the parabola through the logarithms of
+ * those above the margin. Else one Gauss-Newton step about the first fit f, y' = ln f + (y − f) /
+ * f. Noise does not bias y' as it biases ln y, and dark samples count, too, except those so dark
+ * that noise decides whether they are recorded. FALSE: no fit, or its time is outside of part. */
 static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
                                 double middle, const struct gaussian *old, struct gaussian *ret) {
     const double height =
@@ -121,8 +116,7 @@ static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span
            middle + ret->time <= s->frame[part->last] + 1;
 }
 
-/* Value of sample k; outside of the pulse the expected value below the margin, since ln 0 is not
- * finite. */
+/* Value of sample k; outside of the pulse the expected value below the margin, which is not 0. */
 static double sweep_pulse_value_at(const struct sweep_samples *s, const struct span *span, int k) {
     return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
                                                                           : FAINT * s->margin;
@@ -160,8 +154,7 @@ static void across_plateau(const struct sweep_samples *s, const struct span *spa
         ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
 }
 
-/* The samples above WINGS of the maximum on both sides of the plateau, and at least one on each
- * side. */
+/* The plateau with the samples above WINGS of the maximum, and at least one on each side. */
 static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
     struct span part = {span->top, span->top + length - 1, span->top};
     double least = WINGS * s->value[span->top];

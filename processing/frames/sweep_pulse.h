@@ -5,8 +5,7 @@
 
 #include <glib.h>
 
-/* A pixel's samples above its background in order of time, with those just before and after where
- * they are known. */
+/* A pixel's samples above its background in order of time, and those next to them where known. */
 struct sweep_samples {
     const int *frame;
     const float *value;  /* DN above background */
@@ -22,8 +21,7 @@ struct sweep_pulse {
     double height;      /* DN: its brightest sample */
 };
 
-/* Finds the brightest and the second brightest pulse; either may be NULL. Pulses are separate
- * where the signal falls below VALLEY (sweep_pulse.c) of the fainter one in between. Returns
- * their number, at most 2. */
+/* Finds the brightest and second brightest pulse (either may be NULL); returns their number, 0 … 2.
+ * Between two pulses the signal falls below VALLEY (sweep_pulse.c) of the fainter one. */
 int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
                      struct sweep_pulse *ret_second);

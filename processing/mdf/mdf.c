@@ -1,7 +1,6 @@
-/* Depth by intersection: a pixel's ray c + t r meets the sheet of light n·x = d of its peak time
- * at t = (d − n·c) / (n·r). The MDF value is the distance along the ray behind the reference
- * plane, t − t₀, t₀ = (z_ref − c_z) / r_z. Each sweep gives up to two candidates a texel;
- * mdf_merge.c combines those of all sweeps. */
+/* A pixel's ray c + t r meets the sheet of light n·x = d of its peak time at t = (d − n·c) / (n·r);
+ * the MDF value is its distance t − t₀ along the ray behind the reference plane, t₀ = (z_ref − c_z)
+ * / r_z. Each sweep gives up to two candidates a texel, which mdf_merge.c combines. */
 #include "mdf.h"
 
 #include <math.h>
@@ -12,15 +11,12 @@
 #include "frames/rectify.h"
 #include "mdf_errors.h"
 
-#define LEAST_ANGLE                                                                                \
-    0.03 /* least sine of the angle between ray and sheet: below it depth is noise */
-/* Distances of two sweeps this close agree: a share of a texel, since the surface varies within it,
- * or of the depth of a sweep's frame, since peaks of the faintest lines are known to a tenth of a
- * frame. */
+#define LEAST_ANGLE 0.03 /* least sine of the angle between ray and sheet: below it, noise */
+/* Two sweeps' distances this close agree: a share of a texel, since the surface varies within it,
+ * or of the depth of a sweep's frame, to a tenth of which the faintest lines' peaks are known. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
-/* In units of these tolerances, points may lie this far above the reference plane, and below the
- * deepest structure. */
+/* In these tolerances: how far points may lie above the reference plane and below the structure. */
 #define ABOVE          5
 #define BELOW          10
 #define SEEN_SHARE     0.75f /* share of the pixels around a texel that must see the line */
@@ -49,8 +45,7 @@ struct MdfView {
     float *ray;         /* n_pixels × 3: unit vectors, rig frame */
     float *onset_mm; /* n_pixels: distance along the ray from the centre to the reference plane */
     float *x_px, *y_px; /* n_texels: projected centres; x < 0: outside of the picture */
-    float *pixel_mm[2]; /* n_pixels, for one sweep: distance below the reference plane by the
-                           brightest and by the second pulse; −1: none */
+    float *pixel_mm[2]; /* n_pixels, one sweep: by the brightest, second pulse; −1: none */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     double texel_mm;
@@ -120,8 +115,7 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-/* Volume of the tetrahedron |s · (c × e)| / 6, with s, c, e: source, camera and the line's far
- * end, relative to its near end. */
+/* |s · (c × e)| / 6, with s, c, e: source, camera, far end of the line relative to its near end. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
@@ -135,9 +129,8 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-/* Depth of a frame. From one to the next the sheet turns by step_rad: at a range R from the source
- * it moves by step · R, which is returned, and by step · R / |n·r| along a ray r (ret_along_mm);
- * here along the one through the middle of the texels. */
+/* Depth of a frame: at a range R from the source the sheet moves by step · R, which is returned,
+ * and by step · R / |n·r| along a ray r (ret_along_mm), here that through the texels' middle. */
 static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
                            double *ret_along_mm) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
@@ -182,8 +175,7 @@ static int phase_of(int x, int y) {
     return 2 * (y & 1) + (x & 1);
 }
 
-/* Intersects all pixels' rays with the sheets of their peaks (pixel_mm), and finds the phases that
- * have them. */
+/* Intersects the pixels' rays with their peaks' sheets (pixel_mm), and finds the live phases. */
 static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep, double height_mm) {
     struct phases phases = {.radius = 1};
     int seen[4] = {0}, most = 0, width = view->camera.width;
@@ -202,8 +194,7 @@ static struct phases find_phases(MdfView *view, const struct laser_sweep *sweep,
     return phases;
 }
 
-/* A pixel near a texel: the distances and heights of its brightest and second pulse; mm < 0:
- * none. */
+/* A pixel near a texel: distances and heights of its brightest and second pulse; mm < 0: none. */
 struct near {
     int x, y;
     float mm[2], dn[2];
@@ -266,8 +257,7 @@ struct side {
 };
 
 /* Takes the surface with the largest weight of near pixels out of the set; on a tie, that of the
- * brightest pulses. A surface is the weighted mean of the near pixels that agree with one of them.
- */
+ * brightest pulses. It is the weighted mean of the near pixels that agree with one of them. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -312,8 +302,7 @@ static float closest_to(const MdfView *view, const struct laser_sweep *sweep, in
     return found >= 0 ? found : NAN;
 }
 
-/* Bends of the surface at mm around the pixel with the largest weight, over one and two spacings of
- * the pixels that see the laser. */
+/* Bends of the surface at mm around the pixel of most weight, over one and two live spacings. */
 static void find_bends(const MdfView *view, const struct laser_sweep *sweep, int spacing_px,
                        const struct nears *nears, float mm, float ret_mm[MDF_BENDS]) {
     const struct near *middle = &nears->near[0];
@@ -351,8 +340,7 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     double along_mm;
     const double frame_mm = mdf_frame_mm(view, sweep, &along_mm);
     const double texel_mm = TEXEL_SHARE * view->texel_mm;
-    /* Not by the depth along the ray, since sweeps of low height resolution must not put points far
-     * outside the sample. */
+    /* Not along the ray, or sweeps of low height resolution put points far outside the sample. */
     struct phases phases = find_phases(view, sweep, MAX(texel_mm, FRAME_SHARE * frame_mm));
     struct seen *texels = g_new(struct seen, 2 * view->n_texels);
     int seen = 0;
@@ -362,9 +350,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         if (view->x_px[i] >= 0)
             find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
         /* At a depth edge the near pixels see two surfaces. The texel lies on the one with more
-         * weight around it; only its pixels are averaged. If too few pixels have seen the laser,
-         * the texel may show something that they do not, and has no value. The other surface is a
-         * second candidate: sweeps of other laser positions decide. */
+         * weight, whose pixels alone are averaged; the other is a second candidate: other laser
+         * positions decide. If too few pixels saw the laser, it has none. */
         if (near.n > 0 && !(near.seen < SEEN_SHARE * near.all))
             for (int k = 0; k < 2; k++)
                 side[k] = take_side(view, &near);
@@ -389,9 +376,8 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     return seen;
 }
 
-/* Candidates of a texel from all laser positions. Weight: mdf_weight · b² / (b² + FAINT²), b
- * being the pulse height relative to the brightest. A much fainter line grazes the surface, or is
- * a reflection from the surroundings. */
+/* Candidates of a texel from all laser positions, of weight mdf_weight · b² / (b² + FAINT²), b:
+ * pulse height over the brightest. Much fainter lines graze the surface, or are reflections. */
 static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
@@ -417,9 +403,8 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Sum of squared deviations of a texel's distance m from the middle of two opposite neighbours a
- * and b, Σ ((a + b) / 2 − m)² over the (up to four) pairs that have both. ret_pairs: how many have
- * both, and how many do not, as a neighbour within the grid is not known. */
+/* Σ ((a + b) / 2 − m)² of a texel's distance m and opposite neighbours' a and b, over the (up to
+ * four) pairs that have both. ret_pairs: how many have both; how many in the grid do not. */
 static double mdf_bends_mm2(const MdfView *view, const float *distance, int texel,
                             int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
@@ -441,18 +426,16 @@ static double mdf_bends_mm2(const MdfView *view, const float *distance, int texe
     return squares;
 }
 
-/* Their mean. On a plane it is 1.5 σ² of the noise of single texels; at a step, about the square of
- * half of it. −1: no pair has both. */
+/* Their mean: on a plane 1.5 σ² of a texel's noise, at a step about (step / 2)²; −1: no pair. */
 static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
     const double squares = mdf_bends_mm2(view, distance, texel, pairs);
     return pairs[0] > 0 ? squares / pairs[0] : -1;
 }
 
-/* Standard errors of what one sweep alone saw: nothing repeats it, but the surface around shows how
- * far values stray there: (r² + median r² of the view) / 1.5, with r² a texel's roughness (the
- * median, as r² may be small by chance). Without neighbours it is the largest step from texel to
- * texel that one surface takes. */
+/* Standard errors of what one sweep alone saw: their squares are (r² + median r² of the view) /
+ * 1.5, r² being a texel's roughness, which may be small by chance. Without neighbours it is the
+ * largest step from texel to texel that one surface takes. */
 static void mdf_find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
                                  float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);
@@ -470,10 +453,9 @@ static void mdf_find_lone_errors(const MdfView *view, const float *distance, con
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
 }
 
-/* What no sweep shows: with the probability that the pixels around leave open, the texel lies on
- * another side of an edge (mdf_errors.h, 3). A step beside a texel bends the line through opposite
- * neighbours by half of its height. A neighbour that is not known may lie as deep as the deepest
- * texel, or anywhere between. */
+/* mdf_errors.h, 3. A step beside a texel bends the line through opposite neighbours by half of its
+ * height, so s² is 4 b² of their bends b; where a neighbour is not known, (deepest − m)² / 3, as it
+ * may lie as deep as the deepest texel, or anywhere between. */
 static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
                                   const struct mdf_spread *spreads, float *error_mm) {
     float deepest = 0;
@@ -492,8 +474,7 @@ static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
     }
 }
 
-/* Keeps the candidates that continue the surface of at least CONFIRM neighbouring texels. Returns
- * their number. */
+/* Keeps candidates that continue the surface of CONFIRM neighbours or more. Returns how many. */
 static int mdf_keep_continuing(const MdfView *view, const float *sure, int texel,
                                struct mdf_candidate *candidates, int n) {
     const int width = view->grid.width, height = view->grid.height;
@@ -526,9 +507,8 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_error[i] = -1;
         spreads[i] = merged.spread;
     }
-    /* Where too few laser positions agree, those candidates count that continue the surface around.
-     * If there are none, a single sweep's brightest is believed, as nothing contradicts it; several
-     * sweeps' contradict each other. */
+    /* Where too few laser positions agree, candidates that continue the surface around count. If
+     * there are none, a single sweep's brightest is believed, as nothing contradicts it. */
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;

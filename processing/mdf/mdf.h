@@ -1,10 +1,8 @@
 /*
- * The mesostructure distance function (MDF) of one view from laser sweeps (Wang et al. 2005
- * §3.2): each sweep gives a displacement image, and those of all laser positions are merged.
- *
- * A pixel's peak time is a sweep angle, hence a sheet of light; the surface lies where the
- * pixel's ray intersects it. The sheets are used as calibrated, without assuming a distant laser
- * or parallel sheets. One thread per MdfView.
+ * The mesostructure distance function (MDF) of one view from laser sweeps (Wang et al. 2005 §3.2):
+ * each sweep gives a displacement image, and those of all laser positions are merged. A pixel's
+ * peak time is a sweep angle, hence a sheet of light; the surface lies where the pixel's ray
+ * intersects it. Sheets are as calibrated, neither parallel nor from afar. One thread per MdfView.
  */
 #pragma once
 
@@ -14,8 +12,7 @@
 
 #define MDF_MAX_SWEEPS 128
 
-/* Version of the method: it increases whenever the same sweeps give other values. Products of an
- * older version are made again. */
+/* Version of the method: rises if the same sweeps give other values; older products are remade. */
 #define MDF_METHOD 13
 
 typedef struct MdfView MdfView;
@@ -28,20 +25,17 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 /* Adds a sweep, at most MDF_MAX_SWEEPS. Returns the number of texels that it saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Merges all sweeps. Results of n_texels each: the distance in mm (−1: unknown: no sweep saw the
- * texel; or, with four sweeps or more, those that did contradict each other, and none continues the
- * surface around), the number of laser positions averaged, and the standard error in mm (−1:
- * unknown texels): from the scatter of the positions here and around, from how the surface bends
- * between pixels, and from pixels around that show no line, beside steps (mdf_errors.h); of what
- * one position alone saw, from the roughness of the surface around. */
+/* Merges all sweeps; n_texels each: distance in mm (−1: unknown: no sweep saw the texel; or, with
+ * four sweeps or more, those that did contradict each other, and none continues the surface
+ * around), number of laser positions averaged, standard error in mm (−1: unknown texels) by
+ * mdf_errors.h; of what one position alone saw, by the roughness of the surface around. */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* The second most likely distance of each texel: one that a single position saw and that was not
  * accepted, else what most of the remaining candidates agree on. −1: none. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
-/* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart
- * on the line that the laser draws through the turntable's centre: a measure of the depth
- * resolution of a sweep. */
+/* A sweep's depth resolution: the volume in mm³ of the tetrahedron of laser source, camera centre
+ * and two points 2 mm apart on the line that the laser draws through the turntable's centre. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm);

@@ -53,8 +53,7 @@ void mdf_spread_of(const struct mdf_candidate *samples, int n, double mean,
         mdf_errors_bend(samples, n, k, &ret->bend_mm[k], &ret->noise_mm2[k]);
 }
 
-/* ū: the mean of u over the texels around, weighted with their degrees of freedom; without any, the
- * texel's own. */
+/* ū: mean of u over the texels around, weighted by degrees of freedom; without any, its own. */
 static double mdf_errors_around(const struct mdf_errors_grid *grid,
                                 const struct mdf_spread *spreads, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;

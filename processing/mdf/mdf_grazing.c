@@ -1,7 +1,5 @@
-/*
- * Views at grazing angles, which no camera of a rig has but silhouettes need. The points of the
- * steep views form a height field (relief), which is traced along flat rays.
- */
+/* Views at grazing angles, which no camera of a rig has but silhouettes need: the points of the
+ * steep views form a height field (relief), which is traced along flat rays. */
 #include "mdf_table.h"
 
 #include <math.h>
@@ -18,8 +16,7 @@
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
-/* Depth below the reference plane, periodic in both directions; h × w each. square and weight:
- * sums for the variance. */
+/* Depth below the reference plane, periodic both ways; h × w each. square, weight: for spreads. */
 struct relief {
     int w, h;
     float *depth_mm, *square, *weight;
@@ -30,8 +27,7 @@ static int mdf_grazing_wrap(int i, int n) {
     return (i % n + n) % n;
 }
 
-/* The four texels around (x, y), in texels from the centre of the first, and their bilinear
- * weights. */
+/* The four texels around (x, y), texels from the first's centre, and their bilinear weights. */
 static void around(const struct relief *r, double x, double y, gsize ret_at[4],
                    double ret_weight[4]) {
     double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
@@ -50,9 +46,8 @@ static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, d
     ret[1] = slant * sin(phi_deg * DEG);
 }
 
-/* Splats the points of the steep views: a texel with depth z at (column, row) shows the point at
- * (column, row) + z·step. Depth = mean − raised · standard deviation of the points in a texel;
- * holes are filled. */
+/* Splats the steep views' points: (column, row) + z·step of a texel with depth z. Depth = mean −
+ * raised · standard deviation of the points in a texel; holes are filled. */
 static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double steepest = 90.0, step[2], share[4];
@@ -115,8 +110,7 @@ static void clear_relief(struct relief *r) {
     g_free(r->square);
 }
 
-/* Mean of traced minus measured depths of the views at theta_deg or up to GAP_DEG steeper, over
- * texels that were seen. */
+/* Mean traced − measured depth of views at theta_deg or up to GAP_DEG steeper, over seen texels. */
 static double ring_error_mm(const struct mdf_table *t, double theta_deg, double raised) {
     gsize n = (gsize)t->width * t->height, count = 0;
     double sum = 0.0;
@@ -196,9 +190,8 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     }
 }
 
-/* The length of a ray's way through the structure is proportional to tan θ, and so is the number of
- * points of which it meets the highest. The height is therefore extrapolated along the line through
- * the two flattest rings, over tan θ. */
+/* A ray's way through the structure, and so the number of points of which it meets the highest, is
+ * proportional to tan θ: the height is extrapolated over tan θ through the two flattest rings. */
 void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);

@@ -8,8 +8,7 @@
 
 #define MOST 256 /* candidates */
 
-/* Support of a distance: Σ over sweeps of max over its candidates of weight · exp(−½ ((mm_i − mm)
- * / tolerance_i)²). */
+/* Σ over sweeps of max over its candidates i of weight_i · exp(−½ ((mm_i − mm) / tolerance_i)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {

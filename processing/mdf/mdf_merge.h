@@ -1,7 +1,5 @@
-/*
- * Merges the candidates of one texel from all laser positions (Wang et al. 2005 §3.2, Merging):
- * private to mdf.h. Any thread.
- */
+/* Merges the candidates of one texel from all laser positions (Wang et al. 2005 §3.2, Merging):
+ * private to mdf.h. Any thread. */
 #pragma once
 
 #define MDF_BENDS 4
@@ -9,8 +7,7 @@
 struct mdf_candidate {
     float mm, dn;             /* distance; height of the pulse in DN */
     float shown;              /* share of the pixels around that saw a line */
-    float bend_mm[MDF_BENDS]; /* of the surface at the pixel next to the texel (mdf_errors.h): over
-                                 one pixel along x and y, and over two; NAN: unknown */
+    float bend_mm[MDF_BENDS]; /* mdf_errors.h: over one pixel along x, y, and two; NAN: unknown */
     float tolerance_mm;       /* > 0: others this close always agree with it */
     float frame_mm;           /* > 0: depth of a frame of the sweep, along the ray */
     int sweep;                /* at most one of a sweep's candidates is right */
@@ -34,11 +31,8 @@ struct mdf_merged {
 };
 
 /* candidates: those of a sweep are consecutive; they are reordered. least: with fewer agreeing
- * sweeps the result is unknown.
- *
- * The true line shows the same surface for every laser position; reflections from the
- * surroundings and highlights from other parts of the surface appear at times that depend on the
- * position. Therefore the mode is the distance with the support of most of the sweeps' weight, each
- * sweep contributes its candidate closest to the mode, and sweeps without a close one are outliers.
- */
+ * sweeps the result is unknown. The true line shows the same surface for every laser position,
+ * while reflections and highlights appear at times that depend on the position. Therefore the mode
+ * is the distance with the support of most of the sweeps' weight, each sweep contributes its
+ * candidate closest to the mode, and sweeps without a close one are outliers. */
 struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least);

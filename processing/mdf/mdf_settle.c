@@ -1,23 +1,18 @@
-/* Fills gaps of one view with what the others see. Each other view's surface is triangulated
- * between neighbouring texels, projected into this view and rasterised with a depth buffer
- * (front); for each open texel, the nearest prediction that enough views agree on is accepted. */
+/* Other views' surfaces are triangulated between neighbouring texels, projected into this view and
+ * rasterised with a depth buffer; open texels take the nearest prediction that enough agree on. */
 #include "mdf_views_private.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP                                                                                       \
-    0.75 /* of a texel: neighbours with a larger step in depth lie on different surfaces           \
-          */
+#define STEP    0.75 /* of a texel: neighbours with a larger step lie on different surfaces */
 #define AGREE   0.25 /* of a texel: predictions this close agree */
 #define LEAST   2    /* views that must agree on a prediction */
 #define DENIES  4    /* views that must confirm a prediction for each that sees through it */
 #define GOES_ON 0.5  /* of a texel: largest step between a surface and its continuation */
-#define LIT                                                                                        \
-    4 /* laser positions that must have seen a surface to expect them on its continuation          \
-       */
-#define AROUND 2 /* neighbouring texels with that surface */
+#define LIT     4    /* laser positions that saw a surface, to expect them on its continuation */
+#define AROUND  2    /* neighbouring texels with that surface */
 
 /* A point of another view in the texel coordinates of this view. */
 struct seen {
@@ -34,8 +29,7 @@ struct settling {
     float *front;
 };
 
-/* Rasterises a triangle into the depth buffer with barycentric interpolation: v and w are the
- * weights of b and c. */
+/* Rasterises a triangle into the depth buffer; v, w: barycentric weights of b and c. */
 static void mdf_settle_draw(const struct settling *s, const struct seen *a, const struct seen *b,
                             const struct seen *c) {
     const int width = s->plane->width, height = s->plane->height;
@@ -58,9 +52,8 @@ static void mdf_settle_draw(const struct settling *s, const struct seen *a, cons
         }
 }
 
-/* Renders the surface of view `asked` into the view that is completed: projects its points, and
- * draws the triangles between neighbours whose three corners lie on one surface, that is are
- * visible and within one step in depth. That step grows with the slant of the asked view. */
+/* Renders the surface of view `asked` into the completed one: triangles between neighbours whose
+ * corners are visible and within one step in depth, which grows with the asked view's slant. */
 static void mdf_settle_predict(const struct settling *s, int asked) {
     const struct mdf_eye *to = &s->views[s->view];
     const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
@@ -106,8 +99,7 @@ static void poll(const struct settling *s, int texel, float mm, guint16 *yes, gu
     mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
 }
 
-/* The nearest distance that enough predictions agree on and hardly any view sees through; −1:
- * none. */
+/* The nearest distance that enough predictions agree on, few views see through; −1: none. */
 static float mdf_settle_nearest(const struct settling *s, int texel, const float *predicted,
                                 int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
@@ -126,9 +118,8 @@ static float mdf_settle_nearest(const struct settling *s, int texel, const float
     return -1;
 }
 
-/* If a prediction continues the surface of the neighbouring texels, lasers would have reached it
- * as they reach those. If the view measured nothing there, it looks into a gap too narrow for the
- * laser, not at that surface. */
+/* Whether a prediction continues neighbours' surface, so that lasers would have reached it: a view
+ * that measured nothing there looks into a gap too narrow for the laser, not at that surface. */
 static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const int width = s->plane->width, row = texel / width, column = texel % width;
@@ -145,8 +136,7 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
-/* Order of preference: the view's own second distance, if another view's surface lies there and
- * none sees through it; then the prediction. */
+/* Prefers the own second distance to the prediction, as mdf_views_settle() says. */
 static enum mdf_distance_source settle_texel(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;

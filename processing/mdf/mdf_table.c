@@ -17,8 +17,7 @@ static gboolean mdf_table_fail(GError **error, const struct exr_part *part, cons
     return FALSE;
 }
 
-/* Rounds: a hole gets the mean of its known neighbours among eight, with the tile repeated. Holes
- * thus close from their border. */
+/* Rounds: a hole gets the mean of its known neighbours among eight, with the tile repeated. */
 void mdf_table_fill(float *depth, int w, int h) {
     g_autofree float *before = g_new(float, (gsize)w *h);
     for (int missing = 1; missing > 0;) {

@@ -1,8 +1,6 @@
-/*
- * A mesostructure distance function as in products/mdf.exr (pipeline.h), prepared for drawing:
+/* A mesostructure distance function as in products/mdf.exr (pipeline.h), prepared for drawing:
  * distances along the viewing ray become depths below the reference plane, which change little
- * between views, and texels that no laser saw get the values of their neighbours.
- */
+ * between views, and texels that no laser saw get the values of their neighbours. */
 #pragma once
 
 #include <glib.h>
@@ -21,8 +19,7 @@ struct mdf_table {
     float *theta_deg, *phi_deg; /* n_views */
     float *depth_mm;            /* n_views × height × width; top row first */
     double deepest_mm;
-    guint8 *seen; /* the same shape: whether a laser saw the texel, TRUE in views that were traced;
-                     NULL: all */
+    guint8 *seen; /* same shape: whether a laser saw the texel, or the view was traced; NULL: all */
 };
 
 /* Angles (n_views) are copied, NULL: 0; depths are not set, seen is NULL. */
@@ -31,8 +28,7 @@ struct mdf_table *mdf_table_new(int width, int height, int n_views, double texel
 
 /* Reads products/mdf.exr, or a compressed form of it (mdf_packed.h). */
 struct mdf_table *mdf_table_read(const char *path, GError **error);
-/* Adds views at grazing angles where none was measured, traced over the relief of the steep views,
- * raised as mdf_table_raised() of the two flattest rings says, along tan θ: see mdf_grazing.c. */
+/* Adds unmeasured views at grazing angles, traced over the steep views' relief (mdf_grazing.c). */
 void mdf_table_add_grazing(struct mdf_table *table);
 /* By how many standard deviations of the depths within a texel the relief must be raised so that it
  * has, traced along the flattest measured views, their mean depth. 0 … 2. */
@@ -42,8 +38,7 @@ void mdf_table_add_grazing_raised(struct mdf_table *table, double raised); /* to
 /* Replaces all views by the picture of one relief, that of the steepest views. */
 void mdf_table_trace(struct mdf_table *table);
 
-/* Sets texels below 0 of a periodic tile to the mean of their neighbours; at least one texel must
- * not be below 0. */
+/* Sets texels below 0 of a periodic tile to their neighbours' mean; at least one must be ≥ 0. */
 void mdf_table_fill(float *depth, int width, int height);
 
 /* RMS difference in mm between the measured views of two tables, over texels that the first one

@@ -6,8 +6,7 @@
 #include "exr/exr.h"
 #include "mdf_views_private.h"
 
-/* p = x + (x − c) · distance / |x − c|, with x the texel's centre on the reference plane and c
- * the camera. */
+/* p = x + (x − c) · distance / |x − c|, x: the texel's centre on the reference plane, c: camera. */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm) {
     int column = i % plane->width, row = i / plane->width;
@@ -19,8 +18,7 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
     return (struct vec3){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
 }
 
-/* The ray c + t (p − c) meets the reference plane at t = (z_ref − c_z) / (p_z − c_z); p lies (1 −
- * t) |p − c| behind it. */
+/* c + t (p − c) meets the plane at t = (z_ref − c_z) / (p_z − c_z), (1 − t) |p − c| before p. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;
@@ -35,8 +33,7 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
            *ret_row <= plane->height - 1;
 }
 
-/* Compares p with the range low … high of the four texels around its ray: nearer than low means
- * that the view sees through p. */
+/* Compares p with low … high of the four texels around its ray; nearer: the view sees through p. */
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p) {
     double column, row, mm, low = INFINITY, high = -INFINITY;
@@ -111,8 +108,7 @@ static gboolean read_plane(const char *path, const struct exr_file *file, struct
 
 static gboolean read_view(const char *path, const struct exr_part *part,
                           const struct mdf_plane *plane, struct mdf_eye *ret, GError **error) {
-    /* Channel M has the view's own measurements. Values that mdf_views_settle() has taken from
-     * other views are not independent evidence. */
+    /* Channel M: the view's own measurements; what others gave is not independent evidence. */
     ret->distance = exr_part_plane(part, "M");
     if (!ret->distance)
         ret->distance = exr_part_plane(part, "D");

@@ -1,7 +1,4 @@
-/*
- * Consistency of the views of an MDF: each point that one view sees is looked up in the others.
- * Any thread.
- */
+/* Consistency of an MDF's views: each view's points are looked up in the others. Any thread. */
 #pragma once
 
 #include "base/vec.h"
@@ -25,16 +22,14 @@ struct mdf_plane { /* texels of the reference plane, see pipeline.h */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm);
 
-/* Position in texels (from the centre of the first) at which the ray to a point crosses the
- * reference plane, and the point's distance behind it. FALSE:
- * outside of the texels; set all the same. */
+/* Where the ray to a point crosses the reference plane, in texels from the centre of the first, and
+ * the point's distance in mm behind it. FALSE: outside of the texels; set all the same. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm);
 
-/* Counts for each texel of a view how many of the n − 1 other views confirm its point (they see it
- * there, to a third of a texel plus the slope of the surface between texels), and how many deny it
- * (they see through it). Views in which something occludes the point, or that look past the texels,
- * count as neither. */
+/* Counts for each texel of a view how many other views confirm its point (they see it there, to a
+ * third of a texel plus the slope of the surface between texels), and how many deny it (they see
+ * through it). Views in which it is hidden, or that look past the texels, count as neither. */
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied);
 
@@ -46,17 +41,15 @@ enum mdf_distance_source {
     MDF_UNSEEN,
     MDF_MEASURED,  /* the view's own */
     MDF_OTHER,     /* the view's own second distance, confirmed by others */
-    MDF_PREDICTED, /* from other views, where this one measured nothing, or something that they
-                      refute */
+    MDF_PREDICTED, /* from other views, where this one measured nothing, or what they refute */
 };
 
 /* Completes a view by all views. Its own measurements stand unless more of the others deny than
- * confirm them. Refuted and missing values are replaced by the view's second distance if others
- * confirm it; else by the nearest surface along its ray that at least two others see
- * (interpolated between four neighbouring texels on one surface, so that no view's depth edges
- * are bridged) and that hardly any sees through; else they are unknown. This does not assume a
- * height field: a point is looked up along each view's own ray, and views in which it is hidden
- * do not count. ret_source (n_texels): enum mdf_distance_source. */
+ * confirm them. Refuted and missing values are replaced by the view's second distance if another's
+ * surface lies there and none sees through it; else by the nearest surface along its ray that at
+ * least two others see (between neighbouring texels on one surface, not across depth edges) and
+ * hardly any sees through; else they are unknown. No height field is assumed: views in which a
+ * point is hidden do not count. ret_source (n_texels): enum mdf_distance_source. */
 void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                       float *ret_distance, guint8 *ret_source);
 
