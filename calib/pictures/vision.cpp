@@ -10,9 +10,11 @@
 
 namespace {
 
-/* OpenCV also prints the errors that it throws; one message is enough. */
-const bool quiet = [] {
+/* OpenCV also prints the errors that it throws; one message is enough. It starts no threads: whoever
+ * calls these functions works on several pictures at once. */
+const bool set_up = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
+    cv::setNumThreads(0);
     return true;
 }();
 
