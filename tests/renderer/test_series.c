@@ -144,7 +144,7 @@ static void test_refused(gconstpointer data) {
     g_assert_no_error(error);
     session_set_value(opened, "state", "aborted", &error);
     g_assert_no_error(error);
-    refuse(session, 1, "its capture has ended and 1 of 8", "50");
+    refuse(session, 1, "its capture has ended with 1 of 8", "50");
     remove_tree(made);
     remove_tree(folder);
 }

@@ -287,7 +287,7 @@ static void test_limits(struct fixture *fixture, gconstpointer data) {
     struct preparer_limits *limits = &fixture->bus->limits[PREPARER_CHECK];
     limits->wall_s = 1;
     refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",
-            "longer than the 1 s");
+            "longer than the limit of 1 s");
     limits->wall_s = 300;
     limits->cpu_s = 1;
     refused(fixture, "Validate", g_variant_new("(ssa{sv})", large, "", NULL), "Limit",

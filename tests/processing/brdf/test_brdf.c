@@ -346,7 +346,7 @@ static void test_refused(void) {
     const struct tensor_field wrong = {NULL, TENSOR_FLOAT32, 2, {2, 2}, 4, 16, infinite};
     g_free(copy_without(good, "sigma", NULL));
     g_autofree char *copy = copy_without(good, "sigma", NULL);
-    assert_refused(copy, BRDF_RGL, "no field “sigma”");
+    assert_refused(copy, BRDF_RGL, "lacks the field “sigma”");
     g_free(copy_without(good, "phi_i", &falling));
     assert_refused(copy, BRDF_RGL, "“phi_i” does not ascend");
     g_free(copy_without(good, "vndf", &empty));
