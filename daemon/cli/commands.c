@@ -10,15 +10,45 @@
 
 #include <string.h>
 
+/* A row a line, in the order of --help. */
+// clang-format off
 static const struct command *const commands[] = {
-    &cli_plan,    &cli_capture,     &cli_resume,          &cli_status,   &cli_watch,
-    &cli_pause,   &cli_continue,    &cli_abort,           &cli_safe,     &unattended_queue,
-    &cli_process, &cli_compress,    &cli_compare,         &cli_check,    &cli_calibrate,
-    &cli_board,   &cli_info,        &cli_drivers,         &cli_devices,  &hands_snap,
-    &hands_live,  &hands_lamp,      &hands_laser,         &hands_move,   &hands_home,
-    &hands_test,  &exchange_import, &exchange_export,     &cli_resample, &cli_verify,
-    &cli_report,  &cli_close,       &textures_synthesize, NULL,
+    &cli_plan,
+    &cli_capture,
+    &cli_resume,
+    &cli_status,
+    &cli_watch,
+    &cli_pause,
+    &cli_continue,
+    &cli_abort,
+    &cli_safe,
+    &unattended_queue,
+    &cli_process,
+    &cli_compress,
+    &cli_compare,
+    &cli_check,
+    &cli_calibrate,
+    &cli_board,
+    &cli_info,
+    &cli_drivers,
+    &cli_devices,
+    &hands_snap,
+    &hands_live,
+    &hands_lamp,
+    &hands_laser,
+    &hands_move,
+    &hands_home,
+    &hands_test,
+    &exchange_import,
+    &exchange_export,
+    &cli_resample,
+    &cli_verify,
+    &cli_report,
+    &cli_close,
+    &textures_synthesize,
+    NULL,
 };
+// clang-format on
 
 const struct command *const *cli_commands(void) {
     return commands;

@@ -7,7 +7,8 @@
  * 4 clear), 3 speed, 4 acceleration (stored without effect;
  * so is the speed if speed_unit_steps_s is 0), 5 watchdog (writes are counted), 6 communication
  * timeout in 0.1 s (0: none; if no request comes for so long, the coils go off and the drive
- * brakes), 100–107 plain.
+ * brakes), 100–107 plain (RIG_AXIS of tests/lib/modbus_rig.h sets up
+ * 100–102).
  * Input registers and, for reading, holding registers from 20 on: status (bit 0 moving, 1 homed,
  * 2 fault, 3 limit), position (32 bits). Coils 0–15, discrete inputs 0–15. Function 5
  * at coil 0x200 + i with a time in 0.1 s switches coil i on for so long. Anything else is an

@@ -7,9 +7,10 @@
 #include "btf/btf_matrix.h"
 #include "exr/exr.h"
 
-/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); two numbers of the model,
- * mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error, mesorig.luminance_error,
- * texel_mm, reference_mm (double). */
+/* Attributes of a file's first part: mesorig.kind, mesorig.name (string); two numbers of the model
+ * (a model without numbers of its own writes 1; the second is the number of pictures that a part
+ * has below each other, 1 for one), mesorig.width, mesorig.height (int); mesorig.error,
+ * mesorig.exact_error, mesorig.luminance_error, texel_mm, reference_mm (double). */
 struct texel_model_head {
     const char *kind, *name;
     const char *names[2]; /* of the numbers: "mesorig.terms", … */
