@@ -89,10 +89,9 @@ static void all_weights(const struct plain *p, gboolean lights, const float *d, 
 /* One texel at a light, of one view if the model has one for each. */
 static void plain_formula(const struct plain *p, int view, int texel, const float *v,
                           const float *l, float ret[3]) {
-    static const char *const of_lobes[] = {"fields", "ptm", "lafortune", "ward", "ashikhmin", NULL};
     if (strcmp(p->codec->name, "hsh") == 0) {
         hsh_evaluate(p->model, view, texel, l, ret);
-    } else if (g_strv_contains(of_lobes, p->codec->name)) {
+    } else if (p->codec->read == codecs_find("ptm")->read) { /* all lobes have one reader */
         const struct lobes *lobes = p->model;
         lobes_evaluate(lobes, lobes->n_slices > 1 ? view : 0, texel, v, l, ret);
     } else {

@@ -83,7 +83,7 @@ static void check_mark(const struct exr_part *part, int mark, const char *name, 
     g_assert_cmpint(said, ==, count);
 }
 
-/* What was wrong with a pixel marks the texels that show the pixel, and no others. */
+/* The mark of a pixel is set in the texels that show the pixel, and in no others. */
 static void test_marks(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
     fixture_capture(fixture, 0, fixture->n_shots, all_sorts);
