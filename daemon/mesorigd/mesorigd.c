@@ -3,7 +3,7 @@
 #include "bus/bus.h"
 #include "bus/preparer.h"
 #include "rig/guardian.h"
-#include "rig/safe_state.h"
+#include "rig/safe_work.h"
 
 #include <glib-unix.h>
 #include <locale.h>
@@ -56,7 +56,8 @@ static int safe_state(const char *path) {
         g_prefix_error(&error, "the rig is NOT safe: ");
         return mesorigd_fail(error);
     }
-    return safe_state_make(state) ? 0 : 1;
+    guardian_await(path);
+    return safe_work_once(state) ? 0 : 1;
 }
 
 /* To the journal as it is, with its level; elsewhere a line that people can read. */
