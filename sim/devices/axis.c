@@ -1,5 +1,6 @@
 #include "devices.h"
 #include "part.h"
+#include "unheard.h"
 #include "world/world.h"
 
 #include <math.h>
@@ -18,13 +19,14 @@ struct sim_axis {
     double home_deg, latency_ms, ringing_deg, position_error_deg;
     double fault_slip_deg;
     int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
+    struct sim_unheard unheard;
 
     World *world;
     enum part part;
     int laser;
 
     enum phase phase;
-    guint timer;
+    guint timer, unanswered;
     int n_moves;
     gboolean stalls;
     double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
@@ -68,6 +70,7 @@ static const struct option options[] = {
      "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: none does"},
     {"fault_stall_kind", OPTION_CHOICE, NULL, 0, 0, "reported", stall_kinds,
      FIELD(fault_stall_kind), "Whether a stall is reported, or nothing is heard again"},
+    SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
 
@@ -183,7 +186,8 @@ static void stall(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     sim->phase = STALLED;
     update_world(axis, 0); /* it stands */
-    if (sim->fault_stall_kind == STALL_SILENT)
+    if (sim->fault_stall_kind == STALL_SILENT ||
+        sim_unheard_is_dead(&sim->unheard, axis->device.clock))
         return;
     axis_report(axis, AXIS_FAULT,
                 device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
@@ -208,7 +212,8 @@ static void sim_axis_finish(Axis *axis) {
     } else {
         update_world(axis, 0);
     }
-    axis_report(axis, event, NULL);
+    if (!sim_unheard_is_dead(&sim->unheard, axis->device.clock))
+        axis_report(axis, event, NULL);
 }
 
 static gint64 tick_us(const struct sim_axis *sim) {
@@ -241,7 +246,8 @@ static void sim_axis_on_timer(gpointer data) {
     }
     gint64 next = now < sim->end_us ? MIN(now + tick_us(sim), sim->end_us) : now + tick_us(sim);
     wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
-    if (sim->turning && sim->phase == MOVING)
+    if (sim->turning && sim->phase == MOVING &&
+        !sim_unheard_is_dead(&sim->unheard, axis->device.clock))
         axis_report_position(axis, sim->position_deg, now);
 }
 
@@ -256,8 +262,27 @@ static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double s
     wake_at(axis, MIN(now + tick_us(sim), sim->end_us + latency_us(sim)));
 }
 
+static void sim_axis_on_unanswered(gpointer data) {
+    Axis *axis = data;
+    ((struct sim_axis *)axis->device.priv)->unanswered = 0;
+    axis_report(axis, AXIS_FAULT, sim_unheard_error(&axis->device));
+}
+
+/* Whether a command is carried out. Without an answer, a fault is reported later. */
+static gboolean sim_axis_obeys(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    Clock *clock = axis->device.clock;
+    gboolean answers, obeys = sim_unheard_obeys(&sim->unheard, clock, &answers);
+    clock_cancel(clock, &sim->unanswered);
+    if (!answers)
+        sim->unanswered = clock_call_in(clock, SIM_UNHEARD_US, sim_axis_on_unanswered, axis);
+    return obeys;
+}
+
 static gboolean sim_axis_home(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
+    if (!sim_axis_obeys(axis))
+        return TRUE;
     sim->stalls = sim->turning = FALSE;
     sim_axis_start(axis, HOMING, sim->home_deg, sim->motion.homing_s);
     return TRUE;
@@ -266,6 +291,8 @@ static gboolean sim_axis_home(Axis *axis, GError **error) {
 static void sim_axis_go(Axis *axis, double target_deg, double v, gboolean turning) {
     struct sim_axis *sim = axis->device.priv;
     double d = fabs(target_deg - sim->position_deg), a = sim->motion.accel_deg_s2;
+    if (!sim_axis_obeys(axis))
+        return;
     sim->stalls = ++sim->n_moves == sim->fault_stall_at;
     sim->speed_deg_s = v;
     sim->turning = turning;
@@ -286,11 +313,12 @@ static gboolean sim_axis_turn(Axis *axis, double target_deg, double speed_deg_s,
 static gboolean sim_axis_stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     double speed, a = sim->motion.accel_deg_s2;
-    /* Stopped by axis_halt(). One that has stalled silently does not answer. */
+    if (!sim_axis_obeys(axis))
+        return TRUE;
+    /* One that has stalled silently does not answer. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
-    gboolean halted = stands && axis_is_moving(axis);
-    if (sim->phase == HOMING || halted) { /* homing is so slow that the axis stops at once */
+    if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops at once */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {
@@ -344,6 +372,7 @@ static void sim_axis_close_axis(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     double speed;
     clock_cancel(axis->device.clock, &sim->timer);
+    clock_cancel(axis->device.clock, &sim->unanswered);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
     update_world(axis, 0);

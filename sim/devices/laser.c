@@ -1,5 +1,6 @@
 #include "devices.h"
 #include "part.h"
+#include "unheard.h"
 #include "world/world.h"
 
 struct sim_laser {
@@ -7,17 +8,21 @@ struct sim_laser {
     double warm_up_ms, latency_ms;
     gboolean fault_stays_on;
     int fault_deaf;
+    struct sim_unheard unheard;
 
     World *world;
     int laser;
     gboolean on;
     int n_deaf;
-    GQueue pending; /* of struct pending, in order */
+    GQueue pending;     /* of struct pending, in order */
+    gint64 answered_us; /* no command is answered before an earlier one */
 };
 
 struct pending {
     Laser *laser;
     gboolean on;
+    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean answers;
     guint timer;
 };
 
@@ -36,6 +41,7 @@ static const struct option options[] = {
      "Fault: once on, the laser stays on, though it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
      "Fault: number of commands to switch off that the laser neither obeys nor answers"},
+    SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
 
@@ -44,15 +50,32 @@ static void sim_laser_shine(struct sim_laser *sim, gboolean on) {
         world_set_laser(sim->world, sim->laser, on);
 }
 
-static void sim_laser_on_switched(gpointer data) {
+static void sim_laser_switch(struct sim_laser *sim, gboolean on) {
+    sim->on = on;
+    if (on || !sim->fault_stays_on)
+        sim_laser_shine(sim, on);
+}
+
+static void sim_laser_on_timer(gpointer data) {
     struct pending *pending = data, done = *pending;
-    struct sim_laser *sim = done.laser->device.priv;
+    struct device *device = &done.laser->device;
+    struct sim_laser *sim = device->priv;
+    gint64 now = clock_now_us(device->clock);
+    if (!done.reached) {
+        if (sim_unheard_obeys(&sim->unheard, device->clock, &done.answers))
+            sim_laser_switch(sim, done.on);
+        sim->answered_us = MAX(sim->answered_us, now + (done.answers ? 0 : SIM_UNHEARD_US));
+    }
+    if (!done.reached && sim->answered_us > now) {
+        pending->reached = TRUE;
+        pending->answers = done.answers;
+        pending->timer =
+            clock_call_at(device->clock, sim->answered_us, sim_laser_on_timer, pending);
+        return;
+    }
     g_queue_remove(&sim->pending, pending);
     g_free(pending);
-    sim->on = done.on;
-    if (done.on || !sim->fault_stays_on)
-        sim_laser_shine(sim, done.on);
-    laser_report(done.laser, done.on, NULL);
+    laser_report(done.laser, done.on, done.answers ? NULL : sim_unheard_error(device));
 }
 
 static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
@@ -65,7 +88,7 @@ static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
     pending->laser = laser;
     pending->on = on;
     pending->timer = clock_call_in(laser->device.clock, (gint64)(sim->latency_ms * 1000),
-                                   sim_laser_on_switched, pending);
+                                   sim_laser_on_timer, pending);
     g_queue_push_tail(&sim->pending, pending);
     return TRUE;
 }

@@ -121,8 +121,8 @@ static pid_t start_service(struct lines *lines, GDBusConnection *bus) {
     assert_sandboxed(guardian);
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         call(bus, "HomeAxis", g_variant_new("(s)", axes[i]));
-    call(bus, "SetLamp", g_variant_new("(sb)", "lamp30", TRUE));
-    call(bus, "SetLaser", g_variant_new("(sb)", "top", TRUE));
+    call(bus, "SetLamp", g_variant_new("(sbd)", "lamp30", TRUE, 60.0));
+    call(bus, "SetLaser", g_variant_new("(sbd)", "top", TRUE, 60.0));
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, "MoveAxis",
                                g_variant_new("(sd)", axes[i], FAR_DEG), NULL,
