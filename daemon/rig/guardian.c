@@ -2,6 +2,8 @@
 
 #include "safe_state.h"
 
+#include "drivers/lock.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>
@@ -229,6 +231,7 @@ int guardian_main(const char *rig_path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(SafeState) state = safe_state_read(rig_path, &error);
 
+    lock_set_role(LOCK_GUARDIAN);
     if (!watch_daemon(daemon))
         return 0;
     g_printerr(

@@ -2,6 +2,8 @@
 
 #include "devices_private.h"
 
+#include "drivers/lock.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>
@@ -299,6 +301,17 @@ static void set_result(struct result *result, gboolean safe, const struct job *j
                safe ? "" : "NOT safe: ", words);
 }
 
+/* Who has a board that was switched off all the same. */
+static void note_other(pid_t other, gboolean axis, GString *notes) {
+    if (other == 0)
+        return;
+    g_autofree char *process = lock_process(other);
+    g_autofree char *note =
+        g_strdup_printf("%s has it open, and may %s again: end it, or use “mesorig safe”", process,
+                        axis ? "move it" : "switch it on");
+    add_words(notes, note);
+}
+
 /* FALSE: to be tried again. */
 static gboolean try_job(const struct job *job, gboolean quick, struct result *result) {
     g_autoptr(GError) error = NULL;
@@ -315,8 +328,11 @@ static gboolean try_job(const struct job *job, gboolean quick, struct result *re
     }
     safe_state_repair(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
-    const char *notes = repaired.notes->str;
+    lock_steal_found();
     const gboolean safe = secure_section(job, repaired.text->str, &error);
+    const pid_t other = lock_steal_found();
+    note_other(safe ? other : 0, is_axis(job), repaired.notes);
+    const char *notes = repaired.notes->str;
     if (!safe)
         set_result(result, FALSE, job, "%s%s%s%s%s", error->message, *notes ? "; " : "", notes,
                    repaired.doubts->len ? "; " : "", repaired.doubts->str);

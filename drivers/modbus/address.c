@@ -1,8 +1,10 @@
 #include "address.h"
 
 #include <gio/gio.h>
+#include <netdb.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 
 #define TCP          "tcp:"
 #define DEFAULT_PORT 502
@@ -46,22 +48,26 @@ static char *unit_key(GInetAddress *address, guint16 port, int unit) {
     return g_strdup_printf("tcp %s %u unit %d", numbers, port, unit);
 }
 
-/* The keys of a unit, one for each address of its host. */
+/* The keys of a unit, one for each address of its host. getaddrinfo() and not GResolver, whose
+ * threads a child process of the safe state does not have. */
 static GPtrArray *unit_keys(const char *bus, int unit) {
+    const struct addrinfo wanted = {.ai_socktype = SOCK_STREAM};
     GPtrArray *keys = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GNetworkAddress) network = parse_tcp(bus);
-    if (!network)
+    struct addrinfo *all = NULL;
+    if (!network || getaddrinfo(g_network_address_get_hostname(network), NULL, &wanted, &all) != 0)
         return keys;
-    const guint16 port = g_network_address_get_port(network);
-    g_autoptr(GResolver) resolver = g_resolver_get_default();
-    GList *all =
-        g_resolver_lookup_by_name(resolver, g_network_address_get_hostname(network), NULL, NULL);
-    for (GList *item = all; item; item = item->next) {
-        g_autofree char *key = unit_key(item->data, port, unit);
+    for (const struct addrinfo *item = all; item; item = item->ai_next) {
+        g_autoptr(GSocketAddress) address =
+            g_socket_address_new_from_native(item->ai_addr, item->ai_addrlen);
+        if (!G_IS_INET_SOCKET_ADDRESS(address))
+            continue;
+        GInetAddress *numbers = g_inet_socket_address_get_address((GInetSocketAddress *)address);
+        g_autofree char *key = unit_key(numbers, g_network_address_get_port(network), unit);
         if (!g_ptr_array_find_with_equal_func(keys, key, g_str_equal, NULL))
             g_ptr_array_add(keys, g_steal_pointer(&key));
     }
-    g_resolver_free_addresses(all);
+    freeaddrinfo(all);
     return keys;
 }
 
