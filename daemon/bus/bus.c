@@ -3,8 +3,8 @@
 #include "bus_errors.h"
 #include "bus_hands.h"
 #include "bus_latch.h"
-#include "bus_safety.h"
 #include "bus_private.h"
+#include "bus_safety.h"
 #include "bus_unattended.h"
 #include "plan/report.h"
 
@@ -197,10 +197,11 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->guardian, TRUE);
     bus->devices = devices_open(path, &failed);
     if (!bus->devices) {
-        /* A device that has not answered may shine. Wrong sections are known before any is opened.
-         */
+        /* A device that has not answered may shine. One that another process has is that process's
+         * business, and wrong sections are known before any device is opened. */
+        const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->guardian,
-                     failed->domain == DEVICE_ERROR ? GUARDIAN_FAILED : GUARDIAN_SAFE);
+                     failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
         bus->guardian = NULL;
         g_propagate_error(error, failed);
         return FALSE;

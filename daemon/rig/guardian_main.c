@@ -4,6 +4,8 @@
 #include "guardian_private.h"
 #include "safe_work.h"
 
+#include "drivers/lock.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -215,6 +217,7 @@ int guardian_main(const char *rig_path) {
     struct guarding guarding = {.rig_path = rig_path};
     g_autoptr(GError) error = NULL;
 
+    lock_set_role(LOCK_GUARDIAN);
     find_daemon(&guarding);
     guarding.state = safe_state_read(rig_path, &error);
     if (!guarding.state) {

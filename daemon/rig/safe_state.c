@@ -2,6 +2,8 @@
 
 #include "devices_private.h"
 
+#include "drivers/lock.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -279,6 +281,17 @@ static void set_text(char *ret_text, const struct job *job, const char *format, 
     g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
+/* Who has a board that was switched off all the same. */
+static void note_other(pid_t other, gboolean axis, GString *notes) {
+    if (other == 0)
+        return;
+    g_autofree char *process = lock_process(other);
+    g_autofree char *note =
+        g_strdup_printf("%s has it open, and may %s again: end it, or use “mesorig safe”", process,
+                        axis ? "move it" : "switch it on");
+    add_words(notes, note);
+}
+
 enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, char *ret_text) {
     const struct job *job = state->jobs->pdata[index];
     g_autoptr(GError) error = NULL;
@@ -296,8 +309,11 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
     }
     safe_state_repair(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
-    const char *notes = repaired.notes->str;
+    lock_steal_found();
     const gboolean safe = secure_section(job, repaired.text->str, &error);
+    const pid_t other = lock_steal_found();
+    note_other(safe ? other : 0, is_axis(job), repaired.notes);
+    const char *notes = repaired.notes->str;
     if (!safe)
         set_text(ret_text, job, "NOT safe: %s%s%s%s%s", error->message, *notes ? "; " : "", notes,
                  repaired.doubts->len ? "; " : "", repaired.doubts->str);
