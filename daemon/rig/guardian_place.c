@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #define HELLO_MS   1000 /* for a guardian to say what it does */
+#define LOOK_MS    200  /* the same, for a program that does not depend on it */
 #define END_MS     1000 /* for a guardian to end */
 #define TAKE_US    (3 * G_USEC_PER_SEC)
 #define RETRY_US   (10 * 1000)
@@ -190,7 +191,7 @@ void place_await(const char *rig_path, gint64 wait_us) {
 
     if (fd < 0)
         return;
-    if (peer_of(fd) != 0 && is_ready(fd, HELLO_MS) &&
+    if (peer_of(fd) != 0 && is_ready(fd, LOOK_MS) &&
         recv(fd, &hello, sizeof hello, MSG_DONTWAIT) == sizeof hello && hello.daemon == 0)
         is_closed(fd, (int)(wait_us / 1000));
     close(fd);
