@@ -11,6 +11,7 @@
 #include <signal.h>
 #include <string.h>
 #include <sys/pidfd.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -217,6 +218,7 @@ int guardian_main(const char *rig_path) {
     struct guarding guarding = {.rig_path = rig_path};
     g_autoptr(GError) error = NULL;
 
+    prctl(PR_SET_NAME, "mesorig-guard"); /* instead of "exe" */
     lock_set_role(LOCK_GUARDIAN);
     find_daemon(&guarding);
     guarding.state = safe_state_read(rig_path, &error);

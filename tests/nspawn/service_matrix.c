@@ -296,8 +296,8 @@ static void repair(struct lines *lines, struct cell *cell) {
     }
 }
 
-/* Until the unit has ended. */
-static void follow_end(struct lines *lines, struct cell *cell, gint64 began_us) {
+/* Until the unit has ended, and the guardian, unless it goes on. */
+static void follow_end(struct lines *lines, struct cell *cell, pid_t guardian, gint64 began_us) {
     if (cell->end != ALIVE) /* the others stay on: their client lives, too */
         wait_safe(lines, cell);
     if (cell->failure == LOST) {
@@ -307,6 +307,12 @@ static void follow_end(struct lines *lines, struct cell *cell, gint64 began_us) 
     }
     if (cell->end == ALIVE)
         return;
+    /* ExecStopPost may have been the first to reach the line. */
+    while (cell->failure == LOST && cell->end != GUARDIAN_FROZEN && guardian > 0 &&
+           kill(guardian, 0) == 0) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(5000);
+    }
     wait_for_unit();
     g_assert_true(is_dark_but(lines, cell->line));
     g_assert_true(stands_but(lines, cell->line));
@@ -325,10 +331,11 @@ static void run_cell(struct cell *cell, GDBusConnection *bus) {
     if (cell->failure != LOST)
         lines_fail(&lines, cell->line, cell->failure);
     end_guardian(cell->end);
+    const pid_t guardian = find_guardian(RIG);
     const gint64 began_us = g_get_monotonic_time();
     if (cell->end != ALIVE)
         kill(daemon, end_signals[cell->end]);
-    follow_end(&lines, cell, began_us);
+    follow_end(&lines, cell, guardian, began_us);
     if (cell->end != ALIVE) {
         g_autofree char *said = read_journal(mark);
         check_journal(cell, said);
