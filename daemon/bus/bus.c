@@ -184,6 +184,7 @@ void bus_rest_clock(Bus *bus) {
 }
 
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
+    GError *failed = NULL;
     if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
         return FALSE;
     if (bus->devices) {
@@ -191,13 +192,21 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
                     bus->rig_path);
         return FALSE;
     }
-    bus->devices = devices_open(path, error);
-    if (!bus->devices)
+    if (guardian_is_needed(path) && !(bus->guardian = guardian_start(path, error)))
         return FALSE;
-    if (guardian_is_needed(bus->devices) && !(bus->guardian = guardian_start(path, error))) {
-        g_clear_pointer(&bus->devices, devices_close);
+    guardian_set_busy(bus->guardian, TRUE);
+    bus->devices = devices_open(path, &failed);
+    if (!bus->devices) {
+        /* A device that has not answered may shine. One that another process has is that process's
+         * business, and wrong sections are known before any device is opened. */
+        const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+        guardian_end(bus->guardian,
+                     failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
+        bus->guardian = NULL;
+        g_propagate_error(error, failed);
         return FALSE;
     }
+    guardian_set_busy(bus->guardian, FALSE);
     bus->is_safe = FALSE;
     for (int i = 0; i < bus->devices->geometry.n_lasers; i++) {
         const Laser *laser = bus->devices->lasers[i];
@@ -237,7 +246,7 @@ void bus_close_rig(Bus *bus) {
     bus_hold_clock(bus, FALSE);
     guardian_set_busy(bus->guardian, TRUE); /* waits once more for devices that have not answered */
     g_clear_pointer(&bus->devices, devices_close);
-    guardian_end(bus->guardian, bus->is_safe);
+    guardian_end(bus->guardian, bus->is_safe ? GUARDIAN_SAFE : GUARDIAN_UNSAFE);
     bus->guardian = NULL;
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);

@@ -4,6 +4,8 @@
 #include "load.h"
 #include "stream.h"
 
+#include "drivers/lock.h"
+
 #include <errno.h>
 #include <glib-unix.h>
 #include <math.h>
@@ -29,6 +31,7 @@ struct v4l2_camera {
 
     const char *who; /* name of the device; not owned */
     struct video_node node;
+    Lock *lock; /* of the node; kept until the camera is looked for again */
     struct video_setup setup;
     struct video_controls controls;
     struct video_stream stream;
@@ -315,17 +318,27 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
 
 static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
     video_node_close(&v4l2->node);
+    g_clear_pointer(&v4l2->lock, lock_release);
     g_clear_pointer(&v4l2->load, video_load_remove);
+}
+
+/* The kernel lets several programs set a camera up. */
+static gboolean lock_camera(struct v4l2_camera *v4l2, GError **error) {
+    g_autofree char *key = lock_key_of_node("video", v4l2->node.path);
+    if (key && !(v4l2->lock = lock_take(key, LOCK_ALONE, v4l2->node.path, error)))
+        error_details_add_subject(error, v4l2->who);
+    return !key || v4l2->lock;
 }
 
 static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
     const struct video_request request = {v4l2->format, v4l2->width, v4l2->height,
                                           v4l2->frame_rate};
     g_clear_pointer(&v4l2->load, video_load_remove);
+    g_clear_pointer(&v4l2->lock, lock_release);
     if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
-    if (video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
+    if (lock_camera(v4l2, error) && video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
         v4l2_camera_check_exposure(v4l2, error)) {
         g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
         double mb_s = video_setup_mb_s(&v4l2->setup);
