@@ -25,11 +25,11 @@ static gboolean lamps_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the bank. */
-static void lamps_answer(gpointer device, int index, gboolean on, const GError *error) {
+static void lamps_answer(gpointer device, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
     LampBank *bank = device;
     if (bank->state->func)
-        bank->state->func(bank, index, on, clock_now_us(bank->device.clock), error,
-                          bank->state->data);
+        bank->state->func(bank, index, on, at_us, error, bank->state->data);
 }
 
 LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
@@ -115,5 +115,5 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
 void lamps_lost(LampBank *bank, GError *error) {
     g_autoptr(GError) owned = error;
     lights_lost(bank->state->lights, owned);
-    lamps_answer(bank, -1, TRUE, owned);
+    lamps_answer(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
 }

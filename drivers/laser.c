@@ -25,7 +25,8 @@ static gboolean laser_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the laser. */
-static void laser_answer(gpointer device, int index, gboolean on, const GError *error) {
+static void laser_answer(gpointer device, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
     Laser *laser = device;
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
@@ -72,13 +73,13 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
 static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
     if (laser_is_on(laser) && !lights_set(laser->state->lights, 0, FALSE, &error))
-        laser_answer(laser, 0, FALSE, error);
+        laser_answer(laser, 0, FALSE, clock_now_us(laser->device.clock), error);
 }
 
 void laser_lost(Laser *laser, GError *error) {
     g_autoptr(GError) owned = error;
     lights_lost(laser->state->lights, owned);
-    laser_answer(laser, 0, TRUE, owned);
+    laser_answer(laser, 0, TRUE, clock_now_us(laser->device.clock), owned);
 }
 
 static void laser_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {

@@ -100,6 +100,8 @@ static gboolean any_failed(const struct lights *lights) {
 static void took_off(struct light_output *output, const struct command *command, gint64 now,
                      gboolean failed) {
     const gboolean on_again = output->on_number > command->number;
+    if (failed && command->retry && output->dark)
+        return; /* another "off" was confirmed meanwhile */
     if (failed) {
         output->dark = output->dark && on_again;
         output->failed |= !on_again;
@@ -153,11 +155,11 @@ static void lights_settle(struct lights *lights, const GError *error) {
 }
 
 /* What the answer to a command, or its lack, says about the lights. */
-static void lights_take(struct lights *lights, const struct command *command, const GError *error) {
-    const gint64 now = clock_now_us(lights->device->clock);
-    if (!error && !command->on)
-        lights->pause_us = 0;
-    else if (!command->on)
+static void lights_take(struct lights *lights, const struct command *command, gint64 now,
+                        const GError *error) {
+    if (!error || command->on)
+        lights->pause_us = 0; /* an "on" that failed is followed by "off" without a pause */
+    else
         lights->pause_us =
             lights->pause_us ? MIN(2 * lights->pause_us, MAX_PAUSE_US) : FIRST_PAUSE_US;
     for (int i = 0; i < lights->n; i++) {
@@ -190,6 +192,7 @@ static void lights_on_deadline(gpointer data) {
     struct lights *lights = command->lights;
     struct device *device = lights->device;
     const struct command copy = *command;
+    const gint64 now = clock_now_us(device->clock);
     g_autofree char *which = copy.index < 0 ? g_strdup("all lamps ")
                              : lights->many ? g_strdup_printf("lamp %d ", copy.index)
                                             : g_strdup("");
@@ -202,9 +205,9 @@ static void lights_on_deadline(gpointer data) {
     command->overdue = TRUE;
     if (!copy.on)
         forget_older(lights, command);
-    lights_take(lights, &copy, error);
+    lights_take(lights, &copy, now, error);
     if (!copy.retry)
-        lights->answer(device, copy.index, copy.on, error);
+        lights->answer(device, copy.index, copy.on, now, error);
 }
 
 /* FALSE: the device has refused; nobody is to be answered. */
@@ -231,7 +234,7 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     if (!failed)
         failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who, "refused");
     g_queue_remove(&lights->commands, command);
-    lights_take(lights, command, failed);
+    lights_take(lights, command, clock_now_us(lights->device->clock), failed);
     command_free(command);
     g_propagate_error(error, failed);
     return FALSE;
@@ -297,12 +300,13 @@ static void believe(struct lights *lights, int index) {
     g_autoptr(GError) error = device_error_new(
         DEVICE_ERROR_PROTOCOL, lights->device->who,
         "it reports light that nobody has asked for" ERROR_ADVICE "see what else switches it");
-    lights_take(lights, &unknown, NULL);
+    lights_take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
     lights_settle(lights, error);
 }
 
 void lights_report(struct lights *lights, int index, gboolean on, const GError *error) {
     struct command *command = find_command(lights, index, on);
+    const gint64 now = clock_now_us(lights->device->clock);
     if (!command) {
         if (!error && on && index >= 0 && index < lights->n)
             believe(lights, index);
@@ -311,10 +315,10 @@ void lights_report(struct lights *lights, int index, gboolean on, const GError *
     take_command(lights, command);
     const gboolean heard = !command->retry && !command->overdue;
     if (!command->overdue || !error)
-        lights_take(lights, command, error);
+        lights_take(lights, command, now, error);
     command_free(command);
     if (heard)
-        lights->answer(lights->device, index, on, error);
+        lights->answer(lights->device, index, on, now, error);
 }
 
 void lights_lost(struct lights *lights, const GError *error) {
@@ -337,8 +341,10 @@ enum device_safety lights_safety(const struct lights *lights) {
     gboolean dark = TRUE, due = FALSE;
     for (int i = 0; i < lights->n; i++)
         dark &= lights->list[i].dark;
-    for (const GList *l = lights->commands.head; l; l = l->next)
-        due |= !((const struct command *)l->data)->overdue;
+    for (const GList *l = lights->commands.head; l; l = l->next) {
+        const struct command *command = l->data;
+        due |= !command->overdue && !command->retry;
+    }
     return any_failed(lights) ? DEVICE_UNSAFE
            : due              ? DEVICE_TOLD
            : dark             ? DEVICE_SAFE

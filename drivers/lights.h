@@ -12,7 +12,8 @@
 typedef gboolean (*LightsSend)(gpointer device, int index, gboolean on, GError **error);
 
 /* The one answer to a command of lights_set(), called last: it may close the device. */
-typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, const GError *error);
+typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_us,
+                             const GError *error);
 
 struct lights;
 
