@@ -153,8 +153,6 @@ static void wait_for_shots(const struct site *site, const char *name, int n) {
     }
 }
 
-/* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
- * late to come before its last one. */
 static void call_daemon(const struct site *site, const char *method) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GDBusConnection) connection = g_dbus_connection_new_for_address_sync(
@@ -166,6 +164,8 @@ static void call_daemon(const struct site *site, const char *method) {
     g_assert_no_error(error);
 }
 
+/* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
+ * late to come before its last one. */
 static void call_amid(const struct site *site, const char *name, const char *method) {
     wait_for_shots(site, name, 1);
     call_daemon(site, method);
