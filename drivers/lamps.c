@@ -1,6 +1,6 @@
 #include "lamps.h"
 
-#include "output.h"
+#include "lights.h"
 
 #include <math.h>
 
@@ -9,11 +9,11 @@
 struct lamps_state {
     LampsFunc func;
     gpointer data;
-    struct outputs *outputs; /* NULL: not open yet */
+    struct lights *lights; /* NULL: not open yet */
 };
 
 static void lamps_free(LampBank *bank) {
-    outputs_free(bank->state->outputs);
+    lights_free(bank->state->lights);
     device_clear(&bank->device);
     g_free(bank->state);
     g_free(bank);
@@ -25,11 +25,11 @@ static gboolean lamps_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the bank. */
-static void lamps_answer(gpointer device, int index, gboolean on, const GError *error) {
+static void lamps_answer(gpointer device, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
     LampBank *bank = device;
     if (bank->state->func)
-        bank->state->func(bank, index, on, clock_now_us(bank->device.clock), error,
-                          bank->state->data);
+        bank->state->func(bank, index, on, at_us, error, bank->state->data);
 }
 
 LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
@@ -50,7 +50,7 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
         lamps_close(bank);
         return NULL;
     }
-    bank->state->outputs = outputs_new(bank, bank->n, TRUE, lamps_send, lamps_answer);
+    bank->state->lights = lights_new(bank, bank->n, TRUE, lamps_send, lamps_answer);
     return bank;
 }
 
@@ -72,16 +72,16 @@ gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
         return device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
                                 "there is no lamp %d; it has 0 to %d", index, bank->n - 1);
     return (!on || device_ask_permit(&bank->device, error)) &&
-           outputs_set(bank->state->outputs, index, on != FALSE, error);
+           lights_set(bank->state->lights, index, on != FALSE, error);
 }
 
 gboolean lamps_all_off(LampBank *bank, GError **error) {
-    return outputs_set(bank->state->outputs, -1, FALSE, error);
+    return lights_set(bank->state->lights, -1, FALSE, error);
 }
 
 enum light lamps_light(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, LIGHT_UNSAFE);
-    return outputs_light(bank->state->outputs, index);
+    return lights_light(bank->state->lights, index);
 }
 
 gboolean lamps_is_on(const LampBank *bank, int index) {
@@ -89,31 +89,31 @@ gboolean lamps_is_on(const LampBank *bank, int index) {
 }
 
 enum device_safety lamps_safety(const LampBank *bank) {
-    return outputs_safety(bank->state->outputs);
+    return lights_safety(bank->state->lights);
 }
 
 gint64 lamps_confirmed_us(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, -1);
-    return outputs_confirmed_us(bank->state->outputs, index);
+    return lights_confirmed_us(bank->state->lights, index);
 }
 
 gint64 lamps_on_since_us(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, -1);
-    return outputs_since_us(bank->state->outputs, index);
+    return lights_since_us(bank->state->lights, index);
 }
 
 double lamps_hours(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, 0);
-    return (double)outputs_burnt_us(bank->state->outputs, index) / (3600.0 * G_USEC_PER_SEC);
+    return (double)lights_burnt_us(bank->state->lights, index) / (3600.0 * G_USEC_PER_SEC);
 }
 
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
-    outputs_report(bank->state->outputs, index, on != FALSE, owned);
+    lights_report(bank->state->lights, index, on != FALSE, owned);
 }
 
 void lamps_lost(LampBank *bank, GError *error) {
     g_autoptr(GError) owned = error;
-    outputs_lost(bank->state->outputs, owned);
-    lamps_answer(bank, -1, TRUE, owned);
+    lights_lost(bank->state->lights, owned);
+    lamps_answer(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
 }

@@ -1,7 +1,7 @@
 /*
  * A lamp bank: lamps that are switched one by one, by relay or by a driver board.
  *
- * A lamp that should be off is sent "off" until the device has confirmed it (output.h): after an
+ * A lamp that should be off is sent "off" until the device has confirmed it (lights.h): after an
  * "off" that failed or was not answered, and after an "on" that failed or was not answered, which
  * the device may have carried out. These repetitions are not reported to the listener.
  */
@@ -23,9 +23,10 @@ struct lamps_driver {
     /* Switches all lamps off, waiting for it and trying once, then releases the device. */
     void (*close)(LampBank *bank);
     /* Starts to switch; the driver then calls lamps_report() once, with an error unless the device
-     * has confirmed the new state. Index -1 with on FALSE: all lamps. "Off" must not wait for an
-     * "on" that has not been sent. FALSE: nothing is reported. A driver does not repeat an "off"
-     * that failed; the class does. */
+     * has confirmed the new state. Index -1 with on FALSE: all lamps. FALSE: nothing is reported.
+     * "Off" need not wait for other commands that have not been sent; an "on" of the same lamp must
+     * then never be sent, and ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that
+     * failed; the class does. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 
@@ -48,8 +49,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
 
 void lamps_listen(LampBank *bank, LampsFunc func, gpointer data);
 
-/* Several switches may be under way at once; each ends in its own event, in order. "On" needs a
- * permit (device_set_permit()). */
+/* Several switches may be under way at once; each ends in its own event, those of one lamp in
+ * order. "Off" may overtake an "on" that has not been sent, which then ends with DEVICE_ERROR_BUSY.
+ * "On" needs a permit (device_set_permit()). */
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
@@ -66,8 +68,8 @@ gint64 lamps_on_since_us(const LampBank *bank, int index);
 /* Returns the hours that the lamp was on since the bank was opened. */
 double lamps_hours(const LampBank *bank, int index);
 
-/* For drivers: answers each set() once, in order. A late answer counts, too. Takes ownership of
- * error. */
+/* For drivers: answers each set() once; for one lamp, in order. An answer after the deadline of the
+ * class counts as well. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
 /* For drivers: lamps have gone off by themselves, or their state is unknown. Reports a failed "on"

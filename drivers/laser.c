@@ -1,19 +1,19 @@
 #include "laser.h"
 
-#include "output.h"
+#include "lights.h"
 
 #include <math.h>
 
 struct laser_state {
     LaserFunc func;
     gpointer data;
-    struct outputs *outputs;
+    struct lights *lights;
     Interlock *guard;
     guint guard_id;
 };
 
 static void laser_free(Laser *laser) {
-    outputs_free(laser->state->outputs);
+    lights_free(laser->state->lights);
     device_clear(&laser->device);
     g_free(laser->state);
     g_free(laser);
@@ -25,7 +25,8 @@ static gboolean laser_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the laser. */
-static void laser_answer(gpointer device, int index, gboolean on, const GError *error) {
+static void laser_answer(gpointer device, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
     Laser *laser = device;
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
@@ -51,7 +52,7 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
         laser_close(laser);
         return NULL;
     }
-    laser->state->outputs = outputs_new(laser, 1, FALSE, laser_send, laser_answer);
+    laser->state->lights = lights_new(laser, 1, FALSE, laser_send, laser_answer);
     return laser;
 }
 
@@ -71,14 +72,14 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
 
 static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
-    if (laser_is_on(laser) && !outputs_set(laser->state->outputs, 0, FALSE, &error))
-        laser_answer(laser, 0, FALSE, error);
+    if (laser_is_on(laser) && !lights_set(laser->state->lights, 0, FALSE, &error))
+        laser_answer(laser, 0, FALSE, clock_now_us(laser->device.clock), error);
 }
 
 void laser_lost(Laser *laser, GError *error) {
     g_autoptr(GError) owned = error;
-    outputs_lost(laser->state->outputs, owned);
-    laser_answer(laser, 0, TRUE, owned);
+    lights_lost(laser->state->lights, owned);
+    laser_answer(laser, 0, TRUE, clock_now_us(laser->device.clock), owned);
 }
 
 static void laser_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
@@ -106,11 +107,11 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
                                 "close it first",
                                 guard->device.name);
     return (!on || device_ask_permit(&laser->device, error)) &&
-           outputs_set(laser->state->outputs, 0, on != FALSE, error);
+           lights_set(laser->state->lights, 0, on != FALSE, error);
 }
 
 enum light laser_light(const Laser *laser) {
-    return outputs_light(laser->state->outputs, 0);
+    return lights_light(laser->state->lights, 0);
 }
 
 gboolean laser_is_on(const Laser *laser) {
@@ -118,11 +119,11 @@ gboolean laser_is_on(const Laser *laser) {
 }
 
 enum device_safety laser_safety(const Laser *laser) {
-    return outputs_safety(laser->state->outputs);
+    return lights_safety(laser->state->lights);
 }
 
 gint64 laser_confirmed_us(const Laser *laser) {
-    return outputs_confirmed_us(laser->state->outputs, 0);
+    return lights_confirmed_us(laser->state->lights, 0);
 }
 
 gboolean laser_mount(Laser *laser, const char *place, GError **error) {
@@ -131,5 +132,5 @@ gboolean laser_mount(Laser *laser, const char *place, GError **error) {
 
 void laser_report(Laser *laser, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
-    outputs_report(laser->state->outputs, 0, on != FALSE, owned);
+    lights_report(laser->state->lights, 0, on != FALSE, owned);
 }

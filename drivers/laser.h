@@ -1,7 +1,7 @@
 /*
  * A line laser's power switch. Its sweep is an Axis. Never on with the interlock open.
  *
- * A laser that should be off is sent "off" until the device has confirmed it (output.h): after an
+ * A laser that should be off is sent "off" until the device has confirmed it (lights.h): after an
  * "off" that failed or was not answered, and after an "on" that failed or was not answered, which
  * the device may have carried out. These repetitions are not reported to the listener.
  */

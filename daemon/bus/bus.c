@@ -178,8 +178,8 @@ void bus_hold_clock(Bus *bus, gboolean hold) {
 }
 
 void bus_rest_clock(Bus *bus) {
-    if (!bus->capture && bus->hands->len == 0 && g_hash_table_size(bus->unsafe) == 0 &&
-        !bus_latch_is_set(bus->latch))
+    if (bus->devices && !bus->capture && bus->hands->len == 0 &&
+        !devices_any_unsafe(bus->devices) && !bus_latch_is_set(bus->latch))
         bus_hold_clock(bus, TRUE);
 }
 

@@ -42,7 +42,7 @@ static const struct {
     {"MoveAxis", ACTION("move"), TRUE},
     {"HomeAxis", ACTION("move"), TRUE},
     {"SetLaser", ACTION("laser"), TRUE}, /* as SetLamp */
-    {"Renew", NULL, TRUE}, /* for what the client was allowed to switch on */
+    {"Renew", NULL, TRUE},               /* for what the client was allowed to switch on */
     {"Release", ACTION("release"), FALSE},
     {"SafeState", NULL, FALSE},
 };

@@ -350,7 +350,8 @@ static struct hand *find_hand(Bus *bus, const struct hand *like) {
 
 static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *hand,
                           const struct hand *like) {
-    const gboolean emits = (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
+    const gboolean emits =
+        (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
     GError *error = NULL;
     if (g_dbus_connection_is_closed(g_dbus_method_invocation_get_connection(invocation)))
         return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has gone");
@@ -376,10 +377,9 @@ static struct hand *hand_new(Bus *bus, GDBusMethodInvocation *invocation, const 
     hand->connection = g_dbus_method_invocation_get_connection(invocation);
     hand->sender = g_strdup(g_dbus_method_invocation_get_sender(invocation));
     if (hand->sender)
-        hand->watch =
-            g_bus_watch_name_on_connection(hand->connection, hand->sender,
-                                           G_BUS_NAME_WATCHER_FLAGS_NONE, NULL, on_vanished, bus,
-                                           NULL);
+        hand->watch = g_bus_watch_name_on_connection(hand->connection, hand->sender,
+                                                     G_BUS_NAME_WATCHER_FLAGS_NONE, NULL,
+                                                     on_vanished, bus, NULL);
     return hand;
 }
 
@@ -512,8 +512,8 @@ void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char 
     set_light(bus, invocation, like, on, for_s);
 }
 
-void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
-                         gboolean on, double for_s) {
+void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
+                         double for_s) {
     g_autoptr(GString) names = g_string_new(NULL);
     Laser *laser = NULL;
     if (!rig_is_free(bus, invocation))

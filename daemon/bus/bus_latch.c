@@ -77,8 +77,7 @@ static void answer_late(struct bus_latch *latch, gint64 until_us) {
     g_variant_builder_init(&devices, G_VARIANT_TYPE("a(sss)"));
     g_variant_builder_add(&devices, "(sss)", "daemon", "mesorigd",
                           "busy: it commands the devices as soon as it can");
-    g_autoptr(GVariant) body =
-        g_variant_ref_sink(g_variant_new("(ba(sss))", FALSE, &devices));
+    g_autoptr(GVariant) body = g_variant_ref_sink(g_variant_new("(ba(sss))", FALSE, &devices));
     answer_calls(latch, until_us, body, NULL);
 }
 
@@ -121,8 +120,7 @@ static void stop_looking(struct bus_latch *latch) {
 }
 
 void bus_latch_close(struct bus_latch *latch) {
-    g_autoptr(GError) error =
-        g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "mesorigd ends");
+    g_autoptr(GError) error = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "mesorigd ends");
     latch->bus = NULL;
     stop_looking(latch);
     g_mutex_lock(&latch->lock);
@@ -148,9 +146,8 @@ static gboolean on_look(gpointer data) {
             g_variant_ref_sink(devices_safety(latch->bus->devices, &safety));
         g_autoptr(GVariant) body =
             g_variant_ref_sink(g_variant_new("(b@a(sss))", safety == DEVICE_SAFE, devices));
-        answer_calls(latch,
-                     safety == DEVICE_TOLD ? g_get_monotonic_time() - ANSWER_US : G_MAXINT64, body,
-                     NULL);
+        answer_calls(latch, safety == DEVICE_TOLD ? g_get_monotonic_time() - ANSWER_US : G_MAXINT64,
+                     body, NULL);
     }
     g_mutex_lock(&latch->lock);
     const gboolean waits = !g_queue_is_empty(&latch->calls);

@@ -118,8 +118,8 @@ gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
 void bus_jobs_stop_all(Bus *bus, const char *why);
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);
 
-/* Watches over the calls that wait for the main loop: SafeState goes to the latch, and a client that
- * has too many of the others waiting is refused. */
+/* Watches over the calls that wait for the main loop: SafeState goes to the latch, and a client
+ * that has too many of the others waiting is refused. */
 struct bus_queue *bus_queue_new(struct bus_latch *latch);
 void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
 void bus_queue_close(struct bus_queue *queue); /* the bus is being closed */

@@ -124,9 +124,9 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
     const int n = bus_queue_enter(queue, client);
     if (n < 0 || n >= MAX_OF_CLIENT) {
-        bus_reply(connection, message, NULL,
-              n < 0
-                  ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
+        bus_reply(
+            connection, message, NULL,
+            n < 0 ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
                                 "%d calls of all clients are waiting, which is the most: try again",
                                 MAX_WAITING)
                   : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,

@@ -7,7 +7,8 @@
 #include "bus_private.h"
 
 /* For a rig that was opened. From now on no device gives light or moves while the latch is set, and
- * no real laser is switched on unless the guardian has answered within the last second. */
+ * no laser of a rig with real devices is switched on unless the guardian has answered within the
+ * last second. */
 void bus_safety_watch(Bus *bus);
 
 /* The devices have been closed. */

@@ -1,4 +1,5 @@
-/* status, watch, pause, continue, abort, safe, release, close: the commands about a daemon's work. */
+/* status, watch, pause, continue, abort, safe, release, close: the commands about a daemon's work.
+ */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"

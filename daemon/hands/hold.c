@@ -83,9 +83,8 @@ static char *wait_for_end(Link *link) {
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     guint ids[G_N_ELEMENTS(numbers)];
     BusRig1 *rig = link_rig(link);
-    struct waiting waiting = {.loop = g_main_loop_new(NULL, FALSE),
-                              .link = link,
-                              .n_open = count_open(rig)};
+    struct waiting waiting = {
+        .loop = g_main_loop_new(NULL, FALSE), .link = link, .n_open = count_open(rig)};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         ids[i] = g_unix_signal_add(numbers[i], on_end, &waiting);
     const double for_s = MIN(seconds, 1e6);

@@ -36,6 +36,11 @@ char *modbus_address_name(const char *bus) {
                            g_network_address_get_port(address));
 }
 
+char *modbus_address_of(const char *what, int number, const char *bus, int unit) {
+    g_autofree char *name = modbus_address_name(bus);
+    return g_strdup_printf("%s %d of unit %d at %s", what, number, unit, name);
+}
+
 /* An IPv4 address that is written as one of IPv6 is the IPv4 address. */
 static char *unit_key(GInetAddress *address, guint16 port, int unit) {
     const guint8 *bytes = g_inet_address_to_bytes(address);

@@ -55,7 +55,7 @@ enum flag {
 #define ACCEL_UNITS  100.0
 #define MAX_SPEED    500000000.0
 #define MIN_ACCEL    100.0
-#define ANSWER_MS    800 /* USB 2.0, 9.2.6: a device may take 500 for its data */
+#define ANSWER_MS    600 /* USB 2.0, 9.2.6: a device may take 500 for its data */
 #define STANDING_MS  100 /* between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
@@ -76,6 +76,7 @@ struct tic {
     UsbDevice *usb;
     enum phase phase;
     gboolean watched;       /* the axis is homed, and polled also while it stands */
+    gboolean halts;         /* the next stop is a halt: it was homing, or has broken down */
     gboolean asked;         /* a poll is under way */
     gboolean was_well;      /* a poll without errors has followed the last start */
     int n_started, n_asked; /* a poll sent before the last start proves nothing */
@@ -152,6 +153,7 @@ static void usb_tic_let_go(Axis *axis) {
 /* Call it last: the listener may close the axis. Takes the error. */
 static void usb_tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
+    tic->halts |= tic->phase == HOMING;
     tic->phase = STANDING;
     tic->watched = FALSE;
     clock_cancel(axis->device.clock, &tic->timer);
@@ -191,8 +193,7 @@ static void ended(Axis *axis, enum axis_event event) {
 
 static void broke_down(Axis *axis, const char *why) {
     struct tic *tic = axis->device.priv;
-    /* It may still turn. Do not wait for the answer. */
-    send(axis, HALT_AND_HOLD, 0, NULL);
+    tic->halts = TRUE;
     usb_tic_fault(axis, device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
                                          "at %.3f°: %s" ERROR_ADVICE "then home it",
                                          tic->position_deg, why));
@@ -365,6 +366,7 @@ static void usb_tic_wake(Axis *axis) {
 static void started(Axis *axis, enum phase phase) {
     struct tic *tic = axis->device.priv;
     tic->phase = phase;
+    tic->halts &= phase == STOPPING;
     tic->on_target = FALSE;
     tic->was_well = FALSE;
     tic->n_started++;
@@ -434,10 +436,10 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
  */
 static gboolean usb_tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    if (!check_plugged(axis, error))
+    if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
-    gboolean homing = tic->phase == HOMING;
-    if (!send(axis, homing ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
+    gboolean halts = tic->halts || tic->phase == HOMING;
+    if (!send(axis, halts ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
         return FALSE;
     started(axis, STOPPING);
     return TRUE;
@@ -534,6 +536,11 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
             accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }
 
+static void usb_tic_needs(gconstpointer given, GPtrArray *to) {
+    const struct tic *tic = given;
+    g_ptr_array_add(to, usb_words("Tic", tic->serial, tic->path));
+}
+
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     axis->motion = tic->motion;
@@ -544,7 +551,7 @@ static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
 
 static void usb_tic_close_axis(Axis *axis) {
     struct tic *tic = axis->device.priv;
-    if (tic->usb && tic->phase != STANDING)
+    if (tic->usb && (tic->phase != STANDING || axis_safety(axis) != DEVICE_SAFE))
         usb_control_sync(tic->usb, &brake, NULL, NULL);
     usb_tic_let_go(axis);
 }
@@ -552,7 +559,7 @@ static void usb_tic_close_axis(Axis *axis) {
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
-             options, sizeof(struct tic), usb_tic_check},
+             options, sizeof(struct tic), usb_tic_check, usb_tic_needs},
     .open = usb_tic_open_axis,
     .close = usb_tic_close_axis,
     .home = usb_tic_home,

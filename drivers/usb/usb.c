@@ -310,6 +310,13 @@ void usb_close(UsbDevice *usb) {
     g_free(usb);
 }
 
+char *usb_words(const char *what, const char *serial, const char *path) {
+    if (*serial)
+        return g_strdup_printf("the %s with serial %s", what, serial);
+    return *path ? g_strdup_printf("the %s at %s", what, path)
+                 : g_strdup_printf("the only %s", what);
+}
+
 guint8 usb_interface(const UsbDevice *usb) {
     return (guint8)usb->interface;
 }

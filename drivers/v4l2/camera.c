@@ -9,6 +9,7 @@
 #include <errno.h>
 #include <glib-unix.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Pause after a node that signalled a frame but had none. */
@@ -412,6 +413,16 @@ static void fill_format(Camera *camera) {
             llrint(v4l2->fixed_exposure_us);
 }
 
+static void v4l2_camera_needs(gconstpointer given, GPtrArray *to) {
+    const struct v4l2_camera *v4l2 = given;
+    char *node = *v4l2->path ? realpath(v4l2->path, NULL) : NULL;
+    const char *path = node ? node : v4l2->path;
+    g_ptr_array_add(to, *path        ? g_strdup_printf("the camera %s", path)
+                        : *v4l2->bus ? g_strdup_printf("the camera on bus %s", v4l2->bus)
+                                     : g_strdup("the only V4L2 camera"));
+    free(node);
+}
+
 static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->node.fd = -1;
@@ -439,7 +450,7 @@ static void v4l2_camera_close_camera(Camera *camera) {
 const struct camera_driver v4l2_camera_driver = {
     .info = {"camera", "v4l2-camera",
              "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
-             sizeof(struct v4l2_camera)},
+             sizeof(struct v4l2_camera), NULL, v4l2_camera_needs},
     .open = v4l2_camera_open_camera,
     .close = v4l2_camera_close_camera,
     .configure = v4l2_camera_configure,

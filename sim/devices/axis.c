@@ -27,6 +27,7 @@ struct sim_axis {
 
     enum phase phase;
     guint timer, unanswered;
+    gboolean mute; /* the answer to the last command is lost */
     int n_moves;
     gboolean stalls;
     double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
@@ -182,12 +183,16 @@ static gint64 latency_us(const struct sim_axis *sim) {
     return sim_axis_to_us(sim->latency_ms / 1000);
 }
 
+static gboolean is_mute(const Axis *axis) {
+    const struct sim_axis *sim = axis->device.priv;
+    return sim->mute || sim_unheard_is_dead(&sim->unheard, axis->device.clock);
+}
+
 static void stall(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     sim->phase = STALLED;
     update_world(axis, 0); /* it stands */
-    if (sim->fault_stall_kind == STALL_SILENT ||
-        sim_unheard_is_dead(&sim->unheard, axis->device.clock))
+    if (sim->fault_stall_kind == STALL_SILENT || is_mute(axis))
         return;
     axis_report(axis, AXIS_FAULT,
                 device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
@@ -212,7 +217,7 @@ static void sim_axis_finish(Axis *axis) {
     } else {
         update_world(axis, 0);
     }
-    if (!sim_unheard_is_dead(&sim->unheard, axis->device.clock))
+    if (!is_mute(axis))
         axis_report(axis, event, NULL);
 }
 
@@ -246,8 +251,7 @@ static void sim_axis_on_timer(gpointer data) {
     }
     gint64 next = now < sim->end_us ? MIN(now + tick_us(sim), sim->end_us) : now + tick_us(sim);
     wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
-    if (sim->turning && sim->phase == MOVING &&
-        !sim_unheard_is_dead(&sim->unheard, axis->device.clock))
+    if (sim->turning && sim->phase == MOVING && !is_mute(axis))
         axis_report_position(axis, sim->position_deg, now);
 }
 
@@ -274,6 +278,7 @@ static gboolean sim_axis_obeys(Axis *axis) {
     Clock *clock = axis->device.clock;
     gboolean answers, obeys = sim_unheard_obeys(&sim->unheard, clock, &answers);
     clock_cancel(clock, &sim->unanswered);
+    sim->mute = !answers;
     if (!answers)
         sim->unanswered = clock_call_in(clock, SIM_UNHEARD_US, sim_axis_on_unanswered, axis);
     return obeys;

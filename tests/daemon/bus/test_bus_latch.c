@@ -1,5 +1,6 @@
-/* The safe state as a latch: SafeState comes before calls that arrived earlier, holds until Release,
- * and is answered while devices or the main loop are busy. */
+/* The safe state as a latch: SafeState comes before calls that arrived earlier, holds until
+ * Release, and is answered while devices or the main loop are busy. */
+#include "bus/bus_errors.h"
 #include "bus/bus_hands.h"
 #include "bus/bus_latch.h"
 
@@ -49,7 +50,7 @@ static void wait_for_arrival(struct bus_peer *peer) {
 static void test_overtakes(gconstpointer same_client) {
     struct bus_peer *peer = bus_peer_open(real_clock);
     g_autoptr(GDBusConnection) other = bus_peer_join(peer);
-    GDBusConnection *operator = same_client ? peer->client : other;
+    GDBusConnection *operator= same_client ? peer->client : other;
     for (int i = 0; i < 30; i++) {
         GAsyncResult *lights = NULL, *lit = NULL, *safe = NULL;
         bus_peer_begin(peer->client, "SetLaser", on("laser30"), &lights);
@@ -57,7 +58,7 @@ static void test_overtakes(gconstpointer same_client) {
         g_dbus_connection_flush_sync(peer->client, NULL, NULL);
         bus_peer_begin(operator, "SafeState", NULL, &safe);
         wait_for_arrival(peer);
-        g_variant_unref(bus_peer_end(operator, &safe, NULL, NULL));
+        g_variant_unref(bus_peer_end(operator, & safe, NULL, NULL));
         bus_peer_fails(peer->client, &lights, "Latched", "mesorig release");
         bus_peer_fails(peer->client, &lit, "Latched", "mesorig release");
         g_assert_true(is_dark(peer->bus));
@@ -183,10 +184,10 @@ static gpointer ask_in_thread(gpointer data) {
         asking->address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
     g_assert_no_error(error);
     /* The main loop answers this one, so that it has the connection before it is blocked. */
-    g_autoptr(GVariant) state = g_dbus_connection_call_sync(
-        connection, NULL, BUS_PATH, "org.freedesktop.DBus.Properties", "Get",
-        g_variant_new("(ss)", BUS_NAME, "State"), NULL, G_DBUS_CALL_FLAGS_NONE, 60000, NULL,
-        &error);
+    g_autoptr(GVariant) state =
+        g_dbus_connection_call_sync(connection, NULL, BUS_PATH, "org.freedesktop.DBus.Properties",
+                                    "Get", g_variant_new("(ss)", BUS_NAME, "State"), NULL,
+                                    G_DBUS_CALL_FLAGS_NONE, 60000, NULL, &error);
     g_assert_no_error(error);
     asking->answer =
         g_dbus_connection_call_sync(connection, NULL, BUS_PATH, BUS_NAME, "SafeState", NULL, NULL,
