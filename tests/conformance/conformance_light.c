@@ -10,6 +10,7 @@ struct bench {
     Laser *laser;
     Interlock *door;
     gboolean in_call;
+    gboolean overtaken; /* the "on" of lamp 0 may not be carried out */
     int n_events;
     int index[64];
     gboolean on[64];
@@ -18,7 +19,10 @@ struct bench {
 
 static void note(struct bench *bench, int index, gboolean on, const GError *error) {
     g_assert_false(bench->in_call);
-    g_assert_no_error(error);
+    if (bench->overtaken && index == 0 && on && error)
+        g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+    else
+        g_assert_no_error(error);
     g_assert_cmpint(bench->n_events, <, (int)G_N_ELEMENTS(bench->index));
     bench->index[bench->n_events] = index;
     bench->on[bench->n_events++] = on;
@@ -97,18 +101,26 @@ static void lamps_one_by_one(struct bench *bench) {
     }
 }
 
+/* "Off" may overtake what was not sent yet: the "on" of the same lamp is then not carried out. */
 static void lamps_in_order(struct bench *bench) {
-    int n = MIN(bench->bank->n, 16);
+    int n = MIN(bench->bank->n, 16), n_first = 0;
+    bench->overtaken = TRUE;
     for (int i = 0; i < n; i++)
         set_lamp(bench, i, TRUE);
     set_lamp(bench, 0, FALSE);
     conformance_wait(bench->clock, &bench->n_events, n + 1, 60);
-    for (int i = 0; i < n; i++) {
-        g_assert_cmpint(bench->index[i], ==, i);
+    bench->overtaken = FALSE;
+    for (int i = 0, last = 0; i <= n; i++) {
+        if (bench->index[i] == 0) {
+            g_assert_cmpint(bench->on[i], ==, n_first++ == 0);
+            continue;
+        }
+        g_assert_cmpint(bench->index[i], >, last);
+        last = bench->index[i];
         g_assert_true(bench->on[i]);
     }
-    g_assert_cmpint(bench->index[n], ==, 0);
-    g_assert_false(bench->on[n]);
+    g_assert_cmpint(n_first, ==, 2);
+    g_assert_false(lamps_is_on(bench->bank, 0));
     for (int i = 1; i < n; i++)
         g_assert_true(lamps_is_on(bench->bank, i));
     bench->n_events = 0;
@@ -240,6 +252,7 @@ static void laser_guarded(struct bench *bench) {
 
 /* The door opens between the command and its answer. */
 static void laser_guarded_late(struct bench *bench) {
+    bench->overtaken = TRUE;
     g_assert_true(laser_set(bench->laser, TRUE, NULL));
     interlock_report(bench->door, FALSE);
     conformance_wait(bench->clock, &bench->n_events, 2, 10);
