@@ -52,6 +52,10 @@ struct driver_info {
      * not fit each other, and faults of other files that they name. All sections of the rig file
      * are checked before any device is opened; a driver's open() need not check them again. */
     void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
+    /* May be NULL. Adds what the section needs for itself alone (char *, g_strdup()), in words that
+     * are the same in every section that needs the same: "coil 3 of unit 1 at tcp:10.0.0.2:502".
+     * Two sections that need the same are a mistake of the rig file. */
+    void (*needs)(gconstpointer options, GPtrArray *to);
 };
 
 /* What is known about a device after the command to switch off or to stop. */

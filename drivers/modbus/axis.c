@@ -1,3 +1,4 @@
+#include "address.h"
 #include "bus.h"
 #include "devices.h"
 #include "watchdog.h"
@@ -521,6 +522,13 @@ static void modbus_axis_check(gconstpointer given, const struct config_section *
     modbus_link_check(&priv->link, section, mistakes);
 }
 
+/* One drive may turn several axes, each by registers of its own. */
+static void modbus_axis_needs(gconstpointer given, GPtrArray *to) {
+    const struct modbus_axis *priv = given;
+    g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,
+                                          priv->link.bus, priv->link.unit));
+}
+
 /* Sets the drive up, and reads where it stands. */
 static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
@@ -569,7 +577,7 @@ static void modbus_axis_close_axis(Axis *axis) {
 const struct axis_driver modbus_axis_driver = {
     .info = {"axis", "modbus-axis",
              "A positioning drive on a Modbus line, described by its registers", options,
-             sizeof(struct modbus_axis), modbus_axis_check},
+             sizeof(struct modbus_axis), modbus_axis_check, modbus_axis_needs},
     .open = modbus_axis_open_axis,
     .close = modbus_axis_close_axis,
     .home = modbus_axis_home,

@@ -1,5 +1,9 @@
 #include "bus.h"
+
+#include "address.h"
 #include "line.h"
+
+#include <string.h>
 
 /* Time that a recovery of the line may take, beyond the limit of the job itself. */
 #define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
@@ -21,8 +25,9 @@ struct task {
 
 struct ModbusBus {
     int ref_count;
-    struct modbus_link link; /* a copy; its bus is key */
-    char *key;
+    struct modbus_link link; /* a copy */
+    char *key;               /* modbus_address_name() */
+    GHashTable *units; /* TCP: the locks of each unit that a section has, until all are closed */
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */
     GCond work, finished;
@@ -145,25 +150,44 @@ static void modbus_bus_free(ModbusBus *bus) {
         task_unref(task);
     g_list_free(bus->waiting);
     modbus_line_free(bus->line);
+    g_hash_table_unref(bus->units);
     g_mutex_clear(&bus->mutex);
     g_cond_clear(&bus->work);
     g_cond_clear(&bus->finished);
+    g_free(bus->link.bus);
     g_free(bus->key);
     g_free(bus);
 }
 
-static ModbusBus *modbus_bus_new(const struct modbus_link *link, GError **error) {
+/* Sections with the same unit share its lock. */
+static gboolean lock_unit(ModbusBus *bus, int unit, GError **error) {
+    if (!modbus_is_tcp(bus->link.bus) || g_hash_table_contains(bus->units, GINT_TO_POINTER(unit)))
+        return TRUE;
+    GPtrArray *locks = modbus_address_lock_unit(bus->link.bus, unit, error);
+    if (locks)
+        g_hash_table_insert(bus->units, GINT_TO_POINTER(unit), locks);
+    return locks != NULL;
+}
+
+static void free_locks(gpointer locks) {
+    g_ptr_array_unref(locks);
+}
+
+static ModbusBus *modbus_bus_new(const struct modbus_link *link, const char *key, GError **error) {
     ModbusBus *bus = g_new0(ModbusBus, 1);
     bus->ref_count = 1;
-    bus->key = g_strdup(link->bus);
+    bus->key = g_strdup(key);
     bus->link = *link;
-    bus->link.bus = bus->key;
+    bus->link.bus = g_strdup(link->bus);
+    bus->units = g_hash_table_new_full(NULL, NULL, NULL, free_locks);
     g_mutex_init(&bus->mutex);
     g_cond_init(&bus->work);
     g_cond_init(&bus->finished);
     bus->line = modbus_line_new(link, error);
     gint64 deadline = g_get_monotonic_time() + (gint64)(link->timeout_ms * 1000);
-    if (!bus->line || !modbus_line_connect(bus->line, deadline, error)) {
+    /* Locked first: a board that another daemon has is not even connected to. */
+    if (!bus->line || !lock_unit(bus, link->unit, error) ||
+        !modbus_line_connect(bus->line, deadline, error)) {
         modbus_bus_free(bus);
         return NULL;
     }
@@ -182,6 +206,11 @@ static gboolean same_settings(const struct modbus_link *a, const struct modbus_l
            a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
 }
 
+static gboolean is_same_line(const char *a, const char *b) {
+    g_autofree char *one = modbus_address_name(a), *two = modbus_address_name(b);
+    return strcmp(one, two) == 0;
+}
+
 void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
                        Mistakes *mistakes) {
     static const struct option table[] = {MODBUS_LINK_OPTIONS, {NULL}};
@@ -191,8 +220,8 @@ void modbus_link_check(const struct modbus_link *link, const struct config_secti
     for (gsize i = 0; i < n && &sections[i] != section; i++) {
         struct modbus_link other = {0};
         g_autoptr(Mistakes) theirs = mistakes_new();
-        if (sections[i].broken ||
-            g_strcmp0(config_value(&sections[i], "bus", NULL), link->bus) != 0 ||
+        const char *bus = config_value(&sections[i], "bus", NULL);
+        if (sections[i].broken || !bus || !is_same_line(bus, link->bus) ||
             !options_read(&(struct option_target){table, &other}, 1, &sections[i], any, theirs))
             continue;
         const gboolean same = same_settings(&other, link);
@@ -214,19 +243,20 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
         return NULL;
     if (!buses)
         buses = g_hash_table_new(g_str_hash, g_str_equal);
-    ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
-    if (bus && same_settings(&bus->link, link)) {
-        bus->ref_count++;
-        return bus;
-    }
-    if (bus) {
+    g_autofree char *key = modbus_address_name(link->bus);
+    ModbusBus *bus = g_hash_table_lookup(buses, key);
+    if (bus && !same_settings(&bus->link, link)) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "bus",
                          "another section opens %s with other settings; make baud, parity, "
                          "stop_bits, timeout_ms, late_ms and retries the same",
                          link->bus);
         return NULL;
     }
-    bus = modbus_bus_new(link, error);
+    if (bus && lock_unit(bus, link->unit, error)) {
+        bus->ref_count++;
+        return bus;
+    }
+    bus = bus ? NULL : modbus_bus_new(link, key, error);
     if (!bus) {
         int line;
         config_value(section, "bus", &line);
@@ -329,7 +359,7 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
         device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                          "%s unit %d: the line was busy for too long" ERROR_ADVICE
                          "check its cable",
-                         bus->key, link->unit);
+                         bus->link.bus, link->unit);
     } else if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
         done = FALSE;

@@ -1,5 +1,6 @@
 #include "line.h"
 
+#include "address.h"
 #include "serial.h"
 
 #include <errno.h>
@@ -27,7 +28,8 @@ const char *const modbus_parities[] = {"none", "even", "odd", NULL};
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;
-    int taken; /* a serial line's own descriptor, which keeps other programs off; -1: none */
+    Lock *lock; /* of a serial line; kept while the line is lost. NULL: TCP, or never connected */
+    int taken;  /* a serial line's own descriptor, which keeps other programs off; -1: none */
     gboolean connected;
     gboolean ever_connected;
     gboolean owed; /* the answer to an earlier request may still come */
@@ -39,7 +41,7 @@ struct modbus_line {
 };
 
 static gboolean is_tcp(const struct modbus_line *line) {
-    return g_str_has_prefix(line->link.bus, "tcp:");
+    return modbus_is_tcp(line->link.bus);
 }
 
 static void set_timeout(struct modbus_line *line, gint64 us) {
@@ -100,10 +102,25 @@ void modbus_line_free(struct modbus_line *line) {
     if (!line)
         return;
     modbus_line_disconnect(line);
+    lock_release(line->lock);
     if (line->context)
         modbus_free(line->context);
     g_free(line->link.bus);
     g_free(line);
+}
+
+/* An adapter that was plugged in again may be another device of the kernel. A port that is not
+ * there needs no lock: it cannot be opened. */
+static gboolean lock_serial(struct modbus_line *line, GError **error) {
+    g_autofree char *key = lock_key_of_node("serial", line->link.bus);
+    if (!key || (line->lock && strcmp(lock_key(line->lock), key) == 0))
+        return TRUE;
+    Lock *lock = lock_take(key, LOCK_ALONE, line->link.bus, error);
+    if (!lock)
+        return FALSE;
+    lock_release(line->lock);
+    line->lock = lock;
+    return TRUE;
 }
 
 /* Returns -1 and sets errno on failure. */
@@ -123,7 +140,16 @@ static int open_serial(struct modbus_line *line) {
     return done;
 }
 
+static void back_off(struct modbus_line *line) {
+    line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
+    line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+}
+
 static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
+    if (!is_tcp(line) && !lock_serial(line, error)) {
+        back_off(line);
+        return FALSE;
+    }
     gint64 now = g_get_monotonic_time();
     gboolean quick = line->effort == MODBUS_ONCE && ++line->n_quick % PATIENT_EVERY != 0;
     set_timeout(line, quick ? MIN(deadline_us - now, QUICK_CONNECT_US) : deadline_us - now);
@@ -139,8 +165,7 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     }
     int why = errno;
     /* If a host name is unknown, libmodbus leaves errno at 0 or at that of its last attempt. */
-    line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
-    line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+    back_off(line);
     if (why == EWOULDBLOCK && !is_tcp(line)) {
         g_autofree char *holder = modbus_serial_holder(line->link.bus);
         const gboolean daemon = holder && g_str_has_prefix(holder, "mesorigd ");

@@ -1,3 +1,4 @@
+#include "address.h"
 #include "bus.h"
 #include "devices.h"
 #include "watchdog.h"
@@ -245,6 +246,18 @@ static void modbus_relays_check(gconstpointer given, const struct config_section
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
+/* A laser has no n before it is opened. */
+static void modbus_relays_needs(gconstpointer given, GPtrArray *to) {
+    const struct relays *relays = given;
+    for (int i = 0; i < MAX(relays->n, 1); i++) {
+        g_ptr_array_add(to, modbus_address_of("coil", relays->first_coil + i, relays->link.bus,
+                                              relays->link.unit));
+        if (relays->pulse_coil >= 0)
+            g_ptr_array_add(to, modbus_address_of("coil", relays->pulse_coil + i, relays->link.bus,
+                                                  relays->link.unit));
+    }
+}
+
 static gboolean relays_open(struct relays *relays, const struct device *device,
                             void (*lost)(gpointer device, GError *error), GError **error) {
     relays->device = device;
@@ -317,7 +330,7 @@ static void modbus_relays_close_lamps(LampBank *bank) {
 
 const struct lamps_driver modbus_relays_driver = {
     .info = {"lamps", "modbus-relays", "Lamps on the coils of a Modbus relay board", lamps_options,
-             sizeof(struct relays), modbus_relays_check},
+             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
     .open = modbus_relays_open_lamps,
     .close = modbus_relays_close_lamps,
     .set = set_lamp,
@@ -367,7 +380,7 @@ static void modbus_relays_close_laser(Laser *laser) {
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
-             sizeof(struct relays), modbus_relays_check},
+             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
     .open = modbus_relays_open_laser,
     .close = modbus_relays_close_laser,
     .set = set_laser,

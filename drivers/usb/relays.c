@@ -301,6 +301,23 @@ static struct board *board_enter(const struct device *device, struct usb_relays 
     return NULL;
 }
 
+/* n 0: all from the first one on. */
+static void usb_relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
+    g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
+    const int end = n ? relays->first + n : MAX_RELAYS + 1;
+    for (int i = relays->first; i < end; i++)
+        g_ptr_array_add(to, g_strdup_printf("relay %d of %s", i, board));
+}
+
+static void usb_relays_lamps_need(gconstpointer given, GPtrArray *to) {
+    const struct usb_relays *relays = given;
+    usb_relays_need(relays, relays->n, to);
+}
+
+static void usb_relays_laser_needs(gconstpointer given, GPtrArray *to) {
+    usb_relays_need(given, 1, to);
+}
+
 #define FIELD(name) G_STRUCT_OFFSET(struct usb_relays, name)
 
 /* clang-format off */
@@ -366,7 +383,7 @@ static void usb_relays_close_lamps(LampBank *bank) {
 
 const struct lamps_driver usb_relays_driver = {
     .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
-             lamps_options, sizeof(struct usb_relays)},
+             lamps_options, sizeof(struct usb_relays), NULL, usb_relays_lamps_need},
     .open = usb_relays_open_lamps,
     .close = usb_relays_close_lamps,
     .set = lamps_switch,
@@ -419,7 +436,7 @@ static void usb_relays_close_laser(Laser *laser) {
 
 const struct laser_driver usb_relay_laser_driver = {
     .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
-             laser_options, sizeof(struct usb_relays)},
+             laser_options, sizeof(struct usb_relays), NULL, usb_relays_laser_needs},
     .open = usb_relays_open_laser,
     .close = usb_relays_close_laser,
     .set = laser_switch,

@@ -569,6 +569,11 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
             accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }
 
+static void usb_tic_needs(gconstpointer given, GPtrArray *to) {
+    const struct tic *tic = given;
+    g_ptr_array_add(to, usb_words("Tic", tic->serial, tic->path));
+}
+
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     axis->motion = tic->motion;
@@ -587,7 +592,7 @@ static void usb_tic_close_axis(Axis *axis) {
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
-             options, sizeof(struct tic), usb_tic_check},
+             options, sizeof(struct tic), usb_tic_check, usb_tic_needs},
     .open = usb_tic_open_axis,
     .close = usb_tic_close_axis,
     .home = usb_tic_home,
