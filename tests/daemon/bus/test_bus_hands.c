@@ -397,6 +397,58 @@ static void test_deaf(void) {
     bus_peer_free(peer);
 }
 
+static gboolean has_unsafe(const Bus *bus) {
+    return *bus_rig1_get_unsafe(bus->object) != NULL;
+}
+
+static gboolean has_none_unsafe(const Bus *bus) {
+    return !has_unsafe(bus);
+}
+
+static void assert_health(const struct bus_peer *peer, const char *device, const char *begins) {
+    GVariant *devices = bus_rig1_get_devices(peer->bus->object);
+    for (gsize i = 0; i < g_variant_n_children(devices); i++) {
+        const char *class_name, *name, *driver, *health;
+        g_variant_get_child(devices, i, "(&s&s&s&s)", &class_name, &name, &driver, &health);
+        if (strcmp(name, device) == 0 && !g_str_has_prefix(health, begins))
+            g_error("%s: “%s” and not “%s”", name, health, begins);
+    }
+}
+
+/* The device carries "on" out, its answer is lost, and then the line is dead for a while. */
+static void check_unheard(const char *section, const char *method, const char *device) {
+    const struct change changes[] = {{"[rig]", "clock = real"},
+                                     {section, "fault_unheard = 1"},
+                                     {section, "fault_dead_s = 4"},
+                                     {0}};
+    struct bus_peer *peer = bus_peer_open(changes);
+    const gboolean laser = strcmp(method, "SetLaser") == 0;
+    g_autofree char *shown =
+        g_strconcat(laser ? "laser " : "lamps ", laser ? device : "bank", NULL);
+    bus_peer_refused(peer, method, on(device), "DeviceTimeout", "no answer within");
+    g_assert_true(no_hands(peer->bus));
+    bus_peer_wait(peer, has_unsafe);
+    g_assert_cmpstr(bus_rig1_get_unsafe(peer->bus->object)[0], ==, shown);
+    assert_health(peer, laser ? device : "bank", "unsafe: ");
+    assert_has(peer->told->str, DEVICES_UNSAFE);
+    bus_peer_refused(peer, "CloseRig", NULL, "Busy", "has not confirmed that it is off");
+    bus_peer_refused(peer, "Start", g_variant_new("(ssa{sv})", peer->conf, peer->session, NULL),
+                     "Busy", "has not confirmed that it is off");
+    g_assert_true(has_unsafe(peer->bus)); /* it was so until here */
+    bus_peer_wait(peer, has_none_unsafe);
+    g_assert_true(is_dark(peer->bus->devices));
+    assert_health(peer, laser ? device : "bank", "off");
+    assert_has(peer->told->str, "confirmed off again");
+    bus_peer_tell(peer, method, on(device));
+    bus_peer_tell(peer, method, off(device));
+    bus_peer_free(peer);
+}
+
+static void test_unheard(void) {
+    check_unheard("[laser laser30]", "SetLaser", "laser30");
+    check_unheard("[lamps bank]", "SetLamp", "lamp30");
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     /* Faults of devices are told as warnings. */
@@ -412,5 +464,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/bus-hands/warming", test_warming);
     g_test_add_func("/bus-hands/gone-at-once", test_gone_at_once);
     g_test_add_func("/bus-hands/deaf", test_deaf);
+    g_test_add_func("/bus-hands/unheard", test_unheard);
     return g_test_run();
 }
