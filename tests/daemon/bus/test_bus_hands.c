@@ -430,17 +430,17 @@ static void check_unheard(const char *section, const char *method, const char *d
     bus_peer_wait(peer, has_unsafe);
     g_assert_cmpstr(bus_rig1_get_unsafe(peer->bus->object)[0], ==, shown);
     assert_health(peer, laser ? device : "bank", "unsafe: ");
-    assert_has(peer->told->str, DEVICES_UNSAFE);
     bus_peer_refused(peer, "CloseRig", NULL, "Busy", "has not confirmed that it is off");
+    assert_has(peer->told->str, DEVICES_UNSAFE);
     bus_peer_refused(peer, "Start", g_variant_new("(ssa{sv})", peer->conf, peer->session, NULL),
                      "Busy", "has not confirmed that it is off");
     g_assert_true(has_unsafe(peer->bus)); /* it was so until here */
     bus_peer_wait(peer, has_none_unsafe);
     g_assert_true(is_dark(peer->bus->devices));
     assert_health(peer, laser ? device : "bank", "off");
-    assert_has(peer->told->str, "confirmed off again");
     bus_peer_tell(peer, method, on(device));
     bus_peer_tell(peer, method, off(device));
+    assert_has(peer->told->str, "confirmed off again");
     bus_peer_free(peer);
 }
 
