@@ -1,4 +1,12 @@
 #include "lib/modbus_bench.h"
+#include "lib/skip.h"
+
+#include <net/if.h>
+#include <sched.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 /* "Off" and "stop" on a Modbus line that fails: what was carried out without an answer is undone
  * once the line works again, and they go before whatever waits. */
@@ -235,6 +243,61 @@ static void not_fed(struct bench *bench, gconstpointer unused) {
     g_assert_cmpint(bench_state(bench).requests - requests, <=, 4);
 }
 
+/* Plugs the network cable in or out, in a network of this process alone. */
+static gboolean plug(gboolean in) {
+    struct ifreq request = {.ifr_name = "lo", .ifr_flags = in ? IFF_UP : 0};
+    int any = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    gboolean ok = ioctl(any, SIOCSIFFLAGS, &request) == 0;
+    close(any);
+    return ok;
+}
+
+static gboolean enter_network(void) {
+    return unshare(CLONE_NEWUSER | CLONE_NEWNET) == 0 && plug(TRUE);
+}
+
+static void cable_child(void) {
+    if (!g_test_subprocess())
+        return;
+    struct bench bench;
+    g_assert_true(enter_network());
+    bench_begin(&bench, NULL);
+    bench_open_laser(&bench, "coil = 9\n");
+    laser_set(bench.laser, TRUE, NULL);
+    bench_expect(&bench, TRUE);
+    g_assert_true(plug(FALSE));
+    laser_set(bench.laser, FALSE, NULL);
+    wait_errors(&bench, 1);
+    conformance_pass(bench.clock, 7);
+    g_assert_true(bench_state(&bench).coils[9]);
+    g_assert_cmpint(laser_light(bench.laser), ==, LIGHT_UNSAFE);
+    g_assert_cmpint(bench_state(&bench).connections, ==, 1);
+    g_assert_true(plug(TRUE));
+    g_print("safe %.2f s after the cable was plugged in", bench_wait_safe(&bench));
+    g_assert_false(bench_state(&bench).coils[9]);
+    g_assert_cmpint(bench_state(&bench).connections, ==, 2);
+    g_print(", dark\n");
+    bench_end(&bench, NULL);
+}
+
+/* The network's cable is unplugged for seven seconds. The connection would come back only when the
+ * kernel repeats its packets, with pauses of up to as long as the cable was out: the line makes a
+ * new one. */
+static void cable(void) {
+    int status = 0;
+    pid_t probe = fork();
+    if (probe == 0)
+        _exit(!enter_network());
+    g_assert_cmpint(waitpid(probe, &status, 0), ==, probe);
+    if (status != 0) {
+        test_skip_or_fail("no name spaces of networks");
+        return;
+    }
+    g_test_trap_subprocess("/modbus/dark/tcp/cable/child", 0, G_TEST_SUBPROCESS_INHERIT_STDERR);
+    g_test_trap_assert_passed();
+    g_test_trap_assert_stdout("*dark*");
+}
+
 static const struct {
     const char *name;
     void (*run)(struct bench *bench, gconstpointer unused);
@@ -264,5 +327,7 @@ int main(int argc, char **argv) {
         g_test_add(path, struct bench, GINT_TO_POINTER(rtu), bench_begin, tests[i / 2].run,
                    bench_end);
     }
+    g_test_add_func("/modbus/dark/tcp/cable", cable);
+    g_test_add_func("/modbus/dark/tcp/cable/child", cable_child);
     return g_test_run();
 }
