@@ -34,6 +34,7 @@ struct job {
     struct synthesis_options options;
     struct synthesis_result result;
     struct index_map *map;
+    OutputFile *to; /* written */
 };
 
 /* The file to write: with the session's lock, if it is among its products. */
@@ -51,7 +52,8 @@ static gboolean synthesize_write(struct job *job, const struct work *work, GErro
         g_strdup_printf("synthesize --size %dx%d --method %s --seed %u", o->width, o->height,
                         synthesis_names[o->method], o->seed);
     job->map = synthesis_of_session(job->session, MEMORY, o, work, &job->result, error);
-    return job->map && index_map_write(job->written, job->map, error) &&
+    const char *path = job->map ? output_file_path(job->to, error) : NULL;
+    return path && output_file_end(job->to, index_map_write(path, job->map, error), error) &&
            session_add_product_file(
                job->written, o->method == SYNTHESIS_TILEABLE ? "synthesize --tileable" : made_by,
                error);
@@ -61,8 +63,10 @@ static gboolean synthesize_work(const struct work *work, gpointer data, GError *
     struct job *job = data;
     g_autofree char *lock_path = NULL;
     job->written = synthesize_output(job->session, error);
-    const int lock = job->written ? file_lock_take_output(job->written, &lock_path, error) : -1;
-    const gboolean ok = lock >= 0 && synthesize_write(job, work, error);
+    job->to = job->written ? cli_output(job->written, "index", error) : NULL;
+    const gboolean locks = job->to && !output_file_streams(job->to);
+    const int lock = locks ? file_lock_take_output(job->written, &lock_path, error) : -1;
+    const gboolean ok = job->to && (!locks || lock >= 0) && synthesize_write(job, work, error);
     file_lock_give(lock, lock_path);
     return ok;
 }
@@ -104,6 +108,7 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
             "neighbours in the sample\n",
             100.0 * seams->seams / seams->pairs, seams->seam / seams->inside);
     record_double(to, "real_s", seconds);
+    cli_tell_output(to, job->to);
 }
 
 /* FALSE: *ret_code. */
@@ -150,6 +155,7 @@ static int synthesize_run(const struct call *call, GError **error) {
         synthesize_tell(call->record, &job, seconds);
     index_map_free(job.map);
     g_free(job.written);
+    output_file_free(job.to);
     return code;
 }
 
@@ -160,6 +166,7 @@ const struct command textures_synthesize = {
                 "  mesorig synthesize weave.session --tileable -o tile.exr\n",
     .help = "Make a larger material from a sample, as a map of its texels.",
     .options = entries,
+    .writes = TRUE,
     .streams = TRUE,
     .min = 1,
     .max = 1,
