@@ -168,8 +168,8 @@ static int run_plan(const struct call *call, GError **error) {
         return CLI_FAILED;
     }
     g_autoptr(OutputFile) drawing = NULL;
-    if (!plan_check_order(rig, session, error) ||
-        (curve && !(drawing = cli_output(curve, "plot", error))))
+    if ((curve && !(drawing = cli_output(curve, "plot", error))) ||
+        !plan_check_order(rig, session, error))
         return CLI_FAILED;
     g_autoptr(Link) link = offline ? NULL : link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
