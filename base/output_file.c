@@ -11,6 +11,7 @@
 #include <zlib.h>
 
 #include "data_error.h"
+#include "file_lock.h"
 #include "new_file.h"
 
 #define KIND "mesorig.kind"
@@ -33,6 +34,8 @@ struct OutputFile {
     char *folder;       /* in which it is written; NULL before output_file_path() */
     char *written;      /* in folder */
     char *note;
+    int lock; /* −1: none */
+    char *lock_path;
 };
 
 static gboolean output_file_fail(const char *path, GError **error) {
@@ -223,7 +226,28 @@ OutputFile *output_file_new(const char *path, const char *kind, gboolean force, 
     g_autoptr(OutputFile) file = g_new0(OutputFile, 1);
     file->path = g_strdup(path);
     file->kind = g_strdup(kind);
+    file->lock = -1;
     return output_file_decide(file, force, error) ? g_steal_pointer(&file) : NULL;
+}
+
+OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
+                                   GError **error) {
+    g_autoptr(OutputFile) before = output_file_new(path, kind, force, error);
+    g_autofree char *lock_path = NULL;
+    if (!before || before->found == FOUND_STREAM)
+        return g_steal_pointer(&before);
+    const int lock = file_lock_take_output(before->target, &lock_path, error);
+    if (lock < 0)
+        return NULL;
+    /* The previous holder of the lock may have written the file. */
+    OutputFile *file = output_file_new(path, kind, force, error);
+    if (!file) {
+        file_lock_give(lock, lock_path);
+        return NULL;
+    }
+    file->lock = lock;
+    file->lock_path = g_steal_pointer(&lock_path);
+    return file;
 }
 
 gboolean output_file_check(const char *path, const char *kind, gboolean force, GError **error) {
@@ -238,6 +262,8 @@ void output_file_free(OutputFile *file) {
         g_unlink(file->written);
     if (file->folder)
         g_rmdir(file->folder);
+    file_lock_give(file->lock, file->lock_path);
+    g_free(file->lock_path);
     g_free(file->path);
     g_free(file->target);
     g_free(file->kind);

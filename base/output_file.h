@@ -30,6 +30,11 @@ typedef struct OutputFile OutputFile;
  * is DATA_ERROR_EXISTS or DATA_ERROR_IO and names path; nothing has been changed. */
 OutputFile *output_file_new(const char *path, const char *kind, gboolean force, GError **error);
 
+/* The same, and keeps other programs that ask so from writing the file until output_file_free():
+ * G_IO_ERROR_BUSY (file_lock.h). Removes the unfinished files that killed writers left. */
+OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
+                                   GError **error);
+
 /* Removes what was written, unless output_file_end() has delivered it. NULL is ignored. */
 void output_file_free(OutputFile *file);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(OutputFile, output_file_free)

@@ -1,8 +1,6 @@
 /* compress: a BTF, encoded by one of the codecs. */
 #include "compress.h"
 
-#include "base/file_lock.h"
-#include "base/new_file.h"
 #include "btf/btf_checkpoint.h"
 #include "command/work.h"
 #include "plan/report.h"
@@ -91,17 +89,11 @@ static char *cli_compress_output(const struct compress_asked *asked, GError **er
 
 static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
-    g_autofree char *lock_path = NULL;
     compress->written = cli_compress_output(compress->asked, error);
     compress->to = compress->written
-                       ? cli_output(compress->written, compress->asked->method.name, error)
+                       ? cli_output_locked(compress->written, compress->asked->method.name, error)
                        : NULL;
-    const gboolean locks = compress->to && !output_file_streams(compress->to);
-    const int lock = locks ? file_lock_take_output(compress->written, &lock_path, error) : -1;
-    const gboolean ok =
-        compress->to && (!locks || lock >= 0) && compress_btf(compress, work, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    return compress->to && compress_btf(compress, work, error);
 }
 
 static void cli_compress_add_values(Record *to, const struct compress *compress, double seconds) {

@@ -1,5 +1,4 @@
 /* compress --method=mdf: the distances of a session in fewer bytes. */
-#include "base/file_lock.h"
 #include "command/work.h"
 #include "compress.h"
 #include "plan/report.h"
@@ -87,13 +86,8 @@ int compress_mdf(const struct compress_asked *asked, Record *to, GError **error)
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
-    g_autofree char *lock_path = NULL;
-    job.to = cli_output(asked->output, asked->method.mdf->kind, error);
-    const gboolean locks = job.to && !output_file_streams(job.to);
-    const int lock = locks ? file_lock_take_output(asked->output, &lock_path, error) : -1;
-    const gboolean ok = job.to && (!locks || lock >= 0) &&
-                        cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
-    file_lock_give(lock, lock_path);
+    job.to = cli_output_locked(asked->output, asked->method.mdf->kind, error);
+    const gboolean ok = job.to && cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
     if (ok)
         cli_compress_mdf_tell(to, &job, seconds);
     output_file_free(job.to);

@@ -178,6 +178,10 @@ OutputFile *cli_output(const char *path, const char *kind, GError **error) {
     return output_file_new(path, kind, cli_force, error);
 }
 
+OutputFile *cli_output_locked(const char *path, const char *kind, GError **error) {
+    return output_file_new_locked(path, kind, cli_force, error);
+}
+
 void cli_tell_output(Record *to, const OutputFile *file) {
     record_boolean(to, "replaced", output_file_note(file) != NULL);
     if (output_file_note(file))

@@ -55,6 +55,8 @@ extern gboolean cli_force;   /* --force was given: an output may replace what is
 
 /* output_file_new() with --force: call it before long work. */
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
+/* The same with a lock: output_file_new_locked(). */
+OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
 /* Says whether the output has replaced a file. */
 void cli_tell_output(Record *to, const OutputFile *file);
 

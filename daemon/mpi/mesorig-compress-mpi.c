@@ -1,6 +1,5 @@
 /* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
  */
-#include "base/file_lock.h"
 #include "base/json.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
@@ -116,19 +115,10 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
  * of them; the kernel gives its lock back. */
 static gboolean mpi_compress_locked(const char *path, const struct team *team,
                                     enum lpca_quantise quantise, GError **error) {
-    g_autofree char *lock_path = NULL;
     g_autoptr(OutputFile) to = NULL;
-    int lock = -1;
-    if (team->rank == 0) {
-        if (!(to = output_file_new(output, "lpca", force, error)))
-            return FALSE;
-        if (!output_file_streams(to) &&
-            (lock = file_lock_take_output(output, &lock_path, error)) < 0)
-            return FALSE;
-    }
-    const gboolean ok = mpi_compress_compress(path, team, to, quantise, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    if (team->rank == 0 && !(to = output_file_new_locked(output, "lpca", force, error)))
+        return FALSE;
+    return mpi_compress_compress(path, team, to, quantise, error);
 }
 
 /* The launcher gives each process its rank in the environment; -1 if there is none. */

@@ -3,7 +3,6 @@
 
 #include <stdio.h>
 
-#include "base/file_lock.h"
 #include "command/work.h"
 #include "plan/report.h"
 #include "session/session.h"
@@ -61,14 +60,9 @@ static gboolean synthesize_write(struct job *job, const struct work *work, GErro
 
 static gboolean synthesize_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    g_autofree char *lock_path = NULL;
     job->written = synthesize_output(job->session, error);
-    job->to = job->written ? cli_output(job->written, "index", error) : NULL;
-    const gboolean locks = job->to && !output_file_streams(job->to);
-    const int lock = locks ? file_lock_take_output(job->written, &lock_path, error) : -1;
-    const gboolean ok = job->to && (!locks || lock >= 0) && synthesize_write(job, work, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    job->to = job->written ? cli_output_locked(job->written, "index", error) : NULL;
+    return job->to && synthesize_write(job, work, error);
 }
 
 static void synthesize_tell(Record *to, const struct job *job, double seconds) {

@@ -4,6 +4,7 @@
 #include "base/new_file.h"
 #include "base/output_file.h"
 #include "base/png_bytes.h"
+#include "lib/refusing.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
 
@@ -287,6 +288,29 @@ static void test_moves(void) {
     g_assert_false(g_file_test(in_top("folder"), G_FILE_TEST_EXISTS));
 }
 
+/* The same where renames cannot be told not to replace anything; with and without hard links. */
+static gpointer moves_bare(gpointer links) {
+    g_autoptr(GError) error = NULL;
+    struct new_file file;
+    refusing_begin(GPOINTER_TO_INT(links));
+    test_moves();
+    test_names();
+    test_meanwhile();
+    /* Space cannot be reserved: a write-only file then only gets its length. */
+    g_assert_true(new_file_begin(&file, top, "reserved"));
+    g_assert_true(new_file_reserve(&file, 1000));
+    g_assert_true(new_file_commit(&file, FALSE));
+    struct stat status;
+    g_assert_cmpint(stat(in_top("reserved"), &status), ==, 0);
+    g_assert_cmpint(status.st_size, ==, 1000);
+    return NULL;
+}
+
+static void test_bare(void) {
+    for (int links = 0; links < 2; links++)
+        g_thread_join(g_thread_new("bare", moves_bare, GINT_TO_POINTER(links)));
+}
+
 /* Each format with room for its kind is known again, and still what it was to its readers. */
 static void written_as(OutputFile *file, const char *kind, gboolean ok, GError *error) {
     g_assert_no_error(error);
@@ -369,6 +393,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/output_file/links", test_links);
     g_test_add_func("/output_file/meanwhile", test_meanwhile);
     g_test_add_func("/output_file/moves", test_moves);
+    g_test_add_func("/output_file/bare", test_bare);
     g_test_add_func("/output_file/formats", test_formats);
     const int result = g_test_run();
     remove_tree(top);
