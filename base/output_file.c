@@ -113,26 +113,32 @@ static gboolean output_file_is_png(const GByteArray *bytes) {
     return output_file_begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
 }
 
-/* In a PNG, an EXR or another file: the bytes that say its kind. A length is before those of a PNG,
- * and behind those of the others is no letter. */
+/* In a PNG, an EXR or another file: the bytes that say its kind. The first two have a length among
+ * them. */
 static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     GByteArray *mark = g_byte_array_new();
-    const guint32 length = GUINT32_TO_LE((guint32)strlen(kind));
+    const guint32 length = (guint32)strlen(kind);
     if (output_file_is_png(of)) {
+        const guint32 all = GUINT32_TO_BE(length + (guint32)sizeof KIND);
+        g_byte_array_append(mark, (const guint8 *)&all, sizeof all);
         g_byte_array_append(mark, (const guint8 *)"tEXt" KIND, sizeof "tEXt" KIND);
     } else if (output_file_begins(of, EXR_MAGIC)) {
+        const guint32 its = GUINT32_TO_LE(length);
         g_byte_array_append(mark, (const guint8 *)KIND "\0string", sizeof KIND "\0string");
-        g_byte_array_append(mark, (const guint8 *)&length, sizeof length);
+        g_byte_array_append(mark, (const guint8 *)&its, sizeof its);
     } else {
         g_byte_array_append(mark, (const guint8 *)KIND ": ", strlen(KIND ": "));
     }
-    g_byte_array_append(mark, (const guint8 *)kind, (guint)strlen(kind));
+    g_byte_array_append(mark, (const guint8 *)kind, length);
     return mark;
 }
 
+/* In a text no letter follows it. */
 static gboolean output_file_has(const GByteArray *bytes, const GByteArray *mark) {
+    const gboolean text = !output_file_is_png(bytes) && !output_file_begins(bytes, EXR_MAGIC);
     const guint8 *at = memmem(bytes->data, bytes->len, mark->data, mark->len);
-    return at && (at + mark->len == bytes->data + bytes->len || !g_ascii_isalnum(at[mark->len]));
+    const guint8 *next = at ? at + mark->len : NULL;
+    return at && (!text || next == bytes->data + bytes->len || !g_ascii_isalnum(*next));
 }
 
 /* Whether Mesorig has written the file as that kind. */
@@ -296,11 +302,9 @@ const char *output_file_path(OutputFile *file, GError **error) {
 
 /* A PNG with the kind behind its header. */
 static GByteArray *output_file_mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
-    GByteArray *ret = g_byte_array_sized_new((guint)n + chunk->len + 8);
-    const guint32 length = GUINT32_TO_BE(chunk->len - 4);
-    const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data, chunk->len));
+    GByteArray *ret = g_byte_array_new();
+    const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data + 4, chunk->len - 4));
     g_byte_array_append(ret, png, PNG_HEAD);
-    g_byte_array_append(ret, (const guint8 *)&length, sizeof length);
     g_byte_array_append(ret, chunk->data, chunk->len);
     g_byte_array_append(ret, (const guint8 *)&sum, sizeof sum);
     g_byte_array_append(ret, png + PNG_HEAD, (guint)n - PNG_HEAD);

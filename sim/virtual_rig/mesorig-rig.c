@@ -188,6 +188,10 @@ static int virtual_rig_main_run(void) {
     g_autoptr(VirtualRig) rig = error ? NULL
                                       : virtual_rig_new(virtual_path, (const char *const *)usb,
                                                         (const char *const *)u3v, &error);
+    /* Whoever has read that the file is there may end this program, which then removes it. */
+    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+    g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
+    g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
     if (!rig || !virtual_rig_main_write_file(rig, to, &error)) {
         g_printerr("mesorig-rig: %s\n", error->message);
         return 1;
@@ -196,10 +200,7 @@ static int virtual_rig_main_run(void) {
     struct virtual_camera_faults faults = {.loss = loss};
     virtual_rig_fail_cameras(rig, &faults);
     setvbuf(stdout, NULL, _IOLBF, 0);
-    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_autoptr(GDataInputStream) input = listen_to_input(rig);
-    g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
-    g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
     g_main_loop_run(loop);
     if (to && !output_file_streams(to))
         virtual_rig_main_remove_file();

@@ -341,6 +341,7 @@ static void test_formats(void) {
     g_autoptr(ExrFile) exr = exr_file_new();
     struct exr_part *part = exr_part_new("a", 2, 2, channels, EXR_FLOAT);
     exr_set_string(part, "mesorig.kind", "height");
+    exr_set_string(part, "mesorig.name", "a"); /* whose name follows the kind */
     exr_file_add(exr, part);
     written_as(file, "height",
                exr_write(output_file_path(file, &error), exr, EXR_ZIP, FALSE, &error), error);
