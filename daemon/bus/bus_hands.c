@@ -360,7 +360,10 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
                            "another client has %s on: try again when it is off", like->name);
-    if (hand && (hand->off_asked || hand->parked || (hand->invocation && !like->off_asked)))
+    /* An "off" may follow an "on" that is not answered yet, and join an "off" that no call waits
+     * for. */
+    const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
+    if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
                            "%s is busy with another call: try again when that is answered",
                            like->name);

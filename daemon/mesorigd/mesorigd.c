@@ -16,7 +16,7 @@
 struct daemon {
     GMainLoop *loop;
     Bus *bus;
-    GDBusServer *server;
+    BusServer *server;
     guint name_id, watchdog_id;
     gboolean was_owner;
     int exit_code;

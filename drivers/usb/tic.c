@@ -80,6 +80,8 @@ struct tic {
     gboolean asked;         /* a poll is under way */
     gboolean was_well;      /* a poll without errors has followed the last start */
     int n_started, n_asked; /* a poll sent before the last start proves nothing */
+    int n_commands;
+    GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
     gint64 fed_us, unfed_us; /* when its command timeout was reset; longest time without a reset */
     int timeout_ms;          /* its command timeout */
@@ -89,6 +91,11 @@ struct tic {
     double speed_deg_s; /* as set last */
     gboolean on_target; /* stands at target_steps, target_deg rounded to steps */
     double position_deg;
+};
+
+struct sent {
+    Axis *axis;
+    int command; /* which of n_commands it belongs to */
 };
 
 struct status {
@@ -148,6 +155,7 @@ static void usb_tic_let_go(Axis *axis) {
     clock_cancel(axis->device.clock, &tic->timer);
     g_clear_pointer(&tic->usb, usb_close);
     tic->asked = FALSE;
+    g_list_free_full(g_steal_pointer(&tic->sent), g_free);
 }
 
 /* Call it last: the listener may close the axis. Takes the error. */
@@ -171,18 +179,38 @@ static void usb_tic_on_lost(UsbDevice *usb, gpointer data) {
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                     gpointer user) {
-    Axis *axis = user;
+    const struct sent sent = *(struct sent *)user;
+    Axis *axis = sent.axis;
     struct tic *tic = axis->device.priv;
+    tic->sent = g_list_remove(tic->sent, user);
+    g_free(user);
+    if (sent.command != tic->n_commands)
+        return; /* of an earlier command, whose failure does not matter any more */
     /* Report only the first of several failures of the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
         usb_tic_fault(axis, g_error_copy(error));
+}
+
+/* Requests wait for those before them, which may not be answered. */
+static guint answer_ms(const struct tic *tic) {
+    for (const GList *l = tic->sent; l; l = l->next)
+        if (((const struct sent *)l->data)->command != tic->n_commands)
+            return 2 * ANSWER_MS;
+    return ANSWER_MS;
 }
 
 static gboolean send(Axis *axis, enum request request, gint32 value, GError **error) {
     struct tic *tic = axis->device.priv;
     struct usb_request out = {TYPE_OUT, (guint8)request, (guint16)((guint32)value & 0xffff),
                               (guint16)((guint32)value >> 16)};
-    return usb_control(tic->usb, &out, ANSWER_MS, on_sent, axis, error);
+    struct sent *sent = g_new0(struct sent, 1);
+    *sent = (struct sent){axis, tic->n_commands};
+    if (!usb_control(tic->usb, &out, answer_ms(tic), on_sent, sent, error)) {
+        g_free(sent);
+        return FALSE;
+    }
+    tic->sent = g_list_prepend(tic->sent, sent);
+    return TRUE;
 }
 
 static void ended(Axis *axis, enum axis_event event) {
@@ -321,7 +349,9 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     tic->asked = FALSE;
     if (tic->phase == STANDING && !tic->watched)
         return;
-    if (error) {
+    if (error && tic->n_asked != tic->n_started) {
+        usb_tic_wake(axis); /* it was sent before the last command */
+    } else if (error) {
         usb_tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
         usb_tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
@@ -350,7 +380,7 @@ static void usb_tic_on_timer(gpointer data) {
     tic->asked_us = clock_now_us(axis->device.clock);
     tic->n_asked = tic->n_started;
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
-        !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
+        !usb_control(tic->usb, &get_status, answer_ms(tic), on_status, axis, &error)) {
         tic->asked = FALSE;
         usb_tic_fault(axis, error);
     }
@@ -396,6 +426,7 @@ static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
+    tic->n_commands++;
     gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
     tic->speed_deg_s = 0; /* whatever it was before */
     if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
@@ -418,6 +449,7 @@ static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, 
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
             "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
+    tic->n_commands++;
     if (!send(axis, EXIT_SAFE_START, 0, error) || !usb_tic_set_speed(axis, speed_deg_s, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
         return FALSE;
@@ -439,6 +471,7 @@ static gboolean usb_tic_stop(Axis *axis, GError **error) {
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
     gboolean halts = tic->halts || tic->phase == HOMING;
+    tic->n_commands++;
     if (!send(axis, halts ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
         return FALSE;
     started(axis, STOPPING);

@@ -4,6 +4,9 @@
 #include "bus/bus_hands.h"
 
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include "lib/bus_peer.h"
 #include "lib/process.h"
@@ -354,6 +357,7 @@ static void test_warming(void) {
     /* The lease runs while the light warms up. */
     bus_peer_begin(peer->client, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2), &lights);
     bus_peer_fails(peer->client, &lights, "Cancelled", "call Renew");
+    bus_peer_tell(peer, "SetLaser", off("laser30")); /* which may be under way already */
     bus_peer_wait(peer, is_all_off);
     bus_peer_free(peer);
 }
@@ -383,6 +387,57 @@ static void test_gone_at_once(void) {
     bus_peer_free(peer);
 }
 
+static void append_call(GString *to, guint32 serial, const char *method, GVariant *parameters) {
+    g_autoptr(GError) error = NULL;
+    gsize size;
+    g_autoptr(GDBusMessage) message =
+        g_dbus_message_new_method_call(NULL, BUS_PATH, BUS_NAME, method);
+    g_dbus_message_set_body(message, parameters);
+    g_dbus_message_set_serial(message, serial);
+    g_autofree guchar *blob =
+        g_dbus_message_to_blob(message, &size, G_DBUS_CAPABILITY_FLAGS_NONE, &error);
+    g_assert_no_error(error);
+    g_string_append_len(to, (const char *)blob, (gssize)size);
+}
+
+/* Sends its name and its calls without waiting for an answer, and closes its side. */
+static int call_and_go(const char *address) {
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    g_autofree char *uid = g_strdup_printf("%u", (guint)getuid());
+    g_autoptr(GString) text = g_string_new_len("", 1);
+    g_string_append(text, "AUTH EXTERNAL ");
+    for (const char *c = uid; *c; c++)
+        g_string_append_printf(text, "%02x", (guint)*c);
+    g_string_append(text, "\r\nBEGIN\r\n");
+    append_call(text, 1, "SetLaser", on("laser30"));
+    append_call(text, 2, "SetLamp", on("lamp30"));
+    g_strlcpy(to.sun_path, address + strlen("unix:path="), sizeof to.sun_path);
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    g_assert_cmpint(connect(fd, (struct sockaddr *)&to, sizeof to), ==, 0);
+    g_assert_cmpint(write(fd, text->str, text->len), ==, (gssize)text->len);
+    shutdown(fd, SHUT_WR);
+    return fd;
+}
+
+/* A client connects, calls and closes while the main loop is busy. GDBus then reports the end of
+ * the connection before it passes the calls on. */
+static void test_gone_before_the_call(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    for (int i = 0; i < 10; i++) {
+        const int fd = call_and_go(peer->address);
+        for (int k = 0; k < 6; k++) { /* a busy loop, in which GDBus's threads come first */
+            g_usleep(20 * 1000);
+            while (g_main_context_iteration(NULL, FALSE))
+                ;
+        }
+        bus_peer_tell(peer, "Snap", picture("cam30", 4000));
+        bus_peer_wait(peer, is_all_off);
+        close(fd);
+    }
+    bus_peer_free(peer);
+}
+
 /* A laser that does not obey: whoever asked is told, and so is everybody. */
 static void test_deaf(void) {
     static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
@@ -394,6 +449,58 @@ static void test_deaf(void) {
         g_main_context_iteration(NULL, TRUE);
     g_test_message("%s", peer->told->str);
     bus_peer_free(peer);
+}
+
+static gboolean has_unsafe(const Bus *bus) {
+    return *bus_rig1_get_unsafe(bus->object) != NULL;
+}
+
+static gboolean has_none_unsafe(const Bus *bus) {
+    return !has_unsafe(bus);
+}
+
+static void assert_health(const struct bus_peer *peer, const char *device, const char *begins) {
+    GVariant *devices = bus_rig1_get_devices(peer->bus->object);
+    for (gsize i = 0; i < g_variant_n_children(devices); i++) {
+        const char *class_name, *name, *driver, *health;
+        g_variant_get_child(devices, i, "(&s&s&s&s)", &class_name, &name, &driver, &health);
+        if (strcmp(name, device) == 0 && !g_str_has_prefix(health, begins))
+            g_error("%s: “%s” and not “%s”", name, health, begins);
+    }
+}
+
+/* The device carries "on" out, its answer is lost, and then the line is dead for a while. */
+static void check_unheard(const char *section, const char *method, const char *device) {
+    const struct change changes[] = {{"[rig]", "clock = real"},
+                                     {section, "fault_unheard = 1"},
+                                     {section, "fault_dead_s = 4"},
+                                     {0}};
+    struct bus_peer *peer = bus_peer_open(changes);
+    const gboolean laser = strcmp(method, "SetLaser") == 0;
+    g_autofree char *shown =
+        g_strconcat(laser ? "laser " : "lamps ", laser ? device : "bank", NULL);
+    bus_peer_refused(peer, method, on(device), "DeviceTimeout", "no answer within");
+    g_assert_true(no_hands(peer->bus));
+    bus_peer_wait(peer, has_unsafe);
+    g_assert_cmpstr(bus_rig1_get_unsafe(peer->bus->object)[0], ==, shown);
+    assert_health(peer, laser ? device : "bank", "unsafe: ");
+    bus_peer_refused(peer, "CloseRig", NULL, "Busy", "has not confirmed that it is off");
+    assert_has(peer->told->str, DEVICES_UNSAFE);
+    bus_peer_refused(peer, "Start", g_variant_new("(ssa{sv})", peer->conf, peer->session, NULL),
+                     "Busy", "has not confirmed that it is off");
+    g_assert_true(has_unsafe(peer->bus)); /* it was so until here */
+    bus_peer_wait(peer, has_none_unsafe);
+    g_assert_true(is_dark(peer->bus->devices));
+    assert_health(peer, laser ? device : "bank", "off");
+    bus_peer_tell(peer, method, on(device));
+    bus_peer_tell(peer, method, off(device));
+    assert_has(peer->told->str, "confirmed off again");
+    bus_peer_free(peer);
+}
+
+static void test_unheard(void) {
+    check_unheard("[laser laser30]", "SetLaser", "laser30");
+    check_unheard("[lamps bank]", "SetLamp", "lamp30");
 }
 
 int main(int argc, char **argv) {
@@ -410,6 +517,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/bus-hands/lease", test_lease);
     g_test_add_func("/bus-hands/warming", test_warming);
     g_test_add_func("/bus-hands/gone-at-once", test_gone_at_once);
+    g_test_add_func("/bus-hands/gone-before-the-call", test_gone_before_the_call);
     g_test_add_func("/bus-hands/deaf", test_deaf);
+    g_test_add_func("/bus-hands/unheard", test_unheard);
     return g_test_run();
 }
