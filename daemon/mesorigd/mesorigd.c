@@ -63,8 +63,9 @@ static int safe_state(const char *path) {
         return mesorigd_fail(error);
     }
     const gboolean guarded = guardian_await(path);
-    const gboolean safe = safe_work_once(state);
-    if (!safe && service && !guarded && safe_state_n(state) > 0)
+    gboolean hope;
+    const gboolean safe = safe_work_once(state, &hope);
+    if (service && hope && !guarded)
         guardian_leave(path);
     return safe ? 0 : 1;
 }

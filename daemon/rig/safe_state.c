@@ -325,6 +325,9 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
         set_text(ret_text, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
     if (safe)
         result = repaired.doubts->len ? SAFE_TRY_NEVER : SAFE_TRY_SAFE;
+    else if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_BUSY) && other != 0 &&
+             lock_is_daemon(other))
+        result = SAFE_TRY_OTHER;
     else
         result = error->domain == DEVICE_ERROR ? SAFE_TRY_AGAIN : SAFE_TRY_NEVER;
     g_string_free(repaired.text, TRUE);

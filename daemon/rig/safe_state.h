@@ -29,6 +29,7 @@ gboolean safe_state_is_simulated(const SafeState *state);
 enum safe_try {
     SAFE_TRY_SAFE,  /* it was read back: off, or standing */
     SAFE_TRY_AGAIN, /* it failed; another try may succeed */
+    SAFE_TRY_OTHER, /* a mesorigd has it open: as long as that lives, it is its business */
     SAFE_TRY_NEVER, /* its section is wrong, so that no other try can succeed */
 };
 

@@ -32,6 +32,7 @@ enum fate { OPEN, SAFE, GIVEN_UP };
 /* A device. */
 struct task {
     enum fate fate;
+    gboolean hope; /* it is not safe, but another try may make it so */
     gboolean told; /* that it is not safe */
     char *text;    /* what is known of it; NULL: nothing yet */
 };
@@ -154,10 +155,11 @@ static void work_line(SafeWork *work, const struct line *line, gint64 life_us, i
             if (!is_of(work, i, line))
                 continue;
             report.result = safe_state_try(work->state, i, pass == 0, report.text);
-            if (report.result != SAFE_TRY_AGAIN)
+            const gboolean again =
+                report.result == SAFE_TRY_AGAIN || report.result == SAFE_TRY_OTHER;
+            if (!again)
                 work->tasks[i].fate = SAFE; /* in this process: it is done with */
-            if ((report.result != SAFE_TRY_AGAIN || pass == 1 || late) &&
-                write(fd, &report, sizeof report) != sizeof report)
+            if ((!again || pass == 1 || late) && write(fd, &report, sizeof report) != sizeof report)
                 g_printerr("mesorigd: %s\n", report.text);
         }
     }
@@ -208,11 +210,16 @@ static void take_report(SafeWork *work, struct report *report) {
         return;
     struct task *task = &work->tasks[report->task];
     const gboolean tired = work->until == SAFE_UNTIL_TIRED;
-    const gboolean again = report->result == SAFE_TRY_AGAIN && !(tired && report->last);
+    /* A daemon that has just been killed may still have its devices: another one is only believed
+     * to have one when the time is over. */
+    const gboolean again =
+        report->last ? report->result == SAFE_TRY_AGAIN && !tired
+                     : report->result == SAFE_TRY_AGAIN || report->result == SAFE_TRY_OTHER;
 
     report->text[SAFE_STATE_TEXT - 1] = '\0';
     g_free(task->text);
     task->text = g_strdup(report->text);
+    task->hope = report->result == SAFE_TRY_AGAIN;
     if (!again)
         task->fate = report->result == SAFE_TRY_SAFE ? SAFE : GIVEN_UP;
     if (again && (tired || (task->told && !report->last)))
@@ -231,6 +238,7 @@ static void note_crash(SafeWork *work, const struct line *line) {
             continue;
         if (work->until == SAFE_UNTIL_TIRED)
             task->fate = GIVEN_UP;
+        task->hope = TRUE;
         g_free(task->text);
         task->text = g_strdup_printf(
             "%s: NOT safe: its driver has crashed, or has not ended within "
@@ -382,12 +390,15 @@ char *safe_work_unsafe(const SafeWork *work) {
     return g_string_free(text, FALSE);
 }
 
-gboolean safe_work_once(const SafeState *state) {
+gboolean safe_work_once(const SafeState *state, gboolean *ret_hope) {
     SafeWork *work = safe_work_new(state, SAFE_UNTIL_TIRED, 0);
 
     while (safe_work_run(work, NULL, 0, -1))
         continue;
     const gboolean safe = safe_work_is_safe(work);
+    *ret_hope = FALSE;
+    for (int i = 0; i < safe_state_n(state); i++)
+        *ret_hope |= work->tasks[i].hope;
     safe_work_free(work);
     return safe;
 }

@@ -17,8 +17,9 @@
 typedef struct SafeWork SafeWork;
 
 enum safe_until {
-    SAFE_UNTIL_TIRED,        /* until 5 s have passed; says of each device what has come of it */
-    SAFE_UNTIL_SAFE,         /* until every device is safe */
+    SAFE_UNTIL_TIRED, /* until 5 s have passed; says of each device what has come of it */
+    SAFE_UNTIL_SAFE,  /* until every device is safe, or left to another mesorigd that has had it
+                         open for repeat_s */
     SAFE_UNTIL_SAFE_QUIETLY, /* the same, but says nothing of a device that never failed */
 };
 
@@ -40,5 +41,6 @@ gboolean safe_work_is_safe(const SafeWork *work);
 /* What is known of the devices that are not safe yet, with "; " between them; g_free(). */
 char *safe_work_unsafe(const SafeWork *work);
 
-/* SAFE_UNTIL_TIRED from beginning to end. TRUE if every device was read back and is safe. */
-gboolean safe_work_once(const SafeState *state);
+/* SAFE_UNTIL_TIRED from beginning to end. TRUE if every device was read back and is safe. ret_hope:
+ * whether there is a device that is not safe, and that another try may make safe. */
+gboolean safe_work_once(const SafeState *state, gboolean *ret_hope);

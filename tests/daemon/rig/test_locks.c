@@ -1,5 +1,6 @@
 /* One daemon has a device at a time: two daemons on the same boards and lines, which are virtual
  * ones; programs that make a rig safe beside a daemon; and a daemon that follows a killed one. */
+#include "lib/find_guardian.h"
 #include "lib/lines.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -182,6 +183,19 @@ static void test_service(struct fixture *fixture, gconstpointer unused) {
     g_assert_true(is_lit(fixture, BANK));
     assert_has(said, "laser top: NOT safe: ");
     assert_has(said, line);
+
+    /* By another name of the rig file: no guardian is left for what another daemon has. */
+    g_autofree char *other = g_strconcat(fixture->rig, ".other", NULL);
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(fixture->rig, &text, NULL, NULL));
+    g_assert_true(g_file_set_contents(other, text, -1, NULL));
+    g_autofree char *left =
+        process_text(1, (const char *[]){"/usr/bin/env", "SERVICE_RESULT=exit-code", MESORIGD,
+                                         "--safe-state", other, NULL});
+    assert_has(left, "laser top: NOT safe: ");
+    g_assert_cmpint(find_guardian(other), ==, 0);
+    g_assert_true(is_lit(fixture, LASER));
+
     stop_daemon(fixture, SIGKILL);
     g_autofree char *after =
         process_text(0, (const char *[]){"/usr/bin/env", "SERVICE_RESULT=signal", MESORIGD,
