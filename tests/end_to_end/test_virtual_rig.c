@@ -173,6 +173,7 @@ static void abandoned(void) {
             assert_has(mishap.out, "wrote 1 to 0, but it reads back as 0");
         g_subprocess_force_exit(daemon);
         g_subprocess_wait(daemon, NULL, NULL);
+        end_guardian(path);
         virtual_rig_free(mishap.rig);
         g_object_unref(mishap.capture);
         g_free(mishap.out);

@@ -1,5 +1,7 @@
 #include "find_guardian.h"
 
+#include <signal.h>
+
 pid_t find_guardian(const char *rig) {
     g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
     const char *name;
@@ -16,4 +18,9 @@ pid_t find_guardian(const char *rig) {
             return (pid_t)g_ascii_strtoll(name, NULL, 10);
     }
     return 0;
+}
+
+void end_guardian(const char *rig) {
+    for (pid_t guardian; (guardian = find_guardian(rig)) != 0; g_usleep(10000))
+        kill(guardian, SIGKILL);
 }

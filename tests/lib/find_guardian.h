@@ -7,3 +7,7 @@
 
 /* Its process id, or 0. */
 pid_t find_guardian(const char *rig);
+
+/* Kills it. A test calls this when its devices are gone: the guardian would look for them forever.
+ */
+void end_guardian(const char *rig);

@@ -51,6 +51,8 @@ static void stop_daemon(struct fixture *fixture, int signal) {
 static void tear_down(struct fixture *fixture, gconstpointer unused) {
     if (fixture->daemon)
         stop_daemon(fixture, SIGTERM);
+    end_guardian(fixture->rig);
+    end_guardian(fixture->other_rig);
     lines_close(&fixture->lines);
     remove_tree(fixture->folder);
     g_free(fixture->folder);

@@ -48,15 +48,6 @@ static void set_up_serial_laser(struct fixture *fixture, gconstpointer data) {
     lines_write(&fixture->lines);
 }
 
-/* Some devices do not answer any more. */
-static void end_guardian(struct fixture *fixture) {
-    pid_t guardian;
-    while ((guardian = find_guardian(fixture->rig))) {
-        kill(guardian, SIGKILL);
-        g_usleep(10000);
-    }
-}
-
 static void tear_down(struct fixture *fixture, gconstpointer data) {
     g_clear_object(&fixture->client);
     if (fixture->daemon) {
@@ -64,7 +55,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
         g_subprocess_wait(fixture->daemon, NULL, NULL);
         g_object_unref(fixture->daemon);
     }
-    end_guardian(fixture);
+    end_guardian(fixture->rig);
     lines_close(&fixture->lines);
     remove_tree(fixture->folder);
     g_free(fixture->folder);
