@@ -123,7 +123,7 @@ static const struct call_case {
     /* Other programs. */
     {"../mesorig-view", "small.session --render view.png --size 40x30 --light-theta-deg 12.5",
      AGAIN_OWN},
-    {"../mesorig-view", "small.session --render light.exr --size 40x30 --lamp 0.5 --json",
+    {"../mesorig-view", "small.session --render light.exr --size 40x30 --light-brightness 0.5 --json",
      AGAIN_OWN},
     {"../mesorig-trace",
      "scene.gltf -o trace.png --exr trace.exr --lamp 12.5,0.5 --size 20x15 --samples 2 --json",

@@ -157,7 +157,7 @@ static void test_usage(void) {
     };
     struct output output = {0};
     runs(2, &output, NULL);
-    assert_has(output.out, "Commands:");
+    assert_has(output.out, "\nCapture a session:\n");
     run_steps(NULL, &output, steps);
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
         runs(0, &output, "--help");
