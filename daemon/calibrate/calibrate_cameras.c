@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
      "The lens model: polynomial, rational or fisheye (default: by evidence with --images, else as "
-     "in the rig file or --from)",
+     "in the rig file or of -c)",
      "MODEL"},
     {NULL},
 };

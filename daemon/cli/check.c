@@ -90,9 +90,12 @@ static void tell_energy(Record *to, const struct energy *e) {
     record_int(to, "reciprocal_pairs", e->pairs);
     record_double(to, "asymmetry", e->asymmetry);
     record_double(to, "texel_asymmetry", e->texel_asymmetry);
-    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s (views to %.0f°)\n",
-               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "",
-               e->covered_deg);
+    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s", least,
+               e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "");
+    if (e->n_views == 1)
+        record_say(to, " (from one view, taken for all)\n");
+    else
+        record_say(to, " (views to %.0f°)\n", e->covered_deg);
     if (e->pairs == 0)
         record_say(to, "reciprocity  no pair of directions was measured both ways\n");
     else

@@ -1,4 +1,5 @@
 /* export points, height, normals: the surface of a session's material. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "formats/export_surface.h"
@@ -120,15 +121,15 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
     record_double(record, "real_s", seconds);
     if (what == EXPORT_POINTS)
         record_say(record,
-                   "%s: %" G_GINT64_FORMAT " points; %d views saw %" G_GINT64_FORMAT
+                   "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
                    ", and points that several views saw were merged into one\n",
-                   output, result->points, result->n_views, result->seen);
+                   output, result->points, PLURAL(result->n_views, "view"), result->seen);
     else
         record_say(record,
-                   "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "
+                   "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d holes, %d with "
                    "structure below structure\n",
-                   output, result->points, result->texels, result->n_views, result->holes,
-                   result->stacked);
+                   output, result->points, result->texels, PLURAL(result->n_views, "view"),
+                   result->holes, result->stacked);
     cli_tell_output(record, to);
     return CLI_DONE;
 }

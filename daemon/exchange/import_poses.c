@@ -1,5 +1,6 @@
 /* import poses: pictures with a table of poses, of rigs that others have built. */
 #include "formats/import_poses.h"
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "formats/nominal.h"
@@ -60,9 +61,10 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
     record_int(to, "not_numbers", result->not_numbers);
     record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d views, %d lights, %d laser positions, %d frames in %s; “mesorig process” "
+               "%s: %d %s, %d %s, %d laser %s, %d %s in %s; “mesorig process” "
                "makes BTF and MDF\n",
-               output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
+               output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), time);
     if (result->n_missing > 0)
         record_say(
             to,
