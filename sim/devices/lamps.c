@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "line.h"
 #include "part.h"
 #include "world/world_private.h"
 
@@ -7,6 +8,7 @@ struct sim_lamps {
     char **names, **fault_dead;
     double latency_ms;
     int fault_dead_after;
+    struct sim_line line;
 
     World *world;
     int *lamps;     /* index in the world of each lamp of the bank */
@@ -17,7 +19,7 @@ struct sim_lamps {
 struct pending {
     LampBank *bank;
     int index;
-    gboolean on;
+    gboolean on, unheard;
     guint timer;
 };
 
@@ -34,6 +36,7 @@ static const struct option options[] = {
      "Fault: these lamps give no light, though their switches answer"},
     {"fault_dead_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_dead_after),
      "Fault: how often a lamp of fault_dead still lights before it dies; 0: dead from the start"},
+    SIM_LINE_OPTIONS(FIELD(line)),
     {NULL},
 };
 
@@ -58,13 +61,18 @@ static void sim_lamps_on_switched(gpointer data) {
     g_queue_remove(&sim->pending, pending);
     g_free(pending);
     switch_lamps(done.bank, done.index, done.on);
-    lamps_report(done.bank, done.index, done.on, NULL);
+    if (!done.unheard)
+        lamps_report(done.bank, done.index, done.on, NULL);
 }
 
 static gboolean sim_lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
     struct sim_lamps *sim = bank->device.priv;
+    const enum sim_fate fate = sim_line_send(&sim->line, bank->device.clock);
+    if (fate == SIM_DEAD)
+        return TRUE;
     struct pending *pending = g_new0(struct pending, 1);
     pending->bank = bank;
+    pending->unheard = fate == SIM_UNHEARD;
     pending->index = index;
     pending->on = on;
     pending->timer = clock_call_in(bank->device.clock, (gint64)(sim->latency_ms * 1000),
@@ -145,6 +153,10 @@ static void sim_lamps_close_lamps(LampBank *bank) {
     }
     switch_lamps(bank, -1, FALSE);
     sim_lamps_clear(sim);
+}
+
+gint64 sim_lamps_dead_until_us(const LampBank *bank) {
+    return ((const struct sim_lamps *)bank->device.priv)->line.dead_until_us;
 }
 
 const struct lamps_driver sim_lamps_driver = {

@@ -1,4 +1,5 @@
 #include "devices.h"
+#include "line.h"
 #include "part.h"
 #include "world/world.h"
 
@@ -7,6 +8,7 @@ struct sim_laser {
     double warm_up_ms, latency_ms;
     gboolean fault_stays_on;
     int fault_deaf;
+    struct sim_line line;
 
     World *world;
     int laser;
@@ -17,7 +19,7 @@ struct sim_laser {
 
 struct pending {
     Laser *laser;
-    gboolean on;
+    gboolean on, unheard;
     guint timer;
 };
 
@@ -36,6 +38,7 @@ static const struct option options[] = {
      "Fault: once on, the laser stays on, though it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
      "Fault: number of commands to switch off that the laser neither obeys nor answers"},
+    SIM_LINE_OPTIONS(FIELD(line)),
     {NULL},
 };
 
@@ -52,7 +55,8 @@ static void sim_laser_on_switched(gpointer data) {
     sim->on = done.on;
     if (done.on || !sim->fault_stays_on)
         sim_laser_shine(sim, done.on);
-    laser_report(done.laser, done.on, NULL);
+    if (!done.unheard)
+        laser_report(done.laser, done.on, NULL);
 }
 
 static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
@@ -61,8 +65,12 @@ static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
         sim->n_deaf++;
         return TRUE;
     }
+    const enum sim_fate fate = sim_line_send(&sim->line, laser->device.clock);
+    if (fate == SIM_DEAD)
+        return TRUE;
     struct pending *pending = g_new0(struct pending, 1);
     pending->laser = laser;
+    pending->unheard = fate == SIM_UNHEARD;
     pending->on = on;
     pending->timer = clock_call_in(laser->device.clock, (gint64)(sim->latency_ms * 1000),
                                    sim_laser_on_switched, pending);
@@ -126,6 +134,10 @@ static void sim_laser_close_laser(Laser *laser) {
     }
     sim_laser_shine(sim, FALSE);
     g_clear_pointer(&sim->world, world_unref);
+}
+
+gint64 sim_laser_dead_until_us(const Laser *laser) {
+    return ((const struct sim_laser *)laser->device.priv)->line.dead_until_us;
 }
 
 const struct laser_driver sim_laser_driver = {

@@ -250,9 +250,13 @@ void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct su
     }
     rtcInitIntersectContext(&context);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    for (int first = 0; first < rays.n; first += PACKET) {
+    /* Embree looks at the lanes behind the last ray, too, and may assert on what is in them. */
+    const int n_all = rays.n;
+    while (rays.n % PACKET != 0)
+        add_shadow_ray(&rays, points[0].p, light, 0);
+    for (int first = 0; first < n_all; first += PACKET) {
         _Alignas(64) int valid[PACKET];
-        int n_rays = MIN(PACKET, rays.n - first);
+        int n_rays = MIN(PACKET, n_all - first);
         for (int i = 0; i < PACKET; i++)
             valid[i] = i < n_rays ? -1 : 0;
         struct RTCRay16 *packet = &rays.packets[first / PACKET];
