@@ -288,8 +288,8 @@ static void client_hear(const struct bus_clients *clients, const struct client *
     g_autofree char *text = body ? g_variant_print(body, FALSE) : g_strdup("");
     g_autofree char *neutral = disk_neutral(disk, text);
     if (type == G_DBUS_MESSAGE_TYPE_SIGNAL) {
-        disk_say(disk, "client %d hears %s %08x", client->number,
-                 g_dbus_message_get_member(message), g_str_hash(neutral));
+        disk_say(disk, "client %d hears %s %08x%s", client->number,
+                 g_dbus_message_get_member(message), g_str_hash(neutral), g_getenv("DBG") ? neutral : "");
         return;
     }
     const int at = find_call(clients, client->number, g_dbus_message_get_reply_serial(message));

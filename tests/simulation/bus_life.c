@@ -109,17 +109,6 @@ GVariant *__wrap_preparer_finish(GAsyncResult *result, GError **error) {
     return g_task_propagate_pointer(G_TASK(result), error);
 }
 
-struct devices *__real_devices_open(const char *rig_path, GError **error);
-struct devices *__wrap_devices_open(const char *rig_path, GError **error);
-
-/* Threads hold the clock of every rig while they work. */
-struct devices *__wrap_devices_open(const char *rig_path, GError **error) {
-    struct devices *devices = __real_devices_open(rig_path, error);
-    if (devices)
-        clock_set_lockstep(devices->clock);
-    return devices;
-}
-
 static GLogWriterOutput say_log(GLogLevelFlags level, const GLogField *fields, gsize n,
                                 gpointer data) {
     struct scene *scene = data;
@@ -147,7 +136,7 @@ static void serving_turn(struct serving *serving, gboolean sleeps) {
 static void serving_run(struct serving *serving, gint64 until_us) {
     const struct disk *disk = &serving->scene->disk;
     held_time_set_limit(until_us);
-    while (disk->ended_us < until_us || held_time_is_held())
+    while (disk->ended_us < until_us)
         serving_turn(serving, TRUE);
 }
 
@@ -185,7 +174,7 @@ void bus_life(struct scene *scene, const struct bus_schedule *schedule) {
         g_error("simulate: %s", error->message);
     disk_use(&scene->disk);
     scene->disk.active = TRUE;
-    held_time_begin(&scene->disk, &serving.bus->holds_clock);
+    held_time_begin(&scene->disk);
     serving.clients = bus_clients_new(scene, server);
     serving.owners = bus_owners_new(scene, schedule, serving.bus, serving.clients);
     if (!bus_open_rig(serving.bus, rig, &error))

@@ -1,14 +1,20 @@
 #include "held_time.h"
 
+#include <dirent.h>
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
 
 #define MAX_FDS     256
 #define MAX_THREADS 4
-#define WORK_MS     1000 /* really: how long the main loop sleeps while a thread works */
+#define LOOK_NS     20000 /* really: between two looks at threads that work */
 
 /* A thread that is not the main loop's, and what it waits for. */
 struct waiter {
@@ -18,10 +24,8 @@ struct waiter {
 };
 
 static struct disk *timed; /* NULL: poll() is the library's */
-static const gboolean *idle_hold;
 static pthread_t main_thread;
 static gint64 limit;
-static gint holds; /* atomic: of the rig's clock */
 static void (*feed)(gpointer data);
 static gpointer feed_data;
 
@@ -41,9 +45,8 @@ static int real_poll(struct pollfd *fds, nfds_t n, int timeout_ms) {
     return real(fds, n, timeout_ms);
 }
 
-void held_time_begin(struct disk *disk, const gboolean *is_idle) {
+void held_time_begin(struct disk *disk) {
     main_thread = pthread_self();
-    idle_hold = is_idle;
     limit = disk->ended_us;
     timed = disk;
 }
@@ -57,23 +60,72 @@ void held_time_set_feeder(void (*func)(gpointer data), gpointer data) {
     feed_data = data;
 }
 
-void __real_clock_hold(Clock *clock);
-void __wrap_clock_hold(Clock *clock);
-void __real_clock_release(Clock *clock);
-void __wrap_clock_release(Clock *clock);
+gboolean __real_g_thread_pool_push(GThreadPool *pool, gpointer data, GError **error);
+gboolean __wrap_g_thread_pool_push(GThreadPool *pool, gpointer data, GError **error);
+void __real_g_async_queue_push(GAsyncQueue *queue, gpointer data);
+void __wrap_g_async_queue_push(GAsyncQueue *queue, gpointer data);
 
-void __wrap_clock_hold(Clock *clock) {
-    g_atomic_int_inc(&holds);
-    __real_clock_hold(clock);
+/* Reads a file of /proc without the simulated disk. FALSE: it has gone. */
+static gboolean read_proc(const char *thread, const char *name, char *ret, gsize size) {
+    char path[96];
+    g_snprintf(path, sizeof path, "/proc/self/task/%s/%s", thread, name);
+    const int fd = (int)syscall(SYS_open, path, O_RDONLY | O_CLOEXEC);
+    const ssize_t n = fd < 0 ? -1 : syscall(SYS_read, fd, ret, size - 1);
+    if (fd >= 0)
+        syscall(SYS_close, fd);
+    ret[MAX(n, 0)] = '\0';
+    return n > 0;
 }
 
-void __wrap_clock_release(Clock *clock) {
-    g_atomic_int_add(&holds, -1);
-    __real_clock_release(clock);
+/* Whether all other threads sleep; a thread that has been woken counts as running. ret: how often
+ * they have run. */
+static gboolean all_sleep(guint64 *ret_ran) {
+    DIR *threads = opendir("/proc/self/task");
+    gboolean all = threads != NULL;
+    const pid_t self = (pid_t)syscall(SYS_gettid);
+    *ret_ran = 0;
+    for (const struct dirent *entry; all && (entry = readdir(threads));) {
+        char stat[512], runs[96];
+        if (*entry->d_name == '.' || atoi(entry->d_name) == self ||
+            !read_proc(entry->d_name, "stat", stat, sizeof stat) ||
+            !read_proc(entry->d_name, "schedstat", runs, sizeof runs))
+            continue;
+        const char *name_end = strrchr(stat, ')'), *last = strrchr(runs, ' ');
+        all = name_end && name_end[2] == 'S';
+        *ret_ran += last ? g_ascii_strtoull(last, NULL, 10) : 0;
+    }
+    if (threads)
+        closedir(threads);
+    return all;
 }
 
-gboolean held_time_is_held(void) {
-    return g_atomic_int_get(&holds) > (*idle_hold ? 1 : 0);
+/* Until all other threads sleep. One may wake another while they are looked at: none must have run
+ * between two looks. */
+static void wait_for_work(void) {
+    guint64 ran, before = 0;
+    gboolean slept = FALSE;
+    while (timed && pthread_equal(pthread_self(), main_thread)) {
+        const gboolean sleep = all_sleep(&ran);
+        if (sleep && slept && ran == before)
+            return;
+        slept = sleep;
+        before = ran;
+        if (!sleep)
+            nanosleep(&(const struct timespec){0, LOOK_NS}, NULL);
+    }
+}
+
+/* What the main loop gives to a thread of the rig's (the cameras' and those that write frames) is
+ * done before the main loop goes on. */
+gboolean __wrap_g_thread_pool_push(GThreadPool *pool, gpointer data, GError **error) {
+    const gboolean given = __real_g_thread_pool_push(pool, data, error);
+    wait_for_work();
+    return given;
+}
+
+void __wrap_g_async_queue_push(GAsyncQueue *queue, gpointer data) {
+    __real_g_async_queue_push(queue, data);
+    wait_for_work();
 }
 
 /* With the lock. */
@@ -140,8 +192,6 @@ static int poll_main(struct pollfd *fds, nfds_t n, int timeout_ms) {
     }
     if (ready != 0 || timeout_ms == 0)
         return ready;
-    if (held_time_is_held())
-        return real_poll(fds, n, WORK_MS);
     const gint64 left_us = MAX(limit - timed->ended_us, 0);
     timed->ended_us += timeout_ms < 0 ? left_us : MIN((gint64)timeout_ms * 1000, left_us);
     return 0;
