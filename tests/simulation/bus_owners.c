@@ -156,7 +156,7 @@ static gboolean call_ends(const struct bus_call *call, const struct bus_call *ea
 }
 
 /* A call wants light from its sending until its lease ends, its client goes, or another ends it;
- * motion, until it is answered. */
+ * motion, until it is answered. Who does not read may have been answered at any time. */
 static gboolean call_wants(const struct bus_owners *owners, const struct bus_call *call) {
     const gint64 now = owners_now_us(owners);
     const gboolean answered = call->answered_us >= 0;
@@ -164,8 +164,9 @@ static gboolean call_wants(const struct bus_owners *owners, const struct bus_cal
         return FALSE;
     if (call_moves(call))
         return !answered;
-    return answered ? (double)(now - call->answered_us) <= call->for_s * 1e6
-                    : now - call->sent_us <= LIGHT_ANSWER_US + latency_us(owners);
+    const gint64 from_us =
+        answered ? call->answered_us : call->sent_us + LIGHT_ANSWER_US + latency_us(owners);
+    return (double)(now - from_us) <= MAX(call->for_s, 0) * 1e6;
 }
 
 /* Without Release, what is sent after the answer to SafeState counts as one. */
