@@ -15,6 +15,10 @@
 /* Below the resolution of any drive, above the rounding error of sums of angles. */
 #define SAME_DEG 1e-9
 
+/* Pauses between two attempts to stop an axis that has not confirmed that it stands. */
+#define FIRST_PAUSE_US 100000
+#define MAX_PAUSE_US   300000
+
 enum activity { IDLE, HOMING, MOVING };
 
 /* Reports of a turn that are kept: a frame may arrive seconds after its exposure. */
@@ -30,7 +34,9 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
-    gboolean doubt; /* it may still turn: it did not stop, or its last motion ended in a fault */
+    gboolean doubt;  /* it should stand, but has not confirmed it: its last motion ended in a fault,
+                        or a stop has failed. The class stops it until it has confirmed */
+    gboolean unsafe; /* with doubt: a stop has failed */
     gboolean driver_moves; /* the driver has not reported yet; FALSE while settling */
     gboolean stopping;
     gboolean
@@ -38,6 +44,9 @@ struct axis_state {
     gboolean another_leg;
     double target_deg; /* target of the present leg, in the angle that the driver counts */
     guint deadline, settle;
+    guint retry;       /* the pause before the next attempt to stop it */
+    gint64 pause_us;   /* its length */
+    gboolean retrying; /* IDLE, and the class waits for the answer to an attempt */
     /* axis_turn() */
     gboolean turning;
     double turned_from_deg, turn_speed_deg_s;
@@ -122,6 +131,7 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
 static void cancel_timers(Axis *axis) {
     clock_cancel(axis->device.clock, &axis->state->deadline);
     clock_cancel(axis->device.clock, &axis->state->settle);
+    clock_cancel(axis->device.clock, &axis->state->retry);
 }
 
 void axis_close(Axis *axis) {
@@ -139,13 +149,42 @@ void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
     axis->state->data = data;
 }
 
+static void axis_on_retry(gpointer data);
+
+/* A stop has failed: tries again after a pause. */
+static void axis_not_stopped(Axis *axis, const GError *error) {
+    struct axis_state *state = axis->state;
+    state->doubt = state->unsafe = TRUE;
+    state->retrying = FALSE;
+    cancel_timers(axis);
+    state->pause_us = state->pause_us ? MIN(2 * state->pause_us, MAX_PAUSE_US) : FIRST_PAUSE_US;
+    state->retry = clock_call_in(axis->device.clock, state->pause_us, axis_on_retry, axis);
+    device_report_safety(&axis->device, error);
+}
+
+static void axis_stands(Axis *axis) {
+    struct axis_state *state = axis->state;
+    cancel_timers(axis);
+    state->doubt = state->unsafe = state->retrying = FALSE;
+    state->pause_us = 0;
+    device_report_safety(&axis->device, NULL);
+}
+
 /* Call it last: the listener may close the axis. */
 static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
+    const gboolean stop_failed = state->stopping || state->unsafe;
     cancel_timers(axis);
     state->activity = IDLE;
     state->driver_moves = state->stopping = state->turning = FALSE;
-    state->doubt = event == AXIS_FAULT;
+    if (event != AXIS_FAULT) {
+        axis_stands(axis);
+    } else if (stop_failed) {
+        axis_not_stopped(axis, error);
+    } else {
+        state->doubt = TRUE;
+        state->retry = clock_call_in(axis->device.clock, 0, axis_on_retry, axis);
+    }
     if (state->func)
         state->func(axis, event, error, state->data);
 }
@@ -156,9 +195,9 @@ static void axis_do_fault(Axis *axis, const GError *error) {
 }
 
 static const char *activity_name(const Axis *axis) {
-    return axis->state->stopping             ? "stopping"
-           : axis->state->activity == HOMING ? "homing"
-                                             : "moving";
+    return axis->state->stopping || axis->state->retrying ? "stopping"
+           : axis->state->activity == HOMING              ? "homing"
+                                                          : "moving";
 }
 
 static void axis_on_deadline(gpointer data) {
@@ -168,10 +207,10 @@ static void axis_on_deadline(gpointer data) {
         DEVICE_ERROR_TIMEOUT, axis->device.who,
         "still %s at its deadline, last seen at %.3f°" ERROR_ADVICE "check drive and cable",
         activity_name(axis), axis->driver->position(axis));
-    /* The answer does not matter: the position is unknown in any case. */
-    axis->state->driver_moves = FALSE;
-    axis->driver->stop(axis, NULL);
-    axis_do_fault(axis, error);
+    if (axis->state->retrying)
+        axis_not_stopped(axis, error);
+    else
+        axis_do_fault(axis, error);
 }
 
 static void set_deadline(Axis *axis, double predicted_s) {
@@ -180,6 +219,30 @@ static void set_deadline(Axis *axis, double predicted_s) {
     state->deadline = clock_call_in(axis->device.clock,
                                     axis_to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
                                     axis_on_deadline, axis);
+}
+
+/* The attempts that the class makes. */
+static void axis_on_retry(gpointer data) {
+    Axis *axis = data;
+    struct axis_state *state = axis->state;
+    g_autoptr(GError) error = NULL;
+    state->retry = 0;
+    if (state->activity == IDLE)
+        state->retrying = TRUE;
+    else
+        state->stopping = TRUE; /* the driver has refused to stop this motion */
+    if (axis->driver->stop(axis, &error)) {
+        set_deadline(axis, axis->motion.speed_deg_s / axis->motion.accel_deg_s2);
+        return;
+    }
+    state->stopping = FALSE;
+    axis_not_stopped(axis, error);
+}
+
+/* Before another command, which decides instead. */
+static void axis_drop_retry(Axis *axis) {
+    axis->state->retrying = FALSE;
+    cancel_timers(axis);
 }
 
 static gboolean axis_check_idle(const Axis *axis, GError **error) {
@@ -192,14 +255,17 @@ static gboolean axis_check_idle(const Axis *axis, GError **error) {
 gboolean axis_home(Axis *axis, GError **error) {
     struct axis_state *state = axis->state;
     const struct axis_motion *motion = &axis->motion;
-    if (!axis_check_idle(axis, error))
+    if (!axis_check_idle(axis, error) || !device_ask_permit(&axis->device, error))
         return FALSE;
     state->homed = FALSE;
     state->activity = HOMING;
     state->driver_moves = TRUE;
+    axis_drop_retry(axis);
     if (!axis->driver->home(axis, error)) {
         state->activity = IDLE;
         state->driver_moves = FALSE;
+        if (state->doubt)
+            state->retry = clock_call_in(axis->device.clock, state->pause_us, axis_on_retry, axis);
         return FALSE;
     }
     double way = motion->wraps ? 360 : motion->max_deg - motion->min_deg;
@@ -241,7 +307,7 @@ static gboolean axis_check_move(const Axis *axis, double target_deg, GError **er
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
                                 "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
                                 motion->max_deg);
-    return TRUE;
+    return device_ask_permit(&axis->device, error);
 }
 
 gboolean axis_move(Axis *axis, double target_deg, GError **error) {
@@ -374,9 +440,12 @@ gboolean axis_stop(Axis *axis, GError **error) {
         axis_settle(axis, 0);
         return TRUE;
     }
-    if (!axis->driver->stop(axis, error)) {
+    GError *failed = NULL;
+    axis_drop_retry(axis);
+    if (!axis->driver->stop(axis, &failed)) {
         state->stopping = FALSE;
-        state->doubt = TRUE;
+        axis_not_stopped(axis, failed);
+        g_propagate_error(error, failed);
         return FALSE;
     }
     state->slack_unknown = TRUE;
@@ -407,9 +476,9 @@ gboolean axis_is_homed(const Axis *axis) {
 
 enum device_safety axis_safety(const Axis *axis) {
     const struct axis_state *state = axis->state;
-    if (state->activity != IDLE)
-        return state->doubt && !state->stopping ? DEVICE_UNSAFE : DEVICE_TOLD;
-    return state->doubt ? DEVICE_UNSAFE : DEVICE_SAFE;
+    return state->unsafe                             ? DEVICE_UNSAFE
+           : state->doubt || state->activity != IDLE ? DEVICE_TOLD
+                                                     : DEVICE_SAFE;
 }
 
 gboolean axis_is_moving(const Axis *axis) {
@@ -432,9 +501,14 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     if (event == AXIS_FAULT) {
         if (!owned)
             owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "a fault");
-        axis_do_fault(axis, owned);
+        if (state->retrying)
+            axis_not_stopped(axis, owned);
+        else if (state->activity != IDLE || !state->doubt) /* else it was reported before */
+            axis_do_fault(axis, owned);
         return;
     }
+    if (state->retrying)
+        axis_stands(axis);
     if (!state->driver_moves)
         return;
     if (event == AXIS_HOMED && state->activity == HOMING) {
@@ -444,7 +518,7 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     } else if (event == AXIS_STOPPED && state->stopping) {
         axis_end(axis, AXIS_STOPPED, NULL);
     } else if (event == AXIS_ARRIVED && state->activity == MOVING) {
-        if (state->stopping) {
+        if (state->stopping || state->doubt) {
             axis_end(axis, AXIS_STOPPED, NULL);
         } else if (!state->another_leg) {
             axis_settle(axis, axis->motion.settle_ms / 1000);

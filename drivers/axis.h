@@ -1,6 +1,10 @@
 /*
  * An axis: turntable, light arc, laser sweep. Positions are degrees; a linear stage says in its
  * options how many millimetres a degree stands for.
+ *
+ * An axis that should stand is stopped until the device has reported that it stands: after a stop
+ * that failed or was not answered in time, and after a motion that ended in a fault, in which the
+ * device may still turn. These repetitions are not reported to the listener.
  */
 #pragma once
 
@@ -60,8 +64,8 @@ struct axis_driver {
     struct driver_info info;
     /* Connects and fills axis->motion; moves nothing. */
     gboolean (*open)(Axis *axis, GError **error);
-    /* Stops the axis if it moves, and releases the device. Called once for every open() that
-     * succeeded. */
+    /* Stops the axis if it moves, trying once, and releases the device. Called once for every
+     * open() that succeeded. */
     void (*close)(Axis *axis);
     /* Starts; the driver ends it by axis_report() once, having arrived in the positive direction.
      */
@@ -76,7 +80,9 @@ struct axis_driver {
     gboolean (*turn)(Axis *axis, double target_deg, double speed_deg_s, GError **error);
     /* Stops now. The driver ends the move or homing under way by axis_report(AXIS_STOPPED). It does
      * the same for an axis that already stands, or that another program has set off, once it sees
-     * that the axis stands. */
+     * that the axis stands, and AXIS_FAULT if it could not be stopped. "Stop" must not wait for a
+     * motion that has not been sent. A driver does not repeat a stop that failed; the class does.
+     */
     gboolean (*stop)(Axis *axis, GError **error);
     /* The position that the device last reported. Never blocks. */
     double (*position)(Axis *axis);
@@ -102,6 +108,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
 /* Sets the one listener that receives the events. */
 void axis_listen(Axis *axis, AxisFunc func, gpointer data);
 
+/* Homing, moves and turns need a permit (device_set_permit()). */
 gboolean axis_home(Axis *axis, GError **error);
 
 /* Takes up backlash. Refuses, before anything moves: an axis that is not homed or busy, a target
@@ -140,15 +147,17 @@ gboolean axis_stop(Axis *axis, GError **error);
 gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
-enum device_safety axis_safety(const Axis *axis); /* whether it stands */
+/* Whether it stands. DEVICE_TOLD: it moves, or an answer to "stop" is due; DEVICE_UNSAFE: "stop"
+ * has failed. */
+enum device_safety axis_safety(const Axis *axis);
 /* TRUE until the event of the motion was delivered, settling included. */
 gboolean axis_is_moving(const Axis *axis);
 double axis_position_deg(Axis *axis);
 
 /* For drivers: reports how a homing, move or stop has ended. Call it from the main loop's thread,
  * not from within home() or move(). Takes ownership of error (NULL except for AXIS_FAULT). A report
- * that nobody waits for is ignored, except AXIS_FAULT. The listener may close the axis: do not
- * touch it afterwards. */
+ * that nobody waits for is ignored, except AXIS_FAULT of an axis that stood. The listener may close
+ * the axis: do not touch it afterwards. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
 /* For drivers, in a turn: where the axis was, at a time on the Clock's scale. Reports out of order

@@ -27,6 +27,7 @@ gboolean device_check_real_clock(const struct device *device, GError **error) {
                             "%s is real and keeps real time; set clock = real in [rig]",
                             device->info->name);
 }
+
 gboolean device_init(struct device *device, const struct driver_info *info,
                      const struct config_section *section, const char *const *also, Clock *clock,
                      GError **error) {
@@ -59,9 +60,55 @@ gboolean device_init(struct device *device, const struct driver_info *info,
     return TRUE;
 }
 
+void device_set_permit(struct device *device, DevicePermit permit, gpointer data) {
+    device->permit = permit;
+    device->permit_data = data;
+}
+
+gboolean device_ask_permit(const struct device *device, GError **error) {
+    return !device->permit || device->permit(device, device->permit_data, error);
+}
+
+gboolean device_is_unsafe(const struct device *device) {
+    return device->unsafe != NULL;
+}
+
+/* The function may close the device. */
+static void device_on_tell(gpointer data) {
+    struct device *device = data;
+    device->tell = 0;
+    if (device->told_unsafe == device_is_unsafe(device))
+        return;
+    device->told_unsafe = device_is_unsafe(device);
+    if (device->watch)
+        device->watch(device, device->unsafe, device->watch_data);
+}
+
+static void device_tell_later(struct device *device) {
+    if (device->tell == 0 && device->told_unsafe != device_is_unsafe(device))
+        device->tell = clock_call_in(device->clock, 0, device_on_tell, device);
+}
+
+void device_watch_safety(struct device *device, DeviceSafetyFunc func, gpointer data) {
+    device->watch = func;
+    device->watch_data = data;
+    device->told_unsafe = FALSE;
+    device_tell_later(device);
+}
+
+void device_report_safety(struct device *device, const GError *unsafe) {
+    if (!unsafe)
+        g_clear_error(&device->unsafe);
+    else if (!device->unsafe)
+        device->unsafe = g_error_copy(unsafe);
+    device_tell_later(device);
+}
+
 void device_clear(struct device *device) {
     if (!device || !device->info)
         return;
+    clock_cancel(device->clock, &device->tell);
+    g_clear_error(&device->unsafe);
     options_clear(device->info->options, device->priv);
     g_clear_pointer(&device->priv, g_free);
     g_clear_pointer(&device->name, g_free);

@@ -52,14 +52,38 @@ struct driver_info {
      * not fit each other, and faults of other files that they name. All sections of the rig file
      * are checked before any device is opened; a driver's open() need not check them again. */
     void (*check)(gconstpointer options, const struct config_section *section, Mistakes *mistakes);
+    /* May be NULL. Adds what the section needs for itself alone (char *, g_strdup()), in words that
+     * are the same in every section that needs the same: "coil 3 of unit 1 at tcp:10.0.0.2:502".
+     * Two sections that need the same are a mistake of the rig file. */
+    void (*needs)(gconstpointer options, GPtrArray *to);
 };
 
 /* What is known about a device after the command to switch off or to stop. */
 enum device_safety {
     DEVICE_SAFE,   /* it has confirmed the last command; drivers read the state back */
-    DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise */
+    DEVICE_UNSAFE, /* it refused, did not answer in time, or says otherwise; the class sends the
+                      command again until the device has confirmed it */
     DEVICE_TOLD,   /* it has not answered yet */
 };
+
+/* Whether there is light, as far as it is known. */
+enum light {
+    LIGHT_OFF,    /* the last "off" was confirmed, and no "on" was sent since */
+    LIGHT_ON,     /* it is wanted; or an "off" is on its way for the first time */
+    LIGHT_UNSAFE, /* it should be off, a command has failed, and no "off" was confirmed since */
+};
+
+struct device;
+
+/* Asked before a device gives light or moves (on, home, move, turn), never before "off" or "stop".
+ * FALSE: refused, with an error; nothing is sent to the device. Called in the main loop's thread,
+ * from within the call that asks for light or motion. */
+typedef gboolean (*DevicePermit)(const struct device *device, gpointer data, GError **error);
+
+/* Called from the main loop when a device becomes unsafe: an output that should be off, or an axis
+ * that should stand, has not confirmed it (error says which and why, and is valid during the call);
+ * and when everything of the device has confirmed again (error NULL). */
+typedef void (*DeviceSafetyFunc)(struct device *device, const GError *error, gpointer data);
 
 /* First member of every class's device struct. */
 struct device {
@@ -70,7 +94,23 @@ struct device {
     /* Set only during the driver's open(), for errors that name file and line. */
     const struct config_section *section;
     char *who; /* class and name, the subject of its errors: "axis turntable" */
+
+    /* Used by device.c alone. */
+    DevicePermit permit;
+    DeviceSafetyFunc watch;
+    gpointer permit_data, watch_data;
+    GError *unsafe; /* why it is not safe; NULL: it is */
+    gboolean told_unsafe;
+    guint tell;
 };
+
+/* permit NULL: always allowed, as it is at first. */
+void device_set_permit(struct device *device, DevicePermit permit, gpointer data);
+
+/* There is one such function for each device, which stays when the listener of the class changes.
+ * It soon hears of a device that is unsafe already. func NULL: none. */
+void device_watch_safety(struct device *device, DeviceSafetyFunc func, gpointer data);
+gboolean device_is_unsafe(const struct device *device);
 
 /* For classes: fills a device from its section, checking the driver's options; also lists keys that
  * the class or the rig reads ("driver" always is). Undone by device_clear(). */
@@ -81,3 +121,10 @@ void device_clear(struct device *device);
 
 /* For the open() of a driver that keeps real time: fails where the rig's clock is virtual. */
 gboolean device_check_real_clock(const struct device *device, GError **error);
+
+/* For classes: whether the device may give light or move now. */
+gboolean device_ask_permit(const struct device *device, GError **error);
+
+/* For classes: says that the device is unsafe, or with NULL that it is not. Only changes are
+ * reported, from the main loop and not from within this call. */
+void device_report_safety(struct device *device, const GError *unsafe);

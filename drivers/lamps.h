@@ -1,4 +1,10 @@
-/* A lamp bank: lamps that are switched one by one, by relay or by a driver board. */
+/*
+ * A lamp bank: lamps that are switched one by one, by relay or by a driver board.
+ *
+ * A lamp that should be off is sent "off" until the device has confirmed it (lights.h): after an
+ * "off" that failed or was not answered, and after an "on" that failed or was not answered, which
+ * the device may have carried out. These repetitions are not reported to the listener.
+ */
 #pragma once
 
 #include "device.h"
@@ -14,10 +20,13 @@ struct lamps_driver {
     struct driver_info info;
     /* Connects and fills bank->n and bank->warm_up_s; leaves all lamps off. */
     gboolean (*open)(LampBank *bank, GError **error);
-    /* Switches all lamps off, then releases the device. */
+    /* Switches all lamps off, waiting for it and trying once, then releases the device. */
     void (*close)(LampBank *bank);
-    /* Starts to switch; the driver then calls lamps_report() once. Index -1 with on FALSE: all
-     * lamps. */
+    /* Starts to switch; the driver then calls lamps_report() once, with an error unless the device
+     * has confirmed the new state. Index -1 with on FALSE: all lamps. FALSE: nothing is reported.
+     * "Off" need not wait for other commands that have not been sent; an "on" of the same lamp must
+     * then never be sent, and ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that
+     * failed; the class does. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 
@@ -40,20 +49,30 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
 
 void lamps_listen(LampBank *bank, LampsFunc func, gpointer data);
 
-/* Several switches may be under way at once; each ends in its own event, in order. */
+/* Several switches may be under way at once; each ends in its own event, those of one lamp in
+ * order. "Off" may overtake an "on" that has not been sent, which then ends with DEVICE_ERROR_BUSY.
+ * "On" needs a permit (device_set_permit()). */
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
-gboolean lamps_is_on(const LampBank *bank, int index);     /* as last reported */
-enum device_safety lamps_safety(const LampBank *bank);     /* of all its lamps */
-gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
+enum light lamps_light(const LampBank *bank, int index);
+gboolean lamps_is_on(const LampBank *bank, int index); /* there may be light: not LIGHT_OFF */
+enum device_safety lamps_safety(const LampBank *bank); /* of all its lamps */
+
+/* When the device last confirmed what the lamp does, on the clock; the opening counts. */
+gint64 lamps_confirmed_us(const LampBank *bank, int index);
+
+/* Since when the device has confirmed that the lamp is on; -1: it has not. */
+gint64 lamps_on_since_us(const LampBank *bank, int index);
+
 /* Returns the hours that the lamp was on since the bank was opened. */
 double lamps_hours(const LampBank *bank, int index);
 
-/* For drivers: answers each set() once, in order. Takes ownership of error. */
+/* For drivers: answers each set() once; for one lamp, in order. An answer after the deadline of the
+ * class counts as well. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
 /* For drivers: lamps have gone off by themselves, or their state is unknown. Reports a failed "on"
- * of all lamps (index -1) and switches all off. Call it last: the listener may close the bank.
- * Takes ownership of error. */
+ * of all lamps (index -1) and switches all off, which is reported as well. Call it last: the
+ * listener may close the bank. Takes ownership of error. */
 void lamps_lost(LampBank *bank, GError *error);

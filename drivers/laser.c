@@ -1,37 +1,35 @@
 #include "laser.h"
 
+#include "lights.h"
+
 #include <math.h>
-
-#define DEADLINE_US (2 * G_USEC_PER_SEC)
-
-struct pending {
-    Laser *laser;
-    gboolean on;
-    guint deadline;
-};
 
 struct laser_state {
     LaserFunc func;
     gpointer data;
-    gboolean on;    /* as last reported */
-    gboolean doubt; /* the last "off" failed */
-    GQueue pending; /* of struct pending, in order */
+    struct lights *lights;
     Interlock *guard;
     guint guard_id;
 };
 
-static void laser_pending_free(struct pending *pending) {
-    clock_cancel(pending->laser->device.clock, &pending->deadline);
-    g_free(pending);
-}
-
 static void laser_free(Laser *laser) {
-    struct pending *pending;
-    while ((pending = g_queue_pop_head(&laser->state->pending)))
-        laser_pending_free(pending);
+    lights_free(laser->state->lights);
     device_clear(&laser->device);
     g_free(laser->state);
     g_free(laser);
+}
+
+static gboolean laser_send(gpointer device, int index, gboolean on, GError **error) {
+    Laser *laser = device;
+    return laser->driver->set(laser, on, error);
+}
+
+/* Call it last: the listener may close the laser. */
+static void laser_answer(gpointer device, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
+    Laser *laser = device;
+    if (laser->state->func)
+        laser->state->func(laser, on, error, laser->state->data);
 }
 
 Laser *laser_open(const struct laser_driver *driver, const struct config_section *section,
@@ -54,6 +52,7 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
         laser_close(laser);
         return NULL;
     }
+    laser->state->lights = lights_new(laser, 1, FALSE, laser_send, laser_answer);
     return laser;
 }
 
@@ -71,55 +70,16 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
     laser->state->data = data;
 }
 
-/* Call it last: the listener may close the laser. */
-static void laser_notify(Laser *laser, gboolean on, const GError *error) {
-    if (laser->state->func)
-        laser->state->func(laser, on, error, laser->state->data);
-}
-
-static void laser_on_deadline(gpointer data) {
-    struct pending *pending = data;
-    Laser *laser = pending->laser;
-    gboolean on = pending->on;
-    g_autoptr(GError) error = device_error_new(
-        DEVICE_ERROR_TIMEOUT, laser->device.who, "did not answer to \"%s\" within %d s%s",
-        on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC),
-        on ? ERROR_ADVICE "check its cable and power"
-           : ERROR_ADVICE "it may still shine: cut its power by hand");
-    pending->deadline = 0;
-    laser->state->doubt |= !on;
-    g_queue_remove(&laser->state->pending, pending);
-    laser_pending_free(pending);
-    laser_notify(laser, on, error);
-}
-
-static gboolean laser_start(Laser *laser, gboolean on, GError **error) {
-    struct pending *pending = g_new0(struct pending, 1);
-    pending->laser = laser;
-    pending->on = on;
-    g_queue_push_tail(&laser->state->pending, pending);
-    if (!laser->driver->set(laser, on, error)) {
-        g_queue_remove(&laser->state->pending, pending);
-        laser_pending_free(pending);
-        laser->state->doubt |= !on;
-        return FALSE;
-    }
-    pending->deadline = clock_call_in(laser->device.clock, DEADLINE_US, laser_on_deadline, pending);
-    return TRUE;
-}
-
 static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
-    if (laser_is_on(laser) && !laser_start(laser, FALSE, &error))
-        laser_notify(laser, FALSE, error);
+    if (laser_is_on(laser) && !lights_set(laser->state->lights, 0, FALSE, &error))
+        laser_answer(laser, 0, FALSE, clock_now_us(laser->device.clock), error);
 }
 
 void laser_lost(Laser *laser, GError *error) {
     g_autoptr(GError) owned = error;
-    g_autoptr(GError) unsent = NULL;
-    if (!laser_start(laser, FALSE, &unsent))
-        g_warning("%s", unsent->message);
-    laser_notify(laser, TRUE, owned);
+    lights_lost(laser->state->lights, owned);
+    laser_answer(laser, 0, TRUE, clock_now_us(laser->device.clock), owned);
 }
 
 static void laser_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
@@ -146,19 +106,24 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
                                 "not switched on, since the interlock %s is open" ERROR_ADVICE
                                 "close it first",
                                 guard->device.name);
-    return laser_start(laser, on != FALSE, error);
+    return (!on || device_ask_permit(&laser->device, error)) &&
+           lights_set(laser->state->lights, 0, on != FALSE, error);
+}
+
+enum light laser_light(const Laser *laser) {
+    return lights_light(laser->state->lights, 0);
 }
 
 gboolean laser_is_on(const Laser *laser) {
-    const struct pending *last = g_queue_peek_tail((GQueue *)&laser->state->pending);
-    return laser->state->on || (last && last->on);
+    return laser_light(laser) != LIGHT_OFF;
 }
 
 enum device_safety laser_safety(const Laser *laser) {
-    const struct laser_state *state = laser->state;
-    if (!g_queue_is_empty((GQueue *)&state->pending))
-        return DEVICE_TOLD;
-    return state->on || state->doubt ? DEVICE_UNSAFE : DEVICE_SAFE;
+    return lights_safety(laser->state->lights);
+}
+
+gint64 laser_confirmed_us(const Laser *laser) {
+    return lights_confirmed_us(laser->state->lights, 0);
 }
 
 gboolean laser_mount(Laser *laser, const char *place, GError **error) {
@@ -167,19 +132,5 @@ gboolean laser_mount(Laser *laser, const char *place, GError **error) {
 
 void laser_report(Laser *laser, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
-    struct pending *pending = g_queue_peek_head(&laser->state->pending);
-    on = on != FALSE;
-    if (!pending || pending->on != on) {
-        /* The late answer to a set() that has timed out; if it reports light, believe it. */
-        if (!owned && on)
-            laser->state->on = TRUE;
-        return;
-    }
-    g_queue_pop_head(&laser->state->pending);
-    laser_pending_free(pending);
-    if (!owned)
-        laser->state->on = on;
-    if (!on)
-        laser->state->doubt = owned != NULL;
-    laser_notify(laser, on, owned);
+    lights_report(laser->state->lights, 0, on != FALSE, owned);
 }

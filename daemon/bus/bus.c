@@ -2,7 +2,9 @@
 #include "bus_devices.h"
 #include "bus_errors.h"
 #include "bus_hands.h"
+#include "bus_latch.h"
 #include "bus_private.h"
+#include "bus_safety.h"
 #include "bus_unattended.h"
 #include "plan/report.h"
 
@@ -64,7 +66,7 @@ static void show_status(Bus *bus, const struct capture_status *status) {
 }
 
 void bus_show_devices(Bus *bus) {
-    bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
+    bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults, bus->unsafe));
 }
 
 static void end_capture(Bus *bus) {
@@ -175,7 +177,14 @@ void bus_hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
+void bus_rest_clock(Bus *bus) {
+    if (bus->devices && !bus->capture && bus->hands->len == 0 &&
+        !devices_any_unsafe(bus->devices) && !bus_latch_is_set(bus->latch))
+        bus_hold_clock(bus, TRUE);
+}
+
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
+    GError *failed = NULL;
     if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
         return FALSE;
     if (bus->devices) {
@@ -183,13 +192,21 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
                     bus->rig_path);
         return FALSE;
     }
-    bus->devices = devices_open(path, error);
-    if (!bus->devices)
+    if (guardian_is_needed(path) && !(bus->guardian = guardian_start(path, error)))
         return FALSE;
-    if (guardian_is_needed(bus->devices) && !(bus->guardian = guardian_start(path, error))) {
-        g_clear_pointer(&bus->devices, devices_close);
+    guardian_set_busy(bus->guardian, TRUE);
+    bus->devices = devices_open(path, &failed);
+    if (!bus->devices) {
+        /* A device that has not answered may shine. One that another process has is that process's
+         * business, and wrong sections are known before any device is opened. */
+        const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+        guardian_end(bus->guardian,
+                     failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
+        bus->guardian = NULL;
+        g_propagate_error(error, failed);
         return FALSE;
     }
+    guardian_set_busy(bus->guardian, FALSE);
     bus->is_safe = FALSE;
     for (int i = 0; i < bus->devices->geometry.n_lasers; i++) {
         const Laser *laser = bus->devices->lasers[i];
@@ -202,6 +219,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     }
     bus_hold_clock(bus, TRUE);
     bus_hands_watch(bus, TRUE);
+    bus_safety_watch(bus);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
     show_idle(bus);
@@ -228,11 +246,12 @@ void bus_close_rig(Bus *bus) {
     bus_hold_clock(bus, FALSE);
     guardian_set_busy(bus->guardian, TRUE); /* waits once more for devices that have not answered */
     g_clear_pointer(&bus->devices, devices_close);
-    guardian_end(bus->guardian, bus->is_safe);
+    guardian_end(bus->guardian, bus->is_safe ? GUARDIAN_SAFE : GUARDIAN_UNSAFE);
     bus->guardian = NULL;
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
+    bus_safety_forget(bus);
     show_idle(bus);
 }
 
@@ -276,6 +295,8 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error) {
     const struct capture_callbacks callbacks = {bus_changed, bus_on_event, bus};
+    if (!bus_latch_need_released(bus->latch, error) || !bus_need_safe(bus, error))
+        return FALSE;
     bus->is_safe = FALSE;
     bus_hands_end(bus, "a capture begins");
     g_clear_pointer(&bus->follower, follower_free);
@@ -287,19 +308,18 @@ gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char
     return capture != NULL;
 }
 
-gboolean bus_make_safe(Bus *bus, GError **error) {
+void bus_make_safe(Bus *bus) {
+    g_autoptr(GError) error = NULL;
     bus_authority_stop(bus, "SafeState ended it before it began");
-    if (!bus_need_rig(bus, error))
-        return FALSE;
     bus_unattended_stop(bus, "SafeState was called");
     bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
     bus_hands_stop(bus, "SafeState ended it");
     bus_hold_clock(bus, FALSE);
     if (bus->capture)
         capture_abort(bus->capture);
-    const gboolean ok = devices_make_safe(bus->devices, error);
+    if (!devices_make_safe(bus->devices, &error))
+        bus_report(bus, "error", "safe state", error->message);
     bus_show_devices(bus);
-    return ok;
 }
 
 Bus *bus_new(const char *address) {
@@ -313,7 +333,9 @@ Bus *bus_new(const char *address) {
     bus->questions = g_ptr_array_new();
     bus->hands = g_ptr_array_new();
     memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
-    bus->queue = bus_queue_new(bus);
+    bus->unsafe = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    bus->latch = bus_latch_new(bus);
+    bus->queue = bus_queue_new(bus->latch);
     bus->unattended = bus_unattended_new(bus);
     bus_answer_calls(bus);
     show_idle(bus);
@@ -341,6 +363,7 @@ void bus_free(Bus *bus) {
     bus->func = NULL;
     bus_close_rig(bus);
     bus_unattended_free(bus->unattended);
+    bus_latch_close(bus->latch);
     bus_queue_close(bus->queue);
     GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
     GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);
@@ -351,6 +374,7 @@ void bus_free(Bus *bus) {
     g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
+    g_hash_table_unref(bus->unsafe);
     g_ptr_array_unref(bus->jobs);
     g_ptr_array_unref(bus->questions);
     g_ptr_array_unref(bus->hands);

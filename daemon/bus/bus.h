@@ -10,6 +10,9 @@
 #define BUS_PATH    "/org/mesorig/Rig1"
 #define BUS_CONTROL "control" /* in a session directory: where its daemon listens */
 
+/* The longest lease of a lamp or laser that is on by hand. */
+#define BUS_MAX_LEASE_S 60
+
 typedef struct Bus Bus;
 
 /* Called when a value that the bus shows has changed, at most every 100 ms. */

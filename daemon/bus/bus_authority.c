@@ -2,6 +2,7 @@
 
 #include "bus_caller.h"
 #include "bus_errors.h"
+#include "bus_latch.h"
 
 #include <polkit/polkit.h>
 #include <string.h>
@@ -16,30 +17,34 @@
 #define ANSWER_S      25
 #define INTERACTION_S 120
 
-/* Every method of etc/org.mesorig.Rig1.xml. */
+/* Every method of etc/org.mesorig.Rig1.xml. acts: it gives light, moves or begins a session, and is
+ * refused while the rig is held in its safe state. */
 static const struct {
     const char *method, *action;
+    gboolean acts;
 } methods[] = {
-    {"OpenRig", ACTION("administer")},
-    {"CloseRig", ACTION("administer")},
-    {"Validate", ACTION("look")},
-    {"GetThumbnail", ACTION("look")},
-    {"Snap", ACTION("look")},
-    {"Start", ACTION("capture")}, /* with another calibration: "calibrate" */
-    {"Resume", ACTION("capture")},
-    {"Pause", ACTION("capture")},
-    {"Continue", ACTION("capture")},
-    {"Abort", ACTION("capture")},
-    {"QueueAdd", ACTION("capture")}, /* as Start */
-    {"QueueRemove", ACTION("capture")},
-    {"QueueMove", ACTION("capture")},
-    {"QueuePause", ACTION("capture")},
-    {"QueueResume", ACTION("capture")},
-    {"SetLamp", ACTION("move")},
-    {"MoveAxis", ACTION("move")},
-    {"HomeAxis", ACTION("move")},
-    {"SetLaser", ACTION("laser")}, /* to switch it off: nobody is asked */
-    {"SafeState", NULL},
+    {"OpenRig", ACTION("administer"), FALSE},
+    {"CloseRig", ACTION("administer"), FALSE},
+    {"Validate", ACTION("look"), FALSE},
+    {"GetThumbnail", ACTION("look"), FALSE},
+    {"Snap", ACTION("look"), FALSE},
+    {"Start", ACTION("capture"), TRUE}, /* with another calibration: "calibrate" */
+    {"Resume", ACTION("capture"), TRUE},
+    {"Pause", ACTION("capture"), FALSE},
+    {"Continue", ACTION("capture"), TRUE},
+    {"Abort", ACTION("capture"), FALSE},
+    {"QueueAdd", ACTION("capture"), TRUE}, /* as Start */
+    {"QueueRemove", ACTION("capture"), FALSE},
+    {"QueueMove", ACTION("capture"), FALSE},
+    {"QueuePause", ACTION("capture"), FALSE},
+    {"QueueResume", ACTION("capture"), TRUE},
+    {"SetLamp", ACTION("move"), TRUE}, /* to switch one off: nobody is asked, and always allowed */
+    {"MoveAxis", ACTION("move"), TRUE},
+    {"HomeAxis", ACTION("move"), TRUE},
+    {"SetLaser", ACTION("laser"), TRUE}, /* as SetLamp */
+    {"Renew", NULL, TRUE},               /* for what the client was allowed to switch on */
+    {"Release", ACTION("release"), FALSE},
+    {"SafeState", NULL, FALSE},
 };
 
 struct question {
@@ -62,12 +67,28 @@ const char *bus_authority_action(const char *method, gboolean *ret_known) {
     return NULL;
 }
 
-/* Switching a laser off is as free as the safe state: it must not wait for a polkit that hangs. */
+/* Switching a light off is as free as the safe state: it must not wait for a polkit that hangs. */
 static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
+    const char *method = g_dbus_method_invocation_get_method_name(invocation);
     gboolean on = TRUE;
-    if (strcmp(g_dbus_method_invocation_get_method_name(invocation), "SetLaser") == 0)
-        g_variant_get(g_dbus_method_invocation_get_parameters(invocation), "(&sb)", NULL, &on);
+    if (strcmp(method, "SetLaser") == 0 || strcmp(method, "SetLamp") == 0)
+        g_variant_get(g_dbus_method_invocation_get_parameters(invocation), "(&sbd)", NULL, &on,
+                      NULL);
     return !on;
+}
+
+/* Answers a call that may not begin, because of the safe state, with an error. */
+static gboolean refuse_latched(Bus *bus, GDBusMethodInvocation *invocation) {
+    const char *method = g_dbus_method_invocation_get_method_name(invocation);
+    GError *error = NULL;
+    gsize i = 0;
+    while (i < G_N_ELEMENTS(methods) && strcmp(methods[i].method, method) != 0)
+        i++;
+    if (i == G_N_ELEMENTS(methods) || !methods[i].acts || only_switches_off(invocation) ||
+        bus_latch_allows(bus->latch, invocation, &error))
+        return FALSE;
+    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+    return TRUE;
 }
 
 static const char *action_of(GDBusMethodInvocation *invocation) {
@@ -138,10 +159,10 @@ static gboolean question_late(gpointer data) {
 static void question_end(struct question *question, gboolean allowed, GError *error) {
     if (question->bus) {
         g_ptr_array_remove(question->bus->questions, question);
-        if (allowed)
-            pass_on(g_steal_pointer(&question->invocation));
-        else
+        if (!allowed)
             question_refuse(question, g_steal_pointer(&error));
+        else if (!refuse_latched(question->bus, question->invocation))
+            pass_on(question->invocation);
     }
     g_clear_error(&error);
     g_clear_handle_id(&question->deadline, g_source_remove);
@@ -241,7 +262,10 @@ static void authority_method_call(GDBusConnection *connection, const char *sende
                                   const char *interface, const char *method, GVariant *parameters,
                                   GDBusMethodInvocation *invocation, gpointer object) {
     Bus *bus = g_object_get_data(object, "bus");
-    if (!bus || !sender || strcmp(bus->address, "system") != 0 || only_switches_off(invocation))
+    if (bus && refuse_latched(bus, invocation))
+        return;
+    if (!bus || !sender || !bus_authority_action(method, NULL) ||
+        strcmp(bus->address, "system") != 0 || only_switches_off(invocation))
         pass_on(invocation);
     else if (bus->questions->len >= MAX_QUESTIONS)
         g_dbus_method_invocation_return_error(

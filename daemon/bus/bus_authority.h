@@ -1,10 +1,11 @@
 /*
  * Who may call which method, on the system bus. The bus's policy file says who may call at all, and
  * polkit which of these users may do what (etc/polkit). Polkit is asked before a call reaches its
- * handler, and the main loop never waits for it. It is not asked about SafeState (bus_queue.c
- * answers it), about a SetLaser that switches off, about clients of --listen, who are the daemon's
- * own user, or about calls on a session bus. Where polkit is not installed, the bus's policy
- * decides alone. Main loop's thread.
+ * handler, and the main loop never waits for it. It is not asked about SafeState (bus_latch.c
+ * answers it), about Renew, about a SetLaser or SetLamp that switches off, about clients of
+ * --listen, who are the daemon's own user, or about calls on a session bus. Where polkit is not
+ * installed, the bus's policy decides. Calls that give light, move or begin a session are refused
+ * while the rig is held in its safe state (bus_latch.h). Main loop's thread.
  */
 #pragma once
 

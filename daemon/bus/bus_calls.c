@@ -1,6 +1,8 @@
 #include "bus_authority.h"
 #include "bus_errors.h"
 #include "bus_hands.h"
+#include "bus_latch.h"
+#include "bus_safety.h"
 #include "bus_unattended.h"
 
 /* Ends a failed method call: returns the error to the client. Handlers emit changed properties
@@ -28,7 +30,7 @@ static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, 
 
 static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_need_rig(bus, &error))
+    if (!bus_need_rig(bus, &error) || !bus_need_safe(bus, &error))
         return bus_calls_refuse(invocation, error);
     bus_close_rig(bus);
     bus_rig1_complete_close_rig(object, invocation);
@@ -166,14 +168,35 @@ static gboolean on_snap(BusRig1 *object, GDBusMethodInvocation *invocation, GUni
 }
 
 static gboolean on_set_lamp(BusRig1 *object, GDBusMethodInvocation *invocation, const char *lamp,
-                            gboolean on, Bus *bus) {
-    bus_hands_set_lamp(bus, invocation, lamp, on);
+                            gboolean on, double for_s, Bus *bus) {
+    bus_hands_set_lamp(bus, invocation, lamp, on, for_s);
     return TRUE;
 }
 
 static gboolean on_set_laser(BusRig1 *object, GDBusMethodInvocation *invocation, const char *laser,
-                             gboolean on, Bus *bus) {
-    bus_hands_set_laser(bus, invocation, laser, on);
+                             gboolean on, double for_s, Bus *bus) {
+    bus_hands_set_laser(bus, invocation, laser, on, for_s);
+    return TRUE;
+}
+
+static gboolean on_renew(BusRig1 *object, GDBusMethodInvocation *invocation, double for_s,
+                         Bus *bus) {
+    GError *error = NULL;
+    guint n = 0;
+    if (!bus_hands_renew(bus, invocation, for_s, &n, &error))
+        return bus_calls_refuse(invocation, error);
+    bus_rig1_complete_renew(object, invocation, n);
+    return TRUE;
+}
+
+static gboolean on_release(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_latch_release(bus->latch, invocation, &error))
+        return bus_calls_refuse(invocation, error);
+    bus_rest_clock(bus);
+    bus_unattended_poke(bus);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_release(object, invocation);
     return TRUE;
 }
 
@@ -189,7 +212,7 @@ static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation,
     return TRUE;
 }
 
-/* All but SafeState, which bus_queue.c answers. */
+/* All but SafeState, which bus_latch.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
         const char *signal;
@@ -212,6 +235,8 @@ void bus_answer_calls(Bus *bus) {
         {"handle-snap", G_CALLBACK(on_snap)},
         {"handle-set-lamp", G_CALLBACK(on_set_lamp)},
         {"handle-set-laser", G_CALLBACK(on_set_laser)},
+        {"handle-renew", G_CALLBACK(on_renew)},
+        {"handle-release", G_CALLBACK(on_release)},
         {"handle-move-axis", G_CALLBACK(on_move_axis)},
         {"handle-home-axis", G_CALLBACK(on_home_axis)},
     };

@@ -2,12 +2,15 @@
 
 struct listing {
     GVariantBuilder builder;
-    GHashTable *faults;
+    GHashTable *faults, *unsafe;
 };
 
 static void bus_devices_add(struct listing *list, const struct device *device, const char *health) {
+    const char *unsafe = g_hash_table_lookup(list->unsafe, device->who);
     const char *fault = g_hash_table_lookup(list->faults, device->name);
-    g_autofree char *health_text = fault ? g_strconcat("fault: ", fault, NULL) : g_strdup(health);
+    g_autofree char *health_text = unsafe  ? g_strconcat("unsafe: ", unsafe, NULL)
+                                   : fault ? g_strconcat("fault: ", fault, NULL)
+                                           : g_strdup(health);
     g_variant_builder_add(&list->builder, "(ssss)", device->info->class_name, device->name,
                           device->info->name, health_text);
 }
@@ -20,8 +23,8 @@ static void bus_devices_add_axis(struct listing *list, const Axis *axis) {
                                                : "ok");
 }
 
-GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
-    struct listing list = {.faults = faults};
+GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe) {
+    struct listing list = {.faults = faults, .unsafe = unsafe};
     g_variant_builder_init(&list.builder, G_VARIANT_TYPE("a(ssss)"));
     if (!devices)
         return g_variant_builder_end(&list.builder);

@@ -4,9 +4,10 @@
 #include "rig/devices.h"
 #include "session/session.h"
 
-/* "a(ssss)": class, name, driver, health. faults maps the name of a device to its fault (both char
- * *). devices NULL: an empty list. Floating. */
-GVariant *bus_devices(struct devices *devices, GHashTable *faults);
+/* "a(ssss)": class, name, driver, health. faults maps the name of a device to its fault, unsafe
+ * maps class and name ("laser top") to what the device has not confirmed (all of them char *).
+ * devices NULL: an empty list. Floating. */
+GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe);
 
 /* The values of the properties Pose and Places. shot NULL: none was taken; devices NULL: none are
  * open. Floating. */

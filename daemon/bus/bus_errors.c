@@ -23,6 +23,7 @@ static const struct {
     {bus_error_quark, BUS_ERROR_FAILED, NAME("Failed")},
     {bus_error_quark, BUS_ERROR_LIMIT, NAME("Limit")},
     {bus_error_quark, BUS_ERROR_CANCELLED, NAME("Cancelled")},
+    {bus_error_quark, BUS_ERROR_LATCHED, NAME("Latched")},
     {bus_error_quark, BUS_ERROR_DENIED, NAME("Denied")},
     {config_error_quark, CONFIG_ERROR_SYNTAX, NAME("ConfigSyntax")},
     {config_error_quark, CONFIG_ERROR_UNKNOWN, NAME("ConfigUnknown")},

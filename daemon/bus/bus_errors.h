@@ -15,6 +15,7 @@ enum bus_error {
     BUS_ERROR_FAILED,     /* anything whose own domain has no name on the bus */
     BUS_ERROR_LIMIT,      /* a limit of time, memory or waiting calls was met; says which */
     BUS_ERROR_CANCELLED,  /* another call ended what this one had begun */
+    BUS_ERROR_LATCHED,    /* SafeState was called, and Release was not */
     BUS_ERROR_DENIED,     /* polkit or the rights of a file do not allow it to the caller */
 };
 

@@ -32,6 +32,7 @@ struct hand {
     char *sender;                      /* its name on a message bus, or NULL */
     guint watch;                       /* of that name */
     gboolean off_asked;                /* it is to go off or stand, for good */
+    guint lease;                       /* source of the end of the time for which it is on */
     gboolean homing;
     guint warming; /* call of the clock: the light is stable then */
     guint64 picture;
@@ -76,6 +77,7 @@ static void hand_drop(struct hand *hand) {
     Bus *bus = hand->bus;
     hand_listen(hand, FALSE);
     clock_cancel(bus->devices->clock, &hand->warming);
+    g_clear_handle_id(&hand->lease, g_source_remove);
     if (hand->camera)
         camera_disarm(hand->camera);
     if (hand->watch)
@@ -84,7 +86,7 @@ static void hand_drop(struct hand *hand) {
     g_free(hand->sender);
     g_free(hand);
     if (bus->hands->len == 0) {
-        bus_hold_clock(bus, TRUE);
+        bus_rest_clock(bus);
         bus_unattended_poke(bus);
     }
     bus_show_devices(bus);
@@ -113,13 +115,9 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* Ends a hand whose device has failed to obey. If the device may still give light, tells every
- * client. */
-static void hand_lose(struct hand *hand, gboolean may_shine, const GError *error) {
-    if (may_shine) {
-        g_autofree char *text = g_strdup_printf(DEVICES_UNSAFE ": %s", error->message);
-        bus_report(hand->bus, "error", hand->name, text);
-    }
+/* Ends a hand whose device has failed to obey. If the device may still give light, its class tells
+ * it to go off until it confirms that. */
+static void hand_lose(struct hand *hand, const GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
 }
@@ -134,7 +132,7 @@ static void hand_on_warm(gpointer data) {
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->bus->devices->clock;
     if (error) {
-        hand_lose(hand, !on, error);
+        hand_lose(hand, error);
     } else if (!on) {
         hand_answer(hand);
         hand_drop(hand);
@@ -244,6 +242,7 @@ static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
     hand_fail(hand, cancelled);
     clock_cancel(hand->bus->devices->clock, &hand->warming);
+    g_clear_handle_id(&hand->lease, g_source_remove);
     hand->off_asked = TRUE;
     if (hand->axis && !axis_stop(hand->axis, &error))
         bus_report(hand->bus, "error", hand->name, error->message);
@@ -256,7 +255,50 @@ static void hand_end(struct hand *hand, const char *why) {
     const gboolean asked = hand->bank ? lamps_set(hand->bank, hand->lamp, FALSE, &error)
                                       : laser_set(hand->laser, FALSE, &error);
     if (!asked)
-        hand_lose(hand, TRUE, error);
+        hand_lose(hand, error);
+}
+
+static gboolean on_lease_over(gpointer data) {
+    struct hand *hand = data;
+    hand->lease = 0;
+    bus_report(hand->bus, "info", hand->name, "its lease is over, so it goes off");
+    hand_end(hand, "its lease was over before its light was stable: call Renew while it warms up");
+    return G_SOURCE_REMOVE;
+}
+
+static void hand_begin_lease(struct hand *hand, double for_s) {
+    g_clear_handle_id(&hand->lease, g_source_remove);
+    hand->lease = g_timeout_add((guint)ceil(for_s * 1000), on_lease_over, hand);
+}
+
+static gboolean check_lease(double for_s, GError **error) {
+    if (for_s > 0 && for_s <= BUS_MAX_LEASE_S)
+        return TRUE;
+    g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
+                "a light is on for more than 0 s and at most %d s, not for %g s: call Renew before "
+                "that time is over",
+                BUS_MAX_LEASE_S, for_s);
+    return FALSE;
+}
+
+static gboolean hand_is_of(const struct hand *hand, GDBusMethodInvocation *invocation) {
+    return hand->connection == g_dbus_method_invocation_get_connection(invocation) &&
+           g_strcmp0(hand->sender, g_dbus_method_invocation_get_sender(invocation)) == 0;
+}
+
+gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for_s, guint *ret_n,
+                         GError **error) {
+    if (!bus_need_rig(bus, error) || !check_lease(for_s, error))
+        return FALSE;
+    *ret_n = 0;
+    for (guint i = 0; i < bus->hands->len; i++) {
+        struct hand *hand = bus->hands->pdata[i];
+        if (!hand->lease || hand->off_asked || !hand_is_of(hand, invocation))
+            continue;
+        hand_begin_lease(hand, for_s);
+        ++*ret_n;
+    }
+    return TRUE;
 }
 
 void bus_hands_stop(Bus *bus, const char *why) {
@@ -296,40 +338,72 @@ static GError *open_interlock_error(Bus *bus) {
     return NULL;
 }
 
-/* Takes a device in hand. If that is not possible now, answers the call and returns NULL. */
-static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
-    GError *error = NULL;
-    const gboolean emits = like.kind == HAND_LASER || like.kind == HAND_AXIS;
-    struct hand *hand = NULL;
-    for (guint i = 0; i < bus->hands->len && !hand; i++) {
+static struct hand *find_hand(Bus *bus, const struct hand *like) {
+    for (guint i = 0; i < bus->hands->len; i++) {
         struct hand *other = bus->hands->pdata[i];
-        if (other->camera == like.camera && other->bank == like.bank && other->lamp == like.lamp &&
-            other->laser == like.laser && other->axis == like.axis)
-            hand = other;
+        if (other->camera == like->camera && other->bank == like->bank &&
+            other->lamp == like->lamp && other->laser == like->laser && other->axis == like->axis)
+            return other;
     }
-    if (emits)
-        error = open_interlock_error(bus);
-    if (!error && hand && (hand->invocation || hand->off_asked || hand->parked))
-        g_set_error(&error, BUS_ERROR, BUS_ERROR_BUSY,
-                    "%s is busy with another call: try again when that is answered", like.name);
+    return NULL;
+}
+
+static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *hand,
+                          const struct hand *like) {
+    const gboolean emits =
+        (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
+    GError *error = NULL;
+    if (g_dbus_connection_is_closed(g_dbus_method_invocation_get_connection(invocation)))
+        return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has gone");
+    if (emits && (error = open_interlock_error(bus)))
+        return error;
+    if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
+        return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
+                           "another client has %s on: try again when it is off", like->name);
+    /* An "off" may follow an "on" that is not answered yet, and join an "off" that no call waits
+     * for. */
+    const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
+    if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
+        return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
+                           "%s is busy with another call: try again when that is answered",
+                           like->name);
+    return NULL;
+}
+
+static struct hand *hand_new(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *like) {
+    struct hand *hand = g_memdup2(like, sizeof *like);
+    if (bus->hands->len == 0)
+        bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in hand */
+    hand->bus = bus;
+    g_ptr_array_add(bus->hands, hand);
+    hand_listen(hand, TRUE);
+    hand->connection = g_dbus_method_invocation_get_connection(invocation);
+    hand->sender = g_strdup(g_dbus_method_invocation_get_sender(invocation));
+    if (hand->sender)
+        hand->watch = g_bus_watch_name_on_connection(hand->connection, hand->sender,
+                                                     G_BUS_NAME_WATCHER_FLAGS_NONE, NULL,
+                                                     on_vanished, bus, NULL);
+    return hand;
+}
+
+/* Takes a device in hand. If that is not possible now, answers the call and returns NULL. A call
+ * that switches off (off_asked) ends a call that has switched on. */
+static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
+    struct hand *hand = find_hand(bus, &like);
+    GError *error = check_hand(bus, invocation, hand, &like);
     if (error) {
         g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
         return NULL;
     }
     if (!hand) {
-        if (bus->hands->len == 0)
-            bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in hand */
-        hand = g_new(struct hand, 1);
-        *hand = like;
-        hand->bus = bus;
-        g_ptr_array_add(bus->hands, hand);
-        hand_listen(hand, TRUE);
-        hand->connection = g_dbus_method_invocation_get_connection(invocation);
-        hand->sender = g_strdup(g_dbus_method_invocation_get_sender(invocation));
-        if (hand->sender)
-            hand->watch = g_bus_watch_name_on_connection(hand->connection, hand->sender,
-                                                         G_BUS_NAME_WATCHER_FLAGS_NONE, NULL,
-                                                         on_vanished, bus, NULL);
+        hand = hand_new(bus, invocation, &like);
+    } else if (like.off_asked) {
+        g_autoptr(GError) ended =
+            g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "a later call has switched it off");
+        hand_fail(hand, ended);
+        clock_cancel(bus->devices->clock, &hand->warming);
+        g_clear_handle_id(&hand->lease, g_source_remove);
+        hand->off_asked = TRUE;
     }
     hand->invocation = invocation;
     bus->is_safe = FALSE;
@@ -393,10 +467,33 @@ void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *nam
         hand_refused(hand, error);
 }
 
-void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
-                        gboolean on) {
-    g_autoptr(GString) names = g_string_new(NULL);
+/* Switches a lamp or laser. A client that has it on already only begins its lease again. */
+static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand like, gboolean on,
+                      double for_s) {
     GError *error = NULL;
+    if (on && !check_lease(for_s, &error)) {
+        g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+        return;
+    }
+    like.off_asked = !on;
+    struct hand *hand = hand_take(bus, invocation, like);
+    if (!hand)
+        return;
+    const enum light light =
+        hand->bank ? lamps_light(hand->bank, hand->lamp) : laser_light(hand->laser);
+    const gboolean stays = on && hand->lease && !hand->warming && light == LIGHT_ON;
+    if (on)
+        hand_begin_lease(hand, for_s);
+    if (stays)
+        hand_answer(hand);
+    else if (!(hand->bank ? lamps_set(hand->bank, hand->lamp, on, &error)
+                          : laser_set(hand->laser, on, &error)))
+        hand_refused(hand, error);
+}
+
+void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
+                        double for_s) {
+    g_autoptr(GString) names = g_string_new(NULL);
     char device[RIG_NAME];
     int i = 0;
     if (!rig_is_free(bus, invocation))
@@ -411,19 +508,16 @@ void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char 
         refuse_name(invocation, "lamp", name, names);
         return;
     }
-    struct hand *hand = hand_take(bus, invocation,
-                                  (struct hand){.kind = HAND_LAMP,
-                                                .bank = bus->devices->lamps[i].bank,
-                                                .lamp = bus->devices->lamps[i].index,
-                                                .name = rig->lamps[i].name});
-    if (hand && !lamps_set(hand->bank, hand->lamp, on, &error))
-        hand_refused(hand, error);
+    const struct hand like = {.kind = HAND_LAMP,
+                              .bank = bus->devices->lamps[i].bank,
+                              .lamp = bus->devices->lamps[i].index,
+                              .name = rig->lamps[i].name};
+    set_light(bus, invocation, like, on, for_s);
 }
 
-void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name,
-                         gboolean on) {
+void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
+                         double for_s) {
     g_autoptr(GString) names = g_string_new(NULL);
-    GError *error = NULL;
     Laser *laser = NULL;
     if (!rig_is_free(bus, invocation))
         return;
@@ -435,11 +529,8 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
         refuse_name(invocation, "laser", name, names);
         return;
     }
-    struct hand *hand =
-        hand_take(bus, invocation,
-                  (struct hand){.kind = HAND_LASER, .laser = laser, .name = laser->device.name});
-    if (hand && !laser_set(laser, on, &error))
-        hand_refused(hand, error);
+    const struct hand like = {.kind = HAND_LASER, .laser = laser, .name = laser->device.name};
+    set_light(bus, invocation, like, on, for_s);
 }
 
 /* Takes the axis of this name in hand. If there is none, answers the call and returns NULL. */

@@ -1,9 +1,11 @@
 /*
  * Devices by hand, one at a time: pictures, lamps, lasers, axes, while nothing is captured.
  *
- * What a client has switched on goes off, and what it has set moving stops, when the client goes,
- * when an interlock opens, and before a capture, SafeState or the end of the rig. Lasers and axes
- * are refused while an interlock is open. Main loop's thread.
+ * A lamp or laser is on for a lease, which the daemon measures in real time and the client can
+ * renew. Everything that a client has switched on goes off, and everything that it has set moving
+ * stops, when the lease is over, when the client goes, when an interlock opens, and before a
+ * capture, SafeState or the end of the rig. Lasers and axes are refused while an interlock is open.
+ * Main loop's thread.
  */
 #pragma once
 
@@ -13,11 +15,17 @@
  * was asked (for a lamp or laser: when the light is stable), or at once with an error. */
 void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
-void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *lamp, gboolean on);
+void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *lamp, gboolean on,
+                        double for_s);
 void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char *laser,
-                         gboolean on);
+                         gboolean on, double for_s);
 void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg);
 void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis);
+
+/* Begins the leases of all lamps and lasers again that the caller has switched on. ret_n: their
+ * number. Error BUS_ERROR_LIMIT: for_s is out of range. */
+gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for_s, guint *ret_n,
+                         GError **error);
 
 /* Moves an axis to park_deg, after homing it if need be; an axis without park_deg is homed only.
  * Refuses an axis that a client has in hand, and all axes while an interlock is open. done is
@@ -30,7 +38,7 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error);
 void bus_hands_watch(Bus *bus, gboolean watch);
 
 /* Ends the work of all hands: answers their calls with BUS_ERROR_CANCELLED and the text why,
- * commands lights off and stops axes. Reports each light that does not confirm that it is off. */
+ * commands lights off and stops axes. */
 void bus_hands_stop(Bus *bus, const char *why);
 
 /* The same as bus_hands_stop(), but does not wait for the devices: the caller listens to them from

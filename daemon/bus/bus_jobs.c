@@ -2,6 +2,7 @@
 #include "bus_errors.h"
 #include "bus_options.h"
 #include "bus_private.h"
+#include "bus_safety.h"
 #include "bus_unattended.h"
 #include "plan/report.h"
 #include "queue/queue.h"
@@ -249,7 +250,7 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
                    const char *directory, GVariant *options, GError **error) {
     g_auto(BusOptions) chosen = {0};
     const gboolean begins = session_path != NULL;
-    if (!bus_need_rig(bus, error) || !bus_need_free(bus, error) ||
+    if (!bus_need_rig(bus, error) || !bus_need_free(bus, error) || !bus_need_safe(bus, error) ||
         !bus_unattended_need_free(bus, error) || !bus_need_absolute(directory, error) ||
         !bus_options_read(options, &chosen, error) ||
         !check_calibration(chosen.calibration, chosen.calibration_text, begins, error) ||

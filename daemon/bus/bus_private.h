@@ -1,8 +1,8 @@
 /*
  * Shared by bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras'
  * last pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a
- * child works for), bus_hands.c (devices by hand), bus_unattended.c (the queue of sessions),
- * bus_queue.c (calls that wait) and bus_authority.c (who may call what).
+ * child works for), bus_hands.c (devices by hand), bus_latch.c (the safe state), bus_unattended.c
+ * (the queue of sessions), bus_queue.c (calls that wait) and bus_authority.c (who may call what).
  */
 #pragma once
 
@@ -13,6 +13,7 @@
 #include "rig/guardian.h"
 #include "rig1-bus.h"
 
+struct bus_latch;
 struct bus_queue;
 struct queue_item;
 struct unattended;
@@ -20,6 +21,7 @@ struct bus_caller;
 
 struct Bus {
     BusRig1 *object;
+    struct bus_latch *latch; /* of the safe state (bus_latch.h) */
     struct bus_queue *queue; /* of calls */
     struct unattended *unattended;
     GPtrArray *jobs;      /* of struct bus_job, owned by what they wait for */
@@ -38,6 +40,7 @@ struct Bus {
     GPtrArray *hands; /* of struct hand: devices that somebody has in hand (bus_hands.h) */
     guint hand_interlocks[DEVICES_MAX_INTERLOCKS];
     GHashTable *faults;       /* device name to message */
+    GHashTable *unsafe;       /* device ("laser top") to what it has not confirmed */
     gint64 started_us;        /* real time */
     double started_elapsed_s; /* on the rig's clock */
     double thumbnail_time_s[RIG_MAX_CAMERAS];
@@ -69,9 +72,19 @@ void bus_show_devices(Bus *bus);
  * simulates after some seconds could occur before the first call. */
 void bus_hold_clock(Bus *bus, gboolean hold);
 
-/* Each does what the method of the same name does. */
+/* Holds the clock, unless something is under way or a device has yet to confirm that it is off. */
+void bus_rest_clock(Bus *bus);
+
+/* Does what the method CloseRig does. */
 void bus_close_rig(Bus *bus);
-gboolean bus_make_safe(Bus *bus, GError **error);
+
+/* Ends all that is under way, and commands every device off or to a stop. A device that does not
+ * confirm it appears in the property Unsafe. A rig is open. */
+void bus_make_safe(Bus *bus);
+
+/* Replies to a call that did not reach the skeleton. body: floating or owned by the caller, or
+ * NULL. Takes the error. Any thread. */
+void bus_reply(GDBusConnection *connection, GDBusMessage *message, GVariant *body, GError *error);
 
 /* Captures into a session directory that a job has made, or (resumed) examined. warning may be
  * NULL. */
@@ -105,9 +118,9 @@ gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
 void bus_jobs_stop_all(Bus *bus, const char *why);
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);
 
-/* Watches over the calls that wait for the main loop: SafeState comes before all others, and a
- * client that has too many of the others waiting is refused. */
-struct bus_queue *bus_queue_new(Bus *bus);
+/* Watches over the calls that wait for the main loop: SafeState goes to the latch, and a client
+ * that has too many of the others waiting is refused. */
+struct bus_queue *bus_queue_new(struct bus_latch *latch);
 void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
 void bus_queue_close(struct bus_queue *queue); /* the bus is being closed */
 

@@ -4,6 +4,8 @@
 
 #include "bus_errors.h"
 #include "bus_hands.h"
+#include "bus_latch.h"
+#include "bus_safety.h"
 #include "bus_trial.h"
 #include "queue/queue.h"
 
@@ -302,31 +304,19 @@ static void park(struct unattended *at) {
 }
 
 static gboolean is_free(const Bus *bus) {
-    return bus->devices && !bus->ending && !bus->capture && bus->hands->len == 0;
-}
-
-/* A laser or bank of lamps that may shine though it was commanded off, or NULL. */
-static const struct device *find_unsafe(const struct devices *devices) {
-    for (int i = 0; i < devices->geometry.n_lasers; i++)
-        if (laser_safety(devices->lasers[i]) == DEVICE_UNSAFE)
-            return &devices->lasers[i]->device;
-    for (int i = 0; i < devices->n_banks; i++)
-        if (lamps_safety(devices->banks[i]) == DEVICE_UNSAFE)
-            return &devices->banks[i]->device;
-    return NULL;
+    return bus->devices && !bus->ending && !bus->capture && bus->hands->len == 0 &&
+           !bus_latch_is_set(bus->latch);
 }
 
 /* Whether the open rig can take the session; if not, the queue is paused. */
 static gboolean check_rig(struct unattended *at, const struct queue_item *item) {
-    const struct device *unsafe = find_unsafe(at->bus->devices);
     g_autofree char *why = NULL;
+    g_autoptr(GError) error = NULL;
     if (strcmp(item->rig, at->bus->rig_path) != 0)
         why = g_strdup_printf("session %u was added for the rig %s, but %s is open", item->id,
                               item->rig, at->bus->rig_path);
-    else if (unsafe)
-        why = g_strdup_printf("%s has not confirmed that it is off: look at it, then mesorig safe "
-                              "and mesorig queue resume",
-                              unsafe->who);
+    else if (!bus_need_safe(at->bus, &error))
+        why = g_strdup_printf("%s; then mesorig queue resume", error->message);
     if (why)
         pause_queue(at, why);
     return !why;

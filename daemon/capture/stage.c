@@ -13,9 +13,9 @@ struct track { /* an axis */
     gboolean homing, homed;
 };
 
-struct light {      /* a lamp or a laser */
-    gboolean asked; /* as last commanded */
-    gboolean on;    /* as last reported */
+struct stage_light { /* a lamp or a laser */
+    gboolean asked;  /* as last commanded */
+    gboolean on;     /* as last reported */
     gint64 since_us;
     int pending; /* lamps: switches whose answers are awaited */
 };
@@ -26,7 +26,7 @@ struct Stage {
     gboolean active; /* from stage_home() until the next stage_make_safe() */
     struct track axes[MAX_AXES];
     int n_axes;
-    struct light lamps[RIG_MAX_LAMPS], lasers[RIG_MAX_LASERS];
+    struct stage_light lamps[RIG_MAX_LAMPS], lasers[RIG_MAX_LASERS];
     guint interlocks[DEVICES_MAX_INTERLOCKS];
 };
 
@@ -141,8 +141,9 @@ static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, 
         if (rig_lamp_unit(&stage->devices->geometry, i) == i &&
             stage->devices->lamps[i].bank == bank &&
             (index < 0 || stage->devices->lamps[i].index == index))
-            stage->lamps[i] = (struct light){stage->lamps[i].asked, on, at_us,
-                                             index < 0 ? 0 : MAX(stage->lamps[i].pending - 1, 0)};
+            stage->lamps[i] =
+                (struct stage_light){stage->lamps[i].asked, on, at_us,
+                                     index < 0 ? 0 : MAX(stage->lamps[i].pending - 1, 0)};
     }
     stage_changed(stage);
 }
@@ -155,8 +156,8 @@ static void stage_on_laser(Laser *laser, gboolean on, const GError *error, gpoin
     }
     for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
         if (stage->devices->lasers[i] == laser && rig_laser_unit(&stage->devices->timing, i) == i)
-            stage->lasers[i] =
-                (struct light){stage->lasers[i].asked, on, clock_now_us(stage->devices->clock), 0};
+            stage->lasers[i] = (struct stage_light){stage->lasers[i].asked, on,
+                                                    clock_now_us(stage->devices->clock), 0};
     }
     stage_changed(stage);
 }

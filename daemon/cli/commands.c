@@ -22,6 +22,7 @@ static const struct command *const commands[] = {
     &cli_continue,
     &cli_abort,
     &cli_safe,
+    &cli_release,
     &unattended_queue,
     &cli_process,
     &cli_compress,

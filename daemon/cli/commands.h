@@ -4,8 +4,9 @@
 #include "command/cli.h"
 
 extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
-    cli_continue, cli_abort, cli_safe, cli_close, cli_process, cli_compress, cli_compare, cli_check,
-    cli_board, cli_info, cli_drivers, cli_devices, cli_resample, cli_verify, cli_report;
+    cli_continue, cli_abort, cli_safe, cli_release, cli_close, cli_process, cli_compress,
+    cli_compare, cli_check, cli_board, cli_info, cli_drivers, cli_devices, cli_resample, cli_verify,
+    cli_report;
 
 /* All commands; the table ends with NULL. */
 const struct command *const *cli_commands(void);

@@ -1,4 +1,5 @@
-/* status, watch, pause, continue, abort, safe, close: the commands about a daemon's work. */
+/* status, watch, pause, continue, abort, safe, release, close: the commands about a daemon's work.
+ */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
@@ -7,6 +8,10 @@
 #include "commands.h"
 #include "info.h"
 #include "unattended/unattended.h"
+
+/* Time for which “safe” asks devices that have not confirmed, and between two questions. */
+#define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
+#define SAFE_PAUSE_US (100 * 1000)
 
 /* NULL: none was given. g_free(). */
 static char *directory_of(const struct call *call) {
@@ -20,7 +25,9 @@ static void tell_status(Record *to, BusRig1 *rig) {
     monitor_status(to, rig);
     if (devices)
         record_variant(to, "devices", devices);
-    record_say(to, "state      %s\n", bus_rig1_get_state(rig));
+    record_boolean(to, "latched", bus_rig1_get_latched(rig));
+    record_say(to, "state      %s%s\n", bus_rig1_get_state(rig),
+               bus_rig1_get_latched(rig) ? ", held in the safe state until “mesorig release”" : "");
     if (*prompt)
         status_say_sentences(to, "to do", prompt);
     else if (*reason)
@@ -147,6 +154,21 @@ static int run_close(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
+/* SafeState answers within a quarter of a second. A slow device may confirm later, so the command
+ * asks again until all have, or until the drivers of lasers and lamps have given up. */
+static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
+                          GError **error) {
+    const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;
+    for (;;) {
+        if (!bus_rig1_call_safe_state_sync(rig, ret_safe, ret_devices, NULL, error))
+            return FALSE;
+        if (*ret_safe || g_get_monotonic_time() > until_us)
+            return TRUE;
+        g_clear_pointer(ret_devices, g_variant_unref);
+        g_usleep(SAFE_PAUSE_US);
+    }
+}
+
 /* Prints the answer of each device. A state that was not read back is a failure. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
@@ -159,7 +181,8 @@ static int run_safe(const struct call *call, GError **error) {
     BusRig1 *rig = link_rig(link);
     g_autofree char *path = g_strdup(bus_rig1_get_rig_path(rig));
     g_autofree char *session = g_strdup(status_is_capturing(rig) ? bus_rig1_get_session(rig) : "");
-    if (!bus_rig1_call_safe_state_sync(rig, &safe, &devices, NULL, error))
+    g_autofree char *again = link_again(link);
+    if (!make_safe(rig, &safe, &devices, error))
         return CLI_FAILED;
     GVariantIter iter;
     const char *class_name, *name, *state;
@@ -174,15 +197,36 @@ static int run_safe(const struct call *call, GError **error) {
     record_boolean(call->record, "safe", safe);
     record_variant(call->record, "devices", devices);
     if (safe) {
-        record_say(call->record, "rig %s: lamps and lasers are off, axes stand%s%s\n", path,
-                   *session ? "; ended: " : "", session);
+        record_say(call->record,
+                   "rig %s: lamps and lasers are off, axes stand%s%s\n"
+                   "The rig stays so until “mesorig release%s”.\n",
+                   path, *session ? "; ended: " : "", session, again);
         return CLI_DONE;
     }
     g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
                 "the rig %s was commanded into its safe state, but these devices did not confirm "
-                "it: %s; look at them and switch them off by hand",
+                "it: %s; the daemon commands them again until they do: look at them and switch "
+                "them off by hand",
                 path, open->str);
     return CLI_FAILED;
+}
+
+static int run_release(const struct call *call, GError **error) {
+    g_autoptr(Link) link = link_find(NULL, error);
+    if (!link)
+        return CLI_FAILED;
+    BusRig1 *rig = link_rig(link);
+    g_autofree char *path = g_strdup(bus_rig1_get_rig_path(rig));
+    const gboolean latched = bus_rig1_get_latched(rig);
+    if (!bus_rig1_call_release_sync(rig, NULL, error))
+        return CLI_FAILED;
+    tell_whose(call->record, "release", path, "");
+    record_boolean(call->record, "latched", latched);
+    record_say(call->record,
+               latched ? "the rig %s may shine and move again; nothing goes on by itself\n"
+                       : "the rig %s was not held in its safe state\n",
+               path);
+    return CLI_DONE;
 }
 
 #define CONTROL(name_, run_, help_, ...)                                                           \
@@ -207,4 +251,12 @@ const struct command cli_close = {
     .daemon = TRUE,
     .run = run_close};
 const struct command cli_safe =
-    CONTROL("safe", run_safe, "End what is under way; lamps and lasers off, axes stopped.");
+    CONTROL("safe", run_safe,
+            "End what is under way; lamps and lasers off, axes stopped, until “release”.");
+const struct command cli_release = {
+    .name = "release",
+    .arguments = "",
+    .examples = "  mesorig release\n",
+    .help = "Let the rig shine and move again after “safe”. Look at the rig first.",
+    .daemon = TRUE,
+    .run = run_release};

@@ -133,7 +133,9 @@ static void cli_verify_tell(Record *to, const struct verify *verify) {
         record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
     if (verify->not_noted && !cli_json)
         g_printerr("the damaged frames could not be noted, so that mesorig resume does not take "
-                   "them again: %s; run mesorig verify as a user who may write into the session\n",
+                   "them again: %s; run mesorig verify again as a user who may write into the "
+                   "session, with "
+                   "space on its disk\n",
                    verify->not_noted->message);
 }
 

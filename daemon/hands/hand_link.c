@@ -6,6 +6,7 @@
 #include "rig_link.h"
 
 #define MOST_SIDE 65536 /* pixels */
+#define RENEW_MS  (HAND_LEASE_S * 1000 / 3)
 
 char *hand_rig;
 
@@ -56,6 +57,7 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain
     g_autofree char *filter = NULL;
     g_autoptr(GVariant) handle = NULL;
     g_autoptr(GUnixFDList) list = NULL;
+    hand_renew(link, HAND_LEASE_S);
     if (!bus_rig1_call_snap_sync(link_rig(link), camera, exposure_us, gain_db, NULL, &width,
                                  &height, &bits, &black, &filter, &exposed_us, &handle, &list, NULL,
                                  error))
@@ -82,10 +84,32 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain
     return good ? g_steal_pointer(&frame) : NULL;
 }
 
+void hand_renew(Link *link, double for_s) {
+    bus_rig1_call_renew(link_rig(link), for_s, NULL, NULL, NULL);
+}
+
+static gboolean on_renew(gpointer data) {
+    hand_renew(data, HAND_LEASE_S);
+    return G_SOURCE_CONTINUE;
+}
+
+static void take_result(GObject *source, GAsyncResult *result, gpointer data) {
+    *(GAsyncResult **)data = g_object_ref(result);
+}
+
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error) {
     BusRig1 *rig = link_rig(link);
-    return laser ? bus_rig1_call_set_laser_sync(rig, name, on, NULL, error)
-                 : bus_rig1_call_set_lamp_sync(rig, name, on, NULL, error);
+    g_autoptr(GAsyncResult) result = NULL;
+    const guint timer = g_timeout_add(RENEW_MS, on_renew, link);
+    if (laser)
+        bus_rig1_call_set_laser(rig, name, on, HAND_LEASE_S, NULL, take_result, &result);
+    else
+        bus_rig1_call_set_lamp(rig, name, on, HAND_LEASE_S, NULL, take_result, &result);
+    while (!result)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+    return laser ? bus_rig1_call_set_laser_finish(rig, result, error)
+                 : bus_rig1_call_set_lamp_finish(rig, result, error);
 }
 
 gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error) {

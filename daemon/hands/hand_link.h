@@ -16,9 +16,18 @@ extern char *hand_rig; /* --rig */
  * this process has begun end with its connection. */
 Link *hand_link(GError **error);
 
-/* Each calls the method of the same name and waits for the answer. */
+/* How long a light stays on unless hand_snap(), hand_light() or hand_renew() is called. */
+#define HAND_LEASE_S 30
+
+/* Each calls the method of the same name and waits for the answer. hand_snap() and hand_light()
+ * renew the leases of the lights that are on, hand_light() also while a light warms up. */
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
+
+/* Renews the leases of the lights that this process has switched on, without waiting for the
+ * answer. */
+void hand_renew(Link *link, double for_s);
+
 gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error);
 gboolean hand_home(Link *link, const char *axis, double *ret_deg, GError **error);

@@ -7,11 +7,16 @@
 #include "hand_link.h"
 #include "hands.h"
 
+/* A light that is held is renewed every RENEW_MS, for LEASE_S: after that time it goes off if this
+ * program is stopped or its connection hangs. */
+#define LEASE_S  10
+#define RENEW_MS 3000
+
 static double seconds;
 
 static const GOptionEntry light_entries[] = {
     {"for", 0, 0, G_OPTION_ARG_DOUBLE, &seconds,
-     "Seconds after which it goes off again (at Ctrl-C)", "S"},
+     "Seconds after which the daemon switches it off; without it, Ctrl-C does", "S"},
     HAND_RIG_ENTRY,
     {NULL},
 };
@@ -19,12 +24,25 @@ static const GOptionEntry axis_entries[] = {HAND_RIG_ENTRY, {NULL}};
 
 struct waiting {
     GMainLoop *loop;
-    int n_open;  /* open interlocks at the start */
-    char *fault; /* the fault that has ended it, or NULL */
+    Link *link;
+    gint64 until_us; /* end of --for; 0: none */
+    int n_open;      /* open interlocks at the start */
+    char *fault;     /* the fault that has ended it, or NULL */
 };
 
 static gboolean on_end(gpointer data) {
     g_main_loop_quit(((struct waiting *)data)->loop);
+    return G_SOURCE_CONTINUE;
+}
+
+/* The daemon measures the time: the last lease ends when --for does. */
+static gboolean on_renew(gpointer data) {
+    struct waiting *waiting = data;
+    const double left_s = waiting->until_us == 0
+                              ? LEASE_S
+                              : (double)(waiting->until_us - g_get_monotonic_time()) * 1e-6;
+    if (left_s > 0)
+        hand_renew(waiting->link, MIN(left_s, LEASE_S));
     return G_SOURCE_CONTINUE;
 }
 
@@ -65,11 +83,18 @@ static char *wait_for_end(Link *link) {
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     guint ids[G_N_ELEMENTS(numbers)];
     BusRig1 *rig = link_rig(link);
-    struct waiting waiting = {g_main_loop_new(NULL, FALSE), count_open(rig), NULL};
+    struct waiting waiting = {
+        .loop = g_main_loop_new(NULL, FALSE), .link = link, .n_open = count_open(rig)};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         ids[i] = g_unix_signal_add(numbers[i], on_end, &waiting);
-    const guint timer =
-        seconds > 0 ? g_timeout_add((guint)ceil(MIN(seconds, 1e6) * 1000), on_end, &waiting) : 0;
+    const double for_s = MIN(seconds, 1e6);
+    guint timer = 0;
+    if (for_s > 0) {
+        waiting.until_us = g_get_monotonic_time() + (gint64)(for_s * 1e6);
+        timer = g_timeout_add((guint)ceil(for_s * 1000), on_end, &waiting);
+    }
+    on_renew(&waiting);
+    const guint renew = g_timeout_add(RENEW_MS, on_renew, &waiting);
     const gulong event = g_signal_connect(rig, "event", G_CALLBACK(on_event), &waiting);
     const gulong changed =
         g_signal_connect(rig, "notify::devices", G_CALLBACK(on_devices), &waiting);
@@ -80,6 +105,7 @@ static char *wait_for_end(Link *link) {
         g_source_remove(ids[i]);
     if (timer)
         g_source_remove(timer);
+    g_source_remove(renew);
     g_main_loop_unref(waiting.loop);
     return waiting.fault;
 }

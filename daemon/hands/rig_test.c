@@ -139,7 +139,7 @@ static void try_interlock(struct trial *trial, const char *name, const char *hea
 /* Interlocks first, since they decide; then what moves, what sees, and what gives light. */
 static void try_all(struct trial *trial) {
     static const char *const classes[] = {"interlock", "axis"};
-    GVariant *devices = bus_rig1_get_devices(link_rig(trial->link));
+    g_autoptr(GVariant) devices = bus_rig1_dup_devices(link_rig(trial->link));
     const char *class_name, *name, *driver, *health;
     for (gsize k = 0; devices && k < G_N_ELEMENTS(classes); k++) {
         GVariantIter iter;

@@ -92,7 +92,7 @@ static double free_azimuth_deg(const struct rig *rig, const struct ring *ring) {
 
 gboolean trial_pose(const struct trial *trial, gboolean lasers, double *ret_arc_deg,
                     GError **error) {
-    GVariant *devices = bus_rig1_get_devices(link_rig(trial->link));
+    g_autoptr(GVariant) devices = bus_rig1_dup_devices(link_rig(trial->link));
     const struct ring *ring = lasers ? trial->conf->lasers : trial->conf->lights;
     const char *class_name, *name, *driver, *health;
     GVariantIter iter;

@@ -2,8 +2,9 @@
 #include "base/nearest.h"
 #include "bus/bus.h"
 #include "bus/preparer.h"
+#include "drivers/lock.h"
 #include "rig/guardian.h"
-#include "rig/safe_state.h"
+#include "rig/safe_work.h"
 
 #include <glib-unix.h>
 #include <locale.h>
@@ -52,11 +53,15 @@ static int mesorigd_fail(const GError *error) {
 static int safe_state(const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(SafeState) state = safe_state_read(path, &error);
+    /* systemd's ExecStopPost (it sets SERVICE_RESULT) also runs after a service that could not
+     * start because another daemon has the rig, which must not be switched off then. */
+    lock_set_role(g_getenv("SERVICE_RESULT") ? LOCK_GUARDIAN : LOCK_OPERATOR);
     if (!state) {
         g_prefix_error(&error, "the rig is NOT safe: ");
         return mesorigd_fail(error);
     }
-    return safe_state_make(state) ? 0 : 1;
+    guardian_await(path);
+    return safe_work_once(state) ? 0 : 1;
 }
 
 /* To the journal as it is, with its level; elsewhere a line that people can read. */

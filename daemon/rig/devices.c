@@ -400,6 +400,60 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
     return g_variant_builder_end(&list);
 }
 
+/* Calls func for each axis, bank and laser, each device once. */
+static void devices_foreach(const struct devices *devices,
+                            void (*func)(struct device *device, gpointer data), gpointer data) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        if (devices->lasers[i] && rig_laser_unit(&devices->timing, i) == i)
+            func(&devices->lasers[i]->device, data);
+        if (devices->sweeps[i] && is_first_sweep(devices, i))
+            func(&devices->sweeps[i]->device, data);
+    }
+    for (int i = 0; i < devices->n_banks; i++)
+        func(&devices->banks[i]->device, data);
+    for (int i = 0; i < DEVICES_POSITIONERS; i++)
+        if (devices_positioner(devices, i))
+            func(&devices_positioner(devices, i)->device, data);
+}
+
+struct permit {
+    DevicePermit func;
+    gpointer data;
+};
+
+static void set_permit(struct device *device, gpointer data) {
+    const struct permit *permit = data;
+    device_set_permit(device, permit->func, permit->data);
+}
+
+void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data) {
+    devices_foreach(devices, set_permit, &(struct permit){permit, data});
+}
+
+struct watch {
+    DeviceSafetyFunc func;
+    gpointer data;
+};
+
+static void watch_safety(struct device *device, gpointer data) {
+    const struct watch *watch = data;
+    device_watch_safety(device, watch->func, watch->data);
+}
+
+void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data) {
+    devices_foreach(devices, watch_safety, &(struct watch){func, data});
+}
+
+static void find_unsafe(struct device *device, gpointer data) {
+    *(gboolean *)data |= device_is_unsafe(device);
+}
+
+gboolean devices_any_unsafe(const struct devices *devices) {
+    gboolean any = FALSE;
+    devices_foreach(devices, find_unsafe, &any);
+    return any;
+}
+
 /* A device's answer to devices_secure(). */
 struct answer {
     gboolean done;

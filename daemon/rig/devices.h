@@ -125,6 +125,12 @@ gboolean devices_make_safe(struct devices *devices, GError **error);
  * answered, else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
+/* The permit and the function of each axis, bank and laser (drivers/device.h), each device once. */
+void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data);
+void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data);
+/* Whether one of them should be off or stand and has not confirmed it. */
+gboolean devices_any_unsafe(const struct devices *devices);
+
 /* Commands the safe state, and waits until every device has confirmed it: lasers and lamps that
  * they are off, axes that they stand, also axes that another program has started. FALSE: at least
  * one has not confirmed. Runs the main loop, and removes all other listeners from the devices. */

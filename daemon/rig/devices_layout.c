@@ -558,6 +558,8 @@ static gboolean layout_take(struct layout *layout, Config *config, gboolean chec
             if (known[i] && !devices_layout_take_place(layout, &sections[i], mistakes))
                 lasers &= !g_str_equal(sections[i].class_name, "laser");
         check_whole(layout, lasers, mistakes);
+        if (checks_drivers)
+            layout_check_needs(config, mistakes);
     }
     if (mistakes_report(mistakes, error))
         return TRUE;

@@ -34,6 +34,9 @@ gboolean layout_load(struct layout *layout, const char *path, gboolean checks_dr
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
 void layout_clear(struct layout *layout);
 
+/* Reports each section that needs what a section above it in the file needs for itself. */
+void layout_check_needs(const Config *config, Mistakes *mistakes);
+
 /* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free
  * the list alone with g_free(). */
 const char **layout_keys(const char *class_name);

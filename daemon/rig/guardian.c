@@ -1,58 +1,96 @@
 #include "guardian.h"
 
+#include "guardian_place.h"
+#include "guardian_private.h"
 #include "safe_state.h"
 
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>
-#include <stdio.h>
-#include <sys/pidfd.h>
+#include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define BEAT_MS    1000
-#define HANG_US    (4500 * 1000) /* the rig is dark within five seconds after the daemon has hung */
-#define LOOK_MS    250           /* between two looks of the guardian at the clock */
-#define LOOK_US    (2 * LOOK_MS * 1000) /* the longest silence that it knows of from one look */
-#define END_MS     5000                 /* time that a killed daemon gets to end */
-#define RESTART_US (10 * G_USEC_PER_SEC)
-
-enum message { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
+#define BEAT_MS        250
+#define START_MS       6000                 /* for the first answer */
+#define ANSWER_US      G_USEC_PER_SEC       /* age of an answer that still counts */
+#define ASK_MS         200                  /* for the answer to a question of its own */
+#define FROZEN_US      (3 * G_USEC_PER_SEC) /* silence after which it is replaced */
+#define LOOK_US        (2 * BEAT_MS * 1000) /* the longest silence known from one look */
+#define MIN_RESTART_MS 100
+#define MAX_RESTART_MS 5000
+#define LASTED_US      (10 * G_USEC_PER_SEC) /* then the next pause is the shortest again */
+#define AWAIT_US       (5 * G_USEC_PER_SEC)
 
 struct Guardian {
     char *rig_path;
-    int socket;
-    guint timer, watch;
+    int socket; /* -1: none, it is to be started again */
+    GPid pid;
+    guint timer, watch, restart;
+    guint restart_ms; /* the next pause */
+    gboolean busy;
     gint64 started_us;
+    gint64 answered_us;          /* when it sent its last answer; 0: none yet */
+    gint64 looked_us, silent_us; /* the last look at the clock, and the silence so far */
+    char *refusal;               /* instead of the first answer */
 };
 
-static gboolean is_real(const struct device *device) {
-    return !g_str_has_prefix(device->info->name, "sim-");
+gboolean guardian_is_needed(const char *rig_path) {
+    g_autoptr(SafeState) state = safe_state_read(rig_path, NULL);
+
+    return state && !safe_state_is_simulated(state);
 }
 
-gboolean guardian_is_needed(const struct devices *devices) {
-    gboolean real = FALSE;
-
-    for (int i = 0; i < DEVICES_POSITIONERS; i++) {
-        const Axis *axis = devices_positioner(devices, i);
-        real |= axis && is_real(&axis->device);
-    }
-    for (int i = 0; i < devices->geometry.n_lasers; i++)
-        real |= is_real(&devices->lasers[i]->device) || is_real(&devices->sweeps[i]->device);
-    for (int i = 0; i < devices->n_banks; i++)
-        real |= is_real(&devices->banks[i]->device);
-    return real;
-}
-
-/* Sends a byte. Ignores failures, since on_ended() reports a guardian that has ended. */
+/* Ignores failures: on_ended() notices a guardian that has ended, on_beat() one that is frozen. */
 static void guardian_send(Guardian *guardian, enum message message) {
     const char byte = (char)message;
-    if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
+
+    if (guardian->socket >= 0 && send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
         g_debug("cannot send to the guardian: %s", g_strerror(errno));
 }
 
+/* Reads all answers that wait. */
+static void guardian_read(Guardian *guardian) {
+    char bytes[ANSWER_MAX];
+    ssize_t n;
+
+    while (guardian->socket >= 0 &&
+           (n = recv(guardian->socket, bytes, sizeof bytes, MSG_DONTWAIT)) > 0) {
+        struct answer answer;
+        if ((gsize)n < sizeof answer)
+            continue;
+        memcpy(&answer, bytes, sizeof answer);
+        if ((gsize)n > sizeof answer) {
+            g_free(guardian->refusal);
+            guardian->refusal = g_strndup(bytes + sizeof answer, (gsize)n - sizeof answer);
+            continue;
+        }
+        guardian->answered_us = answer.at_us;
+        guardian->silent_us = 0;
+    }
+}
+
+static gboolean is_answering(Guardian *guardian) {
+    guardian_read(guardian);
+    return guardian->answered_us != 0 &&
+           g_get_monotonic_time() - guardian->answered_us <= ANSWER_US;
+}
+
 static gboolean on_beat(gpointer data) {
-    guardian_send(data, BEAT);
+    Guardian *guardian = data;
+    const gint64 now = g_get_monotonic_time();
+
+    guardian->silent_us += MIN(now - guardian->looked_us, LOOK_US);
+    guardian->looked_us = now;
+    guardian_read(guardian);
+    if (guardian->silent_us > FROZEN_US) {
+        g_warning("the guardian of %s (process %d) has not answered for %.1f s: killing it",
+                  guardian->rig_path, (int)guardian->pid, FROZEN_US / 1e6);
+        kill(guardian->pid, SIGKILL);
+        guardian->silent_us = 0;
+    }
+    guardian->busy = FALSE;
+    guardian_send(guardian, BEAT);
     return G_SOURCE_CONTINUE;
 }
 
@@ -65,23 +103,24 @@ static void guardian_prepare_child(gpointer unused) {
         signal(ignored[i], SIG_IGN);
 }
 
-static gboolean guardian_do_start(Guardian *guardian, GError **error);
+static void restart_later(Guardian *guardian);
 
 static void on_ended(GPid pid, int status, gpointer data) {
     Guardian *guardian = data;
-    const gboolean lasted = g_get_monotonic_time() - guardian->started_us > RESTART_US;
-    g_autoptr(GError) error = NULL;
 
     guardian->watch = 0;
     g_spawn_close_pid(pid);
+    guardian_read(guardian);
     g_clear_handle_id(&guardian->timer, g_source_remove);
     close(guardian->socket);
     guardian->socket = -1;
-    g_warning("the guardian of %s has ended (status 0x%04x)%s", guardian->rig_path, (guint)status,
-              lasted ? "; starting it again"
-                     : ": if this program dies, nobody switches lasers and lamps off");
-    if (lasted && !guardian_do_start(guardian, &error))
-        g_warning("%s", error->message);
+    if (g_get_monotonic_time() - guardian->started_us > LASTED_US)
+        guardian->restart_ms = MIN_RESTART_MS;
+    g_warning("the guardian of %s (process %d) has ended (status 0x%04x)%s%s: starting another in "
+              "%u ms",
+              guardian->rig_path, (int)pid, (guint)status, guardian->refusal ? ": " : "",
+              guardian->refusal ? guardian->refusal : "", guardian->restart_ms);
+    restart_later(guardian);
 }
 
 /* Its standard input is one end of a socket pair, so that it notices the end of the daemon however
@@ -91,17 +130,16 @@ static gboolean guardian_do_start(Guardian *guardian, GError **error) {
                                 NULL};
     const GSpawnFlags flags = G_SPAWN_FILE_AND_ARGV_ZERO | G_SPAWN_DO_NOT_REAP_CHILD;
     int fds[2];
-    GPid pid;
 
-    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, fds) < 0) {
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) < 0) {
         g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(errno),
                     "no guardian for %s: cannot make a pair of sockets: %s", guardian->rig_path,
                     g_strerror(errno));
         return FALSE;
     }
     const gboolean started =
-        g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, guardian_prepare_child, NULL, &pid,
-                               fds[1], -1, -1, error);
+        g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, guardian_prepare_child, NULL,
+                               &guardian->pid, fds[1], -1, -1, error);
     close(fds[1]);
     if (!started) {
         close(fds[0]);
@@ -109,135 +147,128 @@ static gboolean guardian_do_start(Guardian *guardian, GError **error) {
         return FALSE;
     }
     guardian->socket = fds[0];
-    guardian->started_us = g_get_monotonic_time();
-    guardian->watch = g_child_watch_add(pid, on_ended, guardian);
+    guardian->started_us = guardian->looked_us = g_get_monotonic_time();
+    guardian->answered_us = 0;
+    guardian->silent_us = -(gint64)START_MS * 1000;
+    g_clear_pointer(&guardian->refusal, g_free);
+    guardian->watch = g_child_watch_add(guardian->pid, on_ended, guardian);
     guardian->timer = g_timeout_add(BEAT_MS, on_beat, guardian);
+    guardian_send(guardian, guardian->busy ? PAUSE : BEAT);
     return TRUE;
+}
+
+static gboolean on_restart(gpointer data) {
+    Guardian *guardian = data;
+    g_autoptr(GError) error = NULL;
+
+    guardian->restart = 0;
+    if (guardian_do_start(guardian, &error))
+        return G_SOURCE_REMOVE;
+    g_warning("%s", error->message);
+    restart_later(guardian);
+    return G_SOURCE_REMOVE;
+}
+
+static void restart_later(Guardian *guardian) {
+    guardian->restart = g_timeout_add(guardian->restart_ms, on_restart, guardian);
+    guardian->restart_ms = MIN(2 * guardian->restart_ms, MAX_RESTART_MS);
+}
+
+/* A refusal, the end of the guardian, and no answer in time are errors. */
+static gboolean await_first_answer(Guardian *guardian, GError **error) {
+    const gint64 until = guardian->started_us + START_MS * (gint64)1000;
+    struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
+    gint64 left_us;
+
+    while ((left_us = until - g_get_monotonic_time()) > 0) {
+        if (poll(&at, 1, (int)(left_us / 1000) + 1) < 0 && errno != EINTR)
+            break;
+        guardian_read(guardian);
+        if (guardian->answered_us != 0)
+            return TRUE;
+        if (guardian->refusal || at.revents & POLLHUP)
+            break;
+    }
+    if (guardian->refusal)
+        return device_error_set(error, DEVICE_ERROR_BUSY, NULL, "%s", guardian->refusal);
+    if (at.revents & POLLHUP)
+        return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
+                                "the guardian of %s (process %d) has ended" ERROR_ADVICE
+                                "the messages of mesorigd say why",
+                                guardian->rig_path, (int)guardian->pid);
+    kill(guardian->pid, SIGKILL);
+    return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
+                            "the guardian of %s (process %d) has not answered within %g s of its "
+                            "start" ERROR_ADVICE "see whether this computer is overloaded",
+                            guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
 }
 
 Guardian *guardian_start(const char *rig_path, GError **error) {
     Guardian *guardian = g_new0(Guardian, 1);
 
     guardian->rig_path = g_strdup(rig_path);
-    if (guardian_do_start(guardian, error))
+    guardian->socket = -1;
+    guardian->restart_ms = MIN_RESTART_MS;
+    if (guardian_do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
-    g_free(guardian->rig_path);
-    g_free(guardian);
+    guardian_end(guardian, GUARDIAN_SAFE); /* one that has refused goes on, or has ended */
     return NULL;
 }
 
+gboolean guardian_answers(Guardian *guardian, GError **error) {
+    if (is_answering(guardian))
+        return TRUE;
+    if (guardian->socket >= 0) {
+        const gint64 until = g_get_monotonic_time() + ASK_MS * (gint64)1000;
+        struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
+        gint64 left_us;
+        guardian_send(guardian, BEAT);
+        while ((left_us = until - g_get_monotonic_time()) > 0 && !(at.revents & POLLHUP)) {
+            poll(&at, 1, (int)(left_us / 1000) + 1);
+            if (is_answering(guardian))
+                return TRUE;
+        }
+    }
+    return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
+                            "the guardian of %s does not answer, so nobody would switch a laser "
+                            "off if this program died" ERROR_ADVICE
+                            "it is started again by itself: try again in a few seconds",
+                            guardian->rig_path);
+}
+
 void guardian_set_busy(Guardian *guardian, gboolean busy) {
-    if (guardian && guardian->socket >= 0)
-        guardian_send(guardian, busy ? PAUSE : BEAT);
+    if (!guardian)
+        return;
+    guardian->busy = busy;
+    guardian_send(guardian, busy ? PAUSE : BEAT);
 }
 
 static void guardian_on_gone(GPid pid, int status, gpointer unused) {
     g_spawn_close_pid(pid);
 }
 
-void guardian_end(Guardian *guardian, gboolean safe) {
+void guardian_end(Guardian *guardian, enum guardian_end how) {
+    g_autoptr(GError) error = NULL;
+
     if (!guardian)
         return;
+    g_clear_handle_id(&guardian->restart, g_source_remove);
+    if (guardian->socket < 0 && how != GUARDIAN_SAFE && !guardian_do_start(guardian, &error))
+        g_warning("%s", error->message);
     g_clear_handle_id(&guardian->timer, g_source_remove);
-    if (guardian->socket >= 0) {
-        if (safe)
-            guardian_send(guardian, GOODBYE);
+    if (how != GUARDIAN_UNSAFE)
+        guardian_send(guardian, how == GUARDIAN_SAFE ? GOODBYE : FAILED);
+    if (guardian->socket >= 0)
         close(guardian->socket);
-    }
     if (guardian->watch) {
         GSource *watch = g_main_context_find_source_by_id(NULL, guardian->watch);
         g_source_set_callback(watch, G_SOURCE_FUNC(guardian_on_gone), NULL, NULL);
     }
     g_free(guardian->rig_path);
+    g_free(guardian->refusal);
     g_free(guardian);
 }
 
-/* How long the daemon has been silent. */
-struct silence {
-    gint64 looked_us; /* at the clock */
-    gint64 us;        /* since the last beat, as far as this process has run meanwhile */
-    gboolean allowed;
-};
-
-/* Between two looks this process may have been held up (a virtual machine that stood still, a
- * processor that others have taken), and the daemon with it. Of such a time only LOOK_US count. */
-static void silence_look(struct silence *silence) {
-    const gint64 now_us = g_get_monotonic_time();
-    silence->us += MIN(now_us - silence->looked_us, LOOK_US);
-    silence->looked_us = now_us;
-}
-
-static int silence_wait_ms(const struct silence *silence) {
-    const gint64 left_us = MAX(HANG_US - silence->us, 0);
-    return silence->allowed ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
-}
-
-/* The bytes that the daemon has sent. */
-enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
-
-static enum news guardian_receive(struct silence *silence) {
-    char bytes[64];
-    const ssize_t n = recv(STDIN_FILENO, bytes, sizeof bytes, MSG_DONTWAIT);
-
-    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))
-        return NEWS_DEAD;
-    for (ssize_t i = 0; i < n; i++) {
-        if (bytes[i] == GOODBYE)
-            return NEWS_GOODBYE;
-        silence->us = 0;
-        silence->allowed = bytes[i] == PAUSE;
-    }
-    return NEWS_NONE;
-}
-
-static void kill_daemon(int daemon) {
-    struct pollfd at = {.fd = daemon, .events = POLLIN};
-
-    g_printerr("mesorigd: guardian: no heartbeat from the daemon for %.1f s: killing it\n",
-               HANG_US / 1e6);
-    if (daemon < 0 || pidfd_send_signal(daemon, SIGKILL, NULL, 0) < 0)
-        g_printerr("mesorigd: guardian: cannot kill the daemon: %s\n", g_strerror(errno));
-    else
-        poll(&at, 1, END_MS);
-}
-
-/* Waits until the daemon says goodbye, dies or hangs; returns whether to make the rig safe. */
-static gboolean watch_daemon(int daemon) {
-    struct silence silence = {.looked_us = g_get_monotonic_time()};
-
-    for (;;) {
-        struct pollfd at[] = {{.fd = STDIN_FILENO, .events = POLLIN},
-                              {.fd = daemon, .events = POLLIN}};
-        const int ready = poll(at, G_N_ELEMENTS(at), silence_wait_ms(&silence));
-        if (ready < 0 && errno != EINTR)
-            return TRUE;
-        silence_look(&silence);
-        if (ready > 0) {
-            const enum news news = at[0].revents ? guardian_receive(&silence) : NEWS_DEAD;
-            if (news != NEWS_NONE)
-                return news == NEWS_DEAD;
-        }
-        if (!silence.allowed && silence.us >= HANG_US) {
-            kill_daemon(daemon);
-            return TRUE;
-        }
-    }
-}
-
-int guardian_main(const char *rig_path) {
-    const int daemon = pidfd_open(getppid(), 0);
-    g_autoptr(GError) error = NULL;
-    g_autoptr(SafeState) state = safe_state_read(rig_path, &error);
-
-    if (!watch_daemon(daemon))
-        return 0;
-    g_printerr(
-        "mesorigd: guardian: the daemon has ended and has not reported that it left the rig safe: "
-        "making %s safe\n",
-        rig_path);
-    if (!state) {
-        g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
-        return 1;
-    }
-    return safe_state_make(state) ? 0 : 1;
+void guardian_await(const char *rig_path) {
+    place_await(rig_path, AWAIT_US);
 }

@@ -2,36 +2,21 @@
 
 #include "devices_private.h"
 
-#include <errno.h>
-#include <fcntl.h>
-#include <math.h>
-#include <poll.h>
-#include <signal.h>
-#include <string.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include "drivers/lock.h"
 
-#define PATIENCE_US (5 * G_USEC_PER_SEC)  /* time for which failed devices are tried again */
-#define PAUSE_US    (200 * 1000)          /* between two tries */
-#define LIMIT_US    (30 * G_USEC_PER_SEC) /* limit of the process of a line */
-#define MAX_TEXT    1500                  /* with the rest of a struct result less than PIPE_BUF */
+#include <math.h>
+#include <string.h>
 
 struct job { /* a device to be made safe */
     const struct config_section *section;
     const struct driver_info *info; /* NULL: its driver is not known */
     char *name;                     /* "laser top" */
-    char *line;                     /* one process handles all devices of a line, in turn */
+    char *line;                     /* devices with the same line cannot be reached together */
 };
 
 struct SafeState {
     Config *config;
     GPtrArray *jobs; /* of struct job, lights first */
-};
-
-struct result { /* written by one process, read by the other */
-    int job;
-    gboolean safe;
-    char text[MAX_TEXT];
 };
 
 struct repaired { /* a section reduced to its valid keys */
@@ -286,23 +271,32 @@ static gboolean secure_section(const struct job *job, const char *text, GError *
     return safe;
 }
 
-G_GNUC_PRINTF(4, 5)
-static void set_result(struct result *result, gboolean safe, const struct job *job,
-                       const char *format, ...) {
+G_GNUC_PRINTF(3, 4)
+static void set_text(char *ret_text, const struct job *job, const char *format, ...) {
     va_list args;
 
     va_start(args, format);
     g_autofree char *words = g_strdup_vprintf(format, args);
     va_end(args);
-    result->safe = safe;
-    g_snprintf(result->text, sizeof result->text, "%s: %s%s", job->name,
-               safe ? "" : "NOT safe: ", words);
+    g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
-/* FALSE: to be tried again. */
-static gboolean try_job(const struct job *job, gboolean quick, struct result *result) {
+/* Who has a board that was switched off all the same. */
+static void note_other(pid_t other, gboolean axis, GString *notes) {
+    if (other == 0)
+        return;
+    g_autofree char *process = lock_process(other);
+    g_autofree char *note =
+        g_strdup_printf("%s has it open, and may %s again: end it, or use “mesorig safe”", process,
+                        axis ? "move it" : "switch it on");
+    add_words(notes, note);
+}
+
+enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, char *ret_text) {
+    const struct job *job = state->jobs->pdata[index];
     g_autoptr(GError) error = NULL;
     struct repaired repaired;
+    enum safe_try result;
 
     if (!job->info) {
         if (g_strv_contains(device_classes, job->section->class_name))
@@ -310,143 +304,56 @@ static gboolean try_job(const struct job *job, gboolean quick, struct result *re
         else
             config_set_error(&error, CONFIG_ERROR_UNKNOWN, job->section, NULL,
                              "there is no such section, and its driver is not known");
-        set_result(result, FALSE, job, "%s", error->message);
-        return TRUE;
+        set_text(ret_text, job, "NOT safe: %s", error->message);
+        return SAFE_TRY_NEVER;
     }
     safe_state_repair(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
-    const char *notes = repaired.notes->str;
+    lock_steal_found();
     const gboolean safe = secure_section(job, repaired.text->str, &error);
+    const pid_t other = lock_steal_found();
+    note_other(safe ? other : 0, is_axis(job), repaired.notes);
+    const char *notes = repaired.notes->str;
     if (!safe)
-        set_result(result, FALSE, job, "%s%s%s%s%s", error->message, *notes ? "; " : "", notes,
-                   repaired.doubts->len ? "; " : "", repaired.doubts->str);
+        set_text(ret_text, job, "NOT safe: %s%s%s%s%s", error->message, *notes ? "; " : "", notes,
+                 repaired.doubts->len ? "; " : "", repaired.doubts->str);
     else if (repaired.doubts->len)
-        set_result(result, FALSE, job,
-                   "what its section names is %s, read back, but may not be it: %s%s%s", done,
-                   repaired.doubts->str, *notes ? "; " : "", notes);
+        set_text(ret_text, job,
+                 "NOT safe: what its section names is %s, read back, but may not be it: %s%s%s",
+                 done, repaired.doubts->str, *notes ? "; " : "", notes);
     else
-        set_result(result, TRUE, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
+        set_text(ret_text, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
+    if (safe)
+        result = repaired.doubts->len ? SAFE_TRY_NEVER : SAFE_TRY_SAFE;
+    else
+        result = error->domain == DEVICE_ERROR ? SAFE_TRY_AGAIN : SAFE_TRY_NEVER;
     g_string_free(repaired.text, TRUE);
     g_string_free(repaired.notes, TRUE);
     g_string_free(repaired.doubts, TRUE);
-    return safe || error->domain != DEVICE_ERROR;
+    return result;
 }
 
-/* One line's devices, in a process of its own. */
-static void work_line(const SafeState *state, const char *line, int fd) {
-    const gint64 until = g_get_monotonic_time() + PATIENCE_US;
-    g_autofree gboolean *done = g_new0(gboolean, state->jobs->len);
-    gboolean again = TRUE, late = FALSE;
-
-    for (int pass = 0; again; pass++) {
-        again = FALSE;
-        if (pass > 0)
-            g_usleep(PAUSE_US);
-        late = g_get_monotonic_time() > until;
-        for (guint i = 0; i < state->jobs->len; i++) {
-            const struct job *job = state->jobs->pdata[i];
-            struct result result = {.job = (int)i};
-            if (done[i] || strcmp(job->line, line) != 0)
-                continue;
-            done[i] = try_job(job, pass == 0, &result) || late;
-            if (done[i] && write(fd, &result, sizeof result) != sizeof result)
-                g_printerr("mesorigd: %s\n", result.text);
-            again |= !done[i];
-        }
-    }
+int safe_state_n(const SafeState *state) {
+    return (int)state->jobs->len;
 }
 
-/* One process a line; if none can be had, it is done here. */
-static GArray *start_lines(const SafeState *state, const int *fds) {
-    GArray *pids = g_array_new(FALSE, FALSE, sizeof(pid_t));
-    g_autoptr(GHashTable) lines = g_hash_table_new(g_str_hash, g_str_equal);
+const char *safe_state_name(const SafeState *state, int index) {
+    return ((const struct job *)state->jobs->pdata[index])->name;
+}
 
+const char *safe_state_line(const SafeState *state, int index) {
+    return ((const struct job *)state->jobs->pdata[index])->line;
+}
+
+const Config *safe_state_config(const SafeState *state) {
+    return state->config;
+}
+
+gboolean safe_state_is_simulated(const SafeState *state) {
     for (guint i = 0; i < state->jobs->len; i++) {
         const struct job *job = state->jobs->pdata[i];
-        if (!g_hash_table_add(lines, job->line))
-            continue; /* the line has its process */
-        const pid_t pid = fork();
-        if (pid == 0) {
-            close(fds[0]);
-            work_line(state, job->line, fds[1]);
-            _exit(0);
-        }
-        if (pid > 0)
-            g_array_append_val(pids, pid);
-        else
-            work_line(state, job->line, fds[1]);
+        if (job->info && !g_str_has_prefix(job->info->name, "sim-"))
+            return FALSE;
     }
-    return pids;
-}
-
-/* Collects the results of the lines' processes, until the last has ended. */
-static void collect_results(int fd, gboolean *reported, gboolean *ret_safe) {
-    const gint64 until = g_get_monotonic_time() + LIMIT_US;
-    struct result result;
-    ssize_t n = 1;
-
-    while (n > 0) {
-        struct pollfd at = {.fd = fd, .events = POLLIN};
-        const gint64 left_us = until - g_get_monotonic_time();
-        const int ready = left_us > 0 ? poll(&at, 1, (int)(left_us / 1000) + 1) : 0;
-        if (ready < 0 && errno == EINTR)
-            continue;
-        if (ready <= 0)
-            return;
-        n = read(fd, &result, sizeof result);
-        if (n != sizeof result)
-            continue;
-        result.text[MAX_TEXT - 1] = '\0';
-        reported[result.job] = TRUE;
-        *ret_safe &= result.safe;
-        g_print("%s\n", result.text);
-    }
-}
-
-static gboolean make_jobs(const SafeState *state) {
-    g_autofree gboolean *reported = g_new0(gboolean, state->jobs->len);
-    gboolean safe = TRUE;
-    int fds[2];
-
-    if (pipe2(fds, O_CLOEXEC) < 0) {
-        g_print("NOT safe: cannot make a pipe: %s\n", g_strerror(errno));
-        return FALSE;
-    }
-    g_autoptr(GArray) pids = start_lines(state, fds);
-    close(fds[1]);
-    collect_results(fds[0], reported, &safe);
-    for (guint i = 0; i < pids->len; i++) {
-        kill(g_array_index(pids, pid_t, i), SIGKILL);
-        waitpid(g_array_index(pids, pid_t, i), NULL, 0);
-    }
-    close(fds[0]);
-    for (guint i = 0; i < state->jobs->len; i++) {
-        const struct job *job = state->jobs->pdata[i];
-        if (reported[i])
-            continue;
-        safe = FALSE;
-        g_print("%s: NOT safe: its driver has crashed, or has not ended within %d s\n", job->name,
-                (int)(LIMIT_US / G_USEC_PER_SEC));
-    }
-    return safe;
-}
-
-gboolean safe_state_make(const SafeState *state) {
-    gsize n;
-    const struct config_problem *problems = config_problems(state->config, &n);
-
-    /* All lines that could not be read; those in a device's section are with its result, too. */
-    for (gsize i = 0; i < n; i++)
-        g_printerr("mesorigd: left out: %s\n", problems[i].message);
-    if (state->jobs->len == 0) {
-        g_printerr("mesorigd: NOT safe: %s names no laser, no lamps and no axis\n",
-                   config_path(state->config));
-        return FALSE;
-    }
-    const gboolean safe = make_jobs(state);
-    if (safe)
-        g_print("lamps and lasers are off, axes stand\n");
-    else
-        g_printerr("mesorigd: the rig is NOT safe: switch off by hand what is named above\n");
-    return safe;
+    return TRUE;
 }

@@ -1,24 +1,40 @@
 /*
- * The safe state of a rig without a daemon: lasers and lamps off, axes standing, each device
- * independently of the others. The rig file need not be valid: only the sections of these devices
- * are used, and in them only the keys that identify the device and switch it.
+ * The lasers, lamps and axes of a rig file, each of which can be made safe independently of the
+ * others: lasers and lamps off, axes standing. The rig file need not be valid: only the sections of
+ * these devices are used, and in them only the keys that identify the device and switch it.
  *
- * Different lines are handled at the same time, each in a process of its own, so that one that
- * hangs delays no other. Failures are tried again for some seconds: a program that is ending may
- * still hold a line.
+ * safe_work.h makes the whole rig safe. All functions belong to one thread.
  */
 #pragma once
 
-#include <glib.h>
+#include "base/config.h"
 
 typedef struct SafeState SafeState;
 
-/* Reads the rig file; safe_state_make() reports its errors. Fails only if the file does not exist
- * or cannot be read. */
+/* Reads the rig file. Fails only if the file does not exist or cannot be read. */
 SafeState *safe_state_read(const char *rig_path, GError **error);
 void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)
 
-/* Prints one line per device, and one for the whole. TRUE if all devices were read back and are
- * safe. To be called from a process without other threads. */
-gboolean safe_state_make(const SafeState *state);
+/* The devices, lasers first, then lamps, then axes. Names are like "laser top". Devices on the same
+ * line cannot be reached at the same time. The state owns the strings and the file. */
+int safe_state_n(const SafeState *state);
+const char *safe_state_name(const SafeState *state, int index);
+const char *safe_state_line(const SafeState *state, int index);
+const Config *safe_state_config(const SafeState *state);
+
+/* Whether every device of a known driver is simulated. */
+gboolean safe_state_is_simulated(const SafeState *state);
+
+enum safe_try {
+    SAFE_TRY_SAFE,  /* it was read back: off, or standing */
+    SAFE_TRY_AGAIN, /* it failed; another try may succeed */
+    SAFE_TRY_NEVER, /* its section is wrong, so that no other try can succeed */
+};
+
+#define SAFE_STATE_TEXT 1500
+
+/* Opens the device, makes it safe and closes it. quick: asks only once, without the retries of its
+ * section. ret_text, of SAFE_STATE_TEXT bytes, says what has come of it, beginning with the name of
+ * the device. Runs the default main context. */
+enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, char *ret_text);

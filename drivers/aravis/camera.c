@@ -225,6 +225,11 @@ static void aravis_camera_check(gconstpointer given, const struct config_section
                        "must be given for a trigger by %s", said->trigger);
 }
 
+static void aravis_camera_needs(gconstpointer given, GPtrArray *to) {
+    g_ptr_array_add(to, g_strdup_printf("the camera %s",
+                                        ((const struct aravis_camera *)given)->options.device));
+}
+
 static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
     priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
@@ -265,7 +270,7 @@ static void aravis_camera_close_camera(Camera *camera) {
 
 const struct camera_driver aravis_camera_driver = {
     .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
-             sizeof(struct aravis_camera), aravis_camera_check},
+             sizeof(struct aravis_camera), aravis_camera_check, aravis_camera_needs},
     .open = aravis_camera_open_camera,
     .opened = opened,
     .close = aravis_camera_close_camera,

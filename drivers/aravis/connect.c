@@ -4,6 +4,7 @@
 
 #include <arpa/inet.h>
 #include <poll.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -148,28 +149,78 @@ static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError *
     return found;
 }
 
-ArvDevice *aravis_connect(const char *id, double control_s, GError **error) {
+/* Of a camera in Aravis's list, which look_up_usb() has brought up to date. */
+static char *serial_of(const char *id) {
+    ArvInterface *usb = arv_uv_interface_get_instance();
+    char *serial = NULL;
+    aravis_list_lock();
+    for (guint i = 0; i < arv_interface_get_n_devices(usb) && !serial; i++)
+        if (g_strcmp0(arv_interface_get_device_id(usb, i), id) == 0)
+            serial = g_strdup(arv_interface_get_device_serial_nbr(usb, i));
+    aravis_list_unlock();
+    return serial;
+}
+
+static char *read_usb_attribute(const char *folder, const char *name) {
+    g_autofree char *file = g_build_filename("/sys/bus/usb/devices", folder, name, NULL);
+    char *text = NULL;
+    return g_file_get_contents(file, &text, NULL, NULL) ? g_strstrip(text) : NULL;
+}
+
+/* The node of a USB camera, which Aravis does not tell; NULL: it is not found. */
+static char *usb_node(const char *id) {
+    g_autofree char *wanted = serial_of(id);
+    g_autoptr(GDir) dir = g_dir_open("/sys/bus/usb/devices", 0, NULL);
+    const char *name;
+    while (wanted && dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *serial = read_usb_attribute(name, "serial");
+        g_autofree char *bus = read_usb_attribute(name, "busnum");
+        g_autofree char *number = read_usb_attribute(name, "devnum");
+        if (bus && number && g_strcmp0(serial, wanted) == 0)
+            return g_strdup_printf("/dev/bus/usb/%03d/%03d", atoi(bus), atoi(number));
+    }
+    return NULL;
+}
+
+/* FALSE: another process has it. *ret_lock stays NULL for a USB camera that has no key; the kernel
+ * lets one program use it all the same. */
+static gboolean lock_camera(const char *name, gboolean gige, Lock **ret_lock, GError **error) {
+    g_autofree char *node = gige ? NULL : usb_node(name);
+    g_autofree char *key = gige   ? g_strconcat("gige ", name, NULL)
+                           : node ? lock_key_of_node("usb", node)
+                                  : NULL;
+    *ret_lock = key ? lock_take(key, LOCK_ALONE, name, error) : NULL;
+    return !key || *ret_lock;
+}
+
+static ArvDevice *open_usb(const char *name, GError **error) {
+    g_autoptr(GError) theirs = NULL;
+    g_mutex_lock(&parser_lock);
+    ArvDevice *device = arv_open_device(name, &theirs);
+    g_mutex_unlock(&parser_lock);
+    if (!device)
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
+                         theirs ? theirs->message : "it cannot be opened");
+    return device;
+}
+
+ArvDevice *aravis_connect(const char *id, double control_s, Lock **ret_lock, GError **error) {
     gint64 until = g_get_monotonic_time() + (gint64)(control_s * 1e6);
     g_autoptr(GInetAddress) address = g_inet_address_new_from_string(id);
     gboolean gige = address != NULL;
     g_autofree char *name = gige ? g_strdup(id) : aravis_connect_look_up(id, &gige, error);
+    *ret_lock = NULL;
     if (!name)
         return NULL;
     for (;;) {
         g_autoptr(GError) why = NULL;
-        ArvDevice *device = gige ? open_gige(name, &why) : NULL;
-        if (!gige) {
-            g_autoptr(GError) theirs = NULL;
-            g_mutex_lock(&parser_lock);
-            device = arv_open_device(name, &theirs);
-            g_mutex_unlock(&parser_lock);
-            if (!device)
-                device_error_set(&why, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
-                                 theirs ? theirs->message : "it cannot be opened");
-        }
+        ArvDevice *device = NULL;
+        if (*ret_lock || lock_camera(name, gige, ret_lock, &why))
+            device = gige ? open_gige(name, &why) : open_usb(name, &why);
         if (device)
             return device;
         if (why->code != DEVICE_ERROR_BUSY || g_get_monotonic_time() > until) {
+            g_clear_pointer(ret_lock, lock_release);
             g_propagate_error(error, g_steal_pointer(&why));
             return NULL;
         }

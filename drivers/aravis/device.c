@@ -29,6 +29,7 @@
 
 struct AravisDevice {
     const struct aravis_options *options;
+    Lock *lock;
     ArvDevice *device;
     ArvCamera *camera;
     ArvStream *stream;
@@ -312,7 +313,7 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     g_autoptr(AravisDevice) device = g_new0(AravisDevice, 1);
     GError *why = NULL;
     device->options = options;
-    device->device = aravis_connect(options->device, control_s, error);
+    device->device = aravis_connect(options->device, control_s, &device->lock, error);
     if (!device->device)
         return NULL;
     if (ARV_IS_UV_DEVICE(device->device))
@@ -345,6 +346,7 @@ void aravis_device_close(AravisDevice *device) {
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
+    lock_release(device->lock);
     g_strfreev(device->warnings);
     g_free(device);
 }

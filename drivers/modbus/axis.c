@@ -1,3 +1,4 @@
+#include "address.h"
 #include "bus.h"
 #include "devices.h"
 #include "watchdog.h"
@@ -240,7 +241,7 @@ static void poll_now(Axis *axis) {
         add_writes(&job, priv->watchdog);
     }
     add_poll(priv, &job);
-    modbus_bus_start(priv->bus, &priv->link, &job, TRUE, DEADLINE_MS, on_polled, axis);
+    modbus_bus_start(priv->bus, &priv->link, &job, MODBUS_POLL, DEADLINE_MS, on_polled, axis);
 }
 
 static void modbus_axis_on_timer(gpointer data) {
@@ -270,17 +271,18 @@ static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbu
     priv->n_unheard = 0;
     priv->left_home = priv->was_still = FALSE;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
-    modbus_bus_start(priv->bus, &priv->link, job, FALSE, COMMAND_MS, on_commanded, axis);
+    if (phase == STOPPING)
+        modbus_bus_skip(priv->bus, axis, -1);
+    modbus_bus_start(priv->bus, &priv->link, job,
+                     phase == STOPPING ? MODBUS_URGENT : MODBUS_COMMAND,
+                     phase == STOPPING ? DEADLINE_MS : COMMAND_MS, on_commanded, axis);
 }
 
-/* Call it last: the listener may close the axis. */
+/* The class stops the drive, whatever it does now. Call it last: the listener may close the axis.
+ */
 static void report_fault(Axis *axis, GError *error) {
     struct modbus_axis *priv = axis->device.priv;
-    struct modbus_job job = {0};
-    if (priv->phase != STANDING) { /* stop the drive, whatever it does now */
-        add_writes(&job, priv->stop);
-        modbus_axis_command(axis, STANDING, &job);
-    }
+    priv->phase = STANDING;
     error_details_add_subject(&error, axis->device.who);
     axis_report(axis, AXIS_FAULT, error);
 }
@@ -289,6 +291,8 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->n_commands--;
+    if (job->skipped) /* by a stop, which follows */
+        return;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->n_commands == 0)
         poll_now(axis);
@@ -518,6 +522,13 @@ static void modbus_axis_check(gconstpointer given, const struct config_section *
     modbus_link_check(&priv->link, section, mistakes);
 }
 
+/* One drive may turn several axes, each by registers of its own. */
+static void modbus_axis_needs(gconstpointer given, GPtrArray *to) {
+    const struct modbus_axis *priv = given;
+    g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,
+                                          priv->link.bus, priv->link.unit));
+}
+
 /* Sets the drive up, and reads where it stands. */
 static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
@@ -556,7 +567,7 @@ static void modbus_axis_close_axis(Axis *axis) {
     struct modbus_job job = {0};
     clock_cancel(axis->device.clock, &priv->timer);
     modbus_bus_cancel(priv->bus, axis);
-    if (priv->phase != STANDING || priv->n_commands > 0) {
+    if (priv->phase != STANDING || priv->n_commands > 0 || axis_safety(axis) != DEVICE_SAFE) {
         add_writes(&job, priv->stop);
         modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, NULL);
     }
@@ -566,7 +577,7 @@ static void modbus_axis_close_axis(Axis *axis) {
 const struct axis_driver modbus_axis_driver = {
     .info = {"axis", "modbus-axis",
              "A positioning drive on a Modbus line, described by its registers", options,
-             sizeof(struct modbus_axis), modbus_axis_check},
+             sizeof(struct modbus_axis), modbus_axis_check, modbus_axis_needs},
     .open = modbus_axis_open_axis,
     .close = modbus_axis_close_axis,
     .home = modbus_axis_home,

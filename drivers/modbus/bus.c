@@ -1,5 +1,9 @@
 #include "bus.h"
+
+#include "address.h"
 #include "line.h"
+
+#include <string.h>
 
 /* Time that a recovery of the line may take, beyond the limit of the job itself. */
 #define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
@@ -8,6 +12,7 @@ struct task {
     gint ref_count;
     struct modbus_job job;
     int unit;
+    enum modbus_turn turn;
     gint64 limit_us; /* time limit from the moment when the line is free for the task */
     gint cancelled;  /* atomic */
     GError *error;
@@ -16,19 +21,24 @@ struct task {
     gboolean waited, done; /* for modbus_bus_do(); guarded by the mutex of the bus */
 };
 
+#define MAX_UNIT 247
+
 struct ModbusBus {
     int ref_count;
-    struct modbus_link link; /* a copy; its bus is key */
-    char *key;
+    struct modbus_link link; /* a copy */
+    char *key;               /* modbus_address_name() */
+    GHashTable *units; /* TCP: the locks of each unit that a section has, until all are closed */
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */
     GCond work, finished;
-    GQueue commands, polls, results; /* of struct task */
+    GQueue queues[3], results; /* of struct task; a queue for each enum modbus_turn */
+    gint n_urgent;             /* atomic: the length of the queue of urgent tasks */
     gboolean quit;
     struct modbus_counts counts;
     GSource *source;
-    GList *waiting; /* used by the main loop's thread alone: tasks whose end calls back */
-    struct modbus_line *line;
+    GList *waiting;           /* used by the main loop's thread alone: tasks whose end calls back */
+    struct modbus_line *line; /* used by the line's thread alone, as dead is */
+    gboolean dead[MAX_UNIT + 1]; /* units that have not answered their last task */
 };
 
 struct bus_source {
@@ -46,13 +56,47 @@ static void task_unref(gpointer data) {
     g_free(task);
 }
 
+static struct task *next_task(ModbusBus *bus) {
+    struct task *task = g_queue_pop_head(&bus->queues[MODBUS_URGENT]);
+    if (task)
+        g_atomic_int_add(&bus->n_urgent, -1);
+    else if (!(task = g_queue_pop_head(&bus->queues[MODBUS_COMMAND])))
+        task = g_queue_pop_head(&bus->queues[MODBUS_POLL]);
+    return task;
+}
+
+static gboolean is_silence(const GError *error) {
+    return g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT) ||
+           g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+}
+
+/* FALSE: a poll that has given way to an urgent task, and is to be done again. */
+static gboolean carry_out(ModbusBus *bus, struct task *task) {
+    const struct modbus_job job = task->job;
+    const gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
+    const gboolean yields = task->turn == MODBUS_POLL;
+    const gboolean once = task->turn == MODBUS_URGENT && bus->dead[task->unit] && !task->waited;
+    modbus_line_set_effort(bus->line,
+                           once     ? MODBUS_ONCE
+                           : yields ? MODBUS_YIELD
+                                    : MODBUS_REPEAT,
+                           yields ? &bus->n_urgent : NULL);
+    for (int i = 0; i < task->job.n && !task->error; i++)
+        modbus_line_do(bus->line, task->unit, &task->job.requests[i], deadline_us, &task->error);
+    bus->dead[task->unit] = is_silence(task->error);
+    if (!yields || !task->error || g_atomic_int_get(&bus->n_urgent) == 0 ||
+        g_get_monotonic_time() >= deadline_us)
+        return TRUE;
+    g_clear_error(&task->error);
+    task->job = job;
+    return FALSE;
+}
+
 static gpointer modbus_bus_run(gpointer data) {
     ModbusBus *bus = data;
     g_mutex_lock(&bus->mutex);
     for (;;) {
-        struct task *task = g_queue_pop_head(&bus->commands);
-        if (!task)
-            task = g_queue_pop_head(&bus->polls);
+        struct task *task = next_task(bus);
         if (!task && bus->quit)
             break;
         if (!task) {
@@ -60,13 +104,13 @@ static gpointer modbus_bus_run(gpointer data) {
             continue;
         }
         g_mutex_unlock(&bus->mutex);
-        gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
-        int n = g_atomic_int_get(&task->cancelled) ? 0 : task->job.n;
-        for (int i = 0; i < n && !task->error; i++)
-            modbus_line_do(bus->line, task->unit, &task->job.requests[i], deadline_us,
-                           &task->error);
+        const gboolean ended = g_atomic_int_get(&task->cancelled) || carry_out(bus, task);
         g_mutex_lock(&bus->mutex);
         modbus_line_counts(bus->line, &bus->counts);
+        if (!ended) {
+            g_queue_push_head(&bus->queues[MODBUS_POLL], task);
+            continue;
+        }
         task->done = TRUE;
         if (task->waited) {
             g_cond_broadcast(&bus->finished);
@@ -106,25 +150,44 @@ static void modbus_bus_free(ModbusBus *bus) {
         task_unref(task);
     g_list_free(bus->waiting);
     modbus_line_free(bus->line);
+    g_hash_table_unref(bus->units);
     g_mutex_clear(&bus->mutex);
     g_cond_clear(&bus->work);
     g_cond_clear(&bus->finished);
+    g_free(bus->link.bus);
     g_free(bus->key);
     g_free(bus);
 }
 
-static ModbusBus *modbus_bus_new(const struct modbus_link *link, GError **error) {
+/* Sections with the same unit share its lock. */
+static gboolean lock_unit(ModbusBus *bus, int unit, GError **error) {
+    if (!modbus_is_tcp(bus->link.bus) || g_hash_table_contains(bus->units, GINT_TO_POINTER(unit)))
+        return TRUE;
+    GPtrArray *locks = modbus_address_lock_unit(bus->link.bus, unit, error);
+    if (locks)
+        g_hash_table_insert(bus->units, GINT_TO_POINTER(unit), locks);
+    return locks != NULL;
+}
+
+static void free_locks(gpointer locks) {
+    g_ptr_array_unref(locks);
+}
+
+static ModbusBus *modbus_bus_new(const struct modbus_link *link, const char *key, GError **error) {
     ModbusBus *bus = g_new0(ModbusBus, 1);
     bus->ref_count = 1;
-    bus->key = g_strdup(link->bus);
+    bus->key = g_strdup(key);
     bus->link = *link;
-    bus->link.bus = bus->key;
+    bus->link.bus = g_strdup(link->bus);
+    bus->units = g_hash_table_new_full(NULL, NULL, NULL, free_locks);
     g_mutex_init(&bus->mutex);
     g_cond_init(&bus->work);
     g_cond_init(&bus->finished);
     bus->line = modbus_line_new(link, error);
     gint64 deadline = g_get_monotonic_time() + (gint64)(link->timeout_ms * 1000);
-    if (!bus->line || !modbus_line_connect(bus->line, deadline, error)) {
+    /* Locked first: a board that another daemon has is not even connected to. */
+    if (!bus->line || !lock_unit(bus, link->unit, error) ||
+        !modbus_line_connect(bus->line, deadline, error)) {
         modbus_bus_free(bus);
         return NULL;
     }
@@ -143,6 +206,11 @@ static gboolean same_settings(const struct modbus_link *a, const struct modbus_l
            a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
 }
 
+static gboolean is_same_line(const char *a, const char *b) {
+    g_autofree char *one = modbus_address_name(a), *two = modbus_address_name(b);
+    return strcmp(one, two) == 0;
+}
+
 void modbus_link_check(const struct modbus_link *link, const struct config_section *section,
                        Mistakes *mistakes) {
     static const struct option table[] = {MODBUS_LINK_OPTIONS, {NULL}};
@@ -152,8 +220,8 @@ void modbus_link_check(const struct modbus_link *link, const struct config_secti
     for (gsize i = 0; i < n && &sections[i] != section; i++) {
         struct modbus_link other = {0};
         g_autoptr(Mistakes) theirs = mistakes_new();
-        if (sections[i].broken ||
-            g_strcmp0(config_value(&sections[i], "bus", NULL), link->bus) != 0 ||
+        const char *bus = config_value(&sections[i], "bus", NULL);
+        if (sections[i].broken || !bus || !is_same_line(bus, link->bus) ||
             !options_read(&(struct option_target){table, &other}, 1, &sections[i], any, theirs))
             continue;
         const gboolean same = same_settings(&other, link);
@@ -175,19 +243,20 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
         return NULL;
     if (!buses)
         buses = g_hash_table_new(g_str_hash, g_str_equal);
-    ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
-    if (bus && same_settings(&bus->link, link)) {
-        bus->ref_count++;
-        return bus;
-    }
-    if (bus) {
+    g_autofree char *key = modbus_address_name(link->bus);
+    ModbusBus *bus = g_hash_table_lookup(buses, key);
+    if (bus && !same_settings(&bus->link, link)) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "bus",
                          "another section opens %s with other settings; make baud, parity, "
                          "stop_bits, timeout_ms, late_ms and retries the same",
                          link->bus);
         return NULL;
     }
-    bus = modbus_bus_new(link, error);
+    if (bus && lock_unit(bus, link->unit, error)) {
+        bus->ref_count++;
+        return bus;
+    }
+    bus = bus ? NULL : modbus_bus_new(link, key, error);
     if (!bus) {
         int line;
         config_value(section, "bus", &line);
@@ -222,39 +291,64 @@ struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind k
 }
 
 static struct task *task_new(const struct modbus_link *link, const struct modbus_job *job,
-                             double deadline_ms) {
+                             enum modbus_turn turn, double deadline_ms) {
     struct task *task = g_new0(struct task, 1);
     task->ref_count = 1;
     task->job = *job;
     task->unit = link->unit;
+    task->turn = turn;
     task->limit_us = (gint64)(deadline_ms * 1000);
     return task;
 }
 
-static void enqueue(ModbusBus *bus, struct task *task, gboolean poll) {
+static void enqueue(ModbusBus *bus, struct task *task) {
     g_mutex_lock(&bus->mutex);
-    g_queue_push_tail(poll ? &bus->polls : &bus->commands, task);
+    g_queue_push_tail(&bus->queues[task->turn], task);
+    if (task->turn == MODBUS_URGENT)
+        g_atomic_int_inc(&bus->n_urgent);
     g_cond_signal(&bus->work);
     g_mutex_unlock(&bus->mutex);
 }
 
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
-                      gboolean poll, double deadline_ms, ModbusFunc func, gpointer data) {
-    struct task *task = task_new(link, job, deadline_ms);
+                      enum modbus_turn turn, double deadline_ms, ModbusFunc func, gpointer data) {
+    struct task *task = task_new(link, job, turn, deadline_ms);
     task->func = func;
     task->data = data;
     bus->waiting = g_list_prepend(bus->waiting, task);
-    enqueue(bus, task, poll);
+    enqueue(bus, task);
+}
+
+void modbus_bus_skip(ModbusBus *bus, gpointer data, int tag) {
+    static const enum modbus_turn turns[] = {MODBUS_COMMAND, MODBUS_POLL};
+    g_mutex_lock(&bus->mutex);
+    for (gsize i = 0; i < G_N_ELEMENTS(turns); i++) {
+        GQueue *queue = &bus->queues[turns[i]];
+        for (GList *item = queue->head, *next; item; item = next) {
+            struct task *task = item->data;
+            next = item->next;
+            if (task->data != data || task->waited || (tag >= 0 && task->job.tag != tag))
+                continue;
+            task->job.skipped = TRUE;
+            device_error_set(&task->error, DEVICE_ERROR_BUSY, NULL,
+                             "%s unit %d: not sent, since an \"off\" or a stop came first",
+                             bus->key, task->unit);
+            g_queue_delete_link(queue, item);
+            g_queue_push_tail(&bus->results, task);
+            g_source_set_ready_time(bus->source, 0);
+        }
+    }
+    g_mutex_unlock(&bus->mutex);
 }
 
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error) {
-    struct task *task = task_new(link, job, deadline_ms);
+    struct task *task = task_new(link, job, MODBUS_URGENT, deadline_ms);
     task->ref_count = 2; /* references of the line's thread and of this function */
     gint64 until_us = g_get_monotonic_time() + task->limit_us + EXTRA_WAIT_US;
     gboolean in_time = TRUE;
     task->waited = TRUE;
-    enqueue(bus, task, FALSE);
+    enqueue(bus, task);
     g_mutex_lock(&bus->mutex);
     while (!task->done && in_time)
         in_time = g_cond_wait_until(&bus->finished, &bus->mutex, until_us);
@@ -265,7 +359,7 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
         device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                          "%s unit %d: the line was busy for too long" ERROR_ADVICE
                          "check its cable",
-                         bus->key, link->unit);
+                         bus->link.bus, link->unit);
     } else if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
         done = FALSE;

@@ -2,6 +2,12 @@
  * A Modbus line, RTU or TCP, shared by all devices that name it. libmodbus blocks, so each line has
  * a thread of its own; it takes jobs in order and posts their results to the main loop.
  *
+ * "Off" and "stop" are urgent jobs: they go before all jobs that have not begun. What they overtake
+ * must not be carried out after them: the device that sends them drops its own "on" or "move" with
+ * modbus_bus_skip() first. A poll that has begun gives way when one of its tries fails, and is
+ * begun again later. An urgent job for a unit that has not answered its last job makes one attempt
+ * only, since its class asks again, and other units of the line must not wait for it.
+ *
  * RTU has no transaction id: after a time-out, a late reply looks like the reply to the next
  * request. So after a time-out the line discards everything until it has been silent for late_ms,
  * repeats the request, and accepts its answer only if no second answer follows within another
@@ -82,6 +88,8 @@ struct modbus_request {
 struct modbus_job {
     struct modbus_request requests[MODBUS_MAX_REQUESTS];
     int n;
+    int tag;          /* the device's own, for modbus_bus_skip(); 0 or more */
+    gboolean skipped; /* in the result: nothing of it was sent */
 };
 
 /* Called from the main loop, exactly once per job unless it was cancelled. error NULL: the whole
@@ -103,12 +111,23 @@ void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
 struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,
                                       int n);
 
-/* Carries out a copy of the job, for at most deadline_ms after its turn has come; waiting for other
- * jobs does not count. Jobs keep their order, but a poll waits until no other job is left. */
-void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
-                      gboolean poll, double deadline_ms, ModbusFunc func, gpointer data);
+enum modbus_turn {
+    MODBUS_COMMAND,
+    MODBUS_POLL,   /* waits until no other job is left */
+    MODBUS_URGENT, /* goes before all others */
+};
 
-/* Does the same and waits for the end; only for open() and close() of a device. */
+/* Carries out a copy of the job, for at most deadline_ms after its turn has come; waiting for other
+ * jobs does not count. Jobs of the same kind keep their order. */
+void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
+                      enum modbus_turn turn, double deadline_ms, ModbusFunc func, gpointer data);
+
+/* Ends the jobs of this data and tag that have not begun and are not urgent, as skipped, with
+ * DEVICE_ERROR_BUSY. Their callbacks come from the main loop, before those of later jobs. tag -1:
+ * any. */
+void modbus_bus_skip(ModbusBus *bus, gpointer data, int tag);
+
+/* Carries out an urgent job and waits for the end; only for open() and close() of a device. */
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error);
 

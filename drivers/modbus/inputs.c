@@ -40,7 +40,8 @@ static void modbus_inputs_on_timer(gpointer data) {
     struct modbus_job job = {0};
     inputs->timer = 0;
     read_input(inputs, &job);
-    modbus_bus_start(inputs->bus, &inputs->link, &job, TRUE, inputs->lost_ms, on_read, interlock);
+    modbus_bus_start(inputs->bus, &inputs->link, &job, MODBUS_POLL, inputs->lost_ms, on_read,
+                     interlock);
 }
 
 static void modbus_inputs_on_lost(gpointer data) {

@@ -1,16 +1,25 @@
 #include "line.h"
 
+#include "address.h"
 #include "serial.h"
 
 #include <errno.h>
+#include <linux/sockios.h>
 #include <modbus/modbus.h>
 #include <poll.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #define FIRST_BACKOFF_US 50000
 #define MAX_BACKOFF_US   1000000 /* shorter than a job's limit, so that each job tries once */
 #define BUSY_PAUSE_US    20000
+/* Longest wait for a TCP connection with MODBUS_ONCE. The kernel repeats its first packet only
+ * after a second, which is too late for an "off". One attempt in eight waits as long as it may, for
+ * a host that is far away. */
+#define QUICK_CONNECT_US 400000
+#define PATIENT_EVERY    8
 /* Silence that ends whatever a damaged answer still sends; 3.5 characters at 300 baud are less. */
 #define SILENCE_MS 20
 
@@ -19,16 +28,20 @@ const char *const modbus_parities[] = {"none", "even", "odd", NULL};
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;
-    int taken; /* a serial line's own descriptor, which keeps other programs off; -1: none */
+    Lock *lock; /* of a serial line; kept while the line is lost. NULL: TCP, or never connected */
+    int taken;  /* a serial line's own descriptor, which keeps other programs off; -1: none */
     gboolean connected;
     gboolean ever_connected;
     gboolean owed; /* the answer to an earlier request may still come */
     gint64 backoff_us, next_attempt_us;
+    enum modbus_effort effort;
+    const gint *waiting; /* atomic; see modbus_line_set_effort() */
+    guint n_quick;       /* quick attempts to connect in a row */
     struct modbus_counts counts;
 };
 
 static gboolean is_tcp(const struct modbus_line *line) {
-    return g_str_has_prefix(line->link.bus, "tcp:");
+    return modbus_is_tcp(line->link.bus);
 }
 
 static void set_timeout(struct modbus_line *line, gint64 us) {
@@ -72,6 +85,12 @@ static void modbus_line_let_go(struct modbus_line *line) {
     line->taken = -1;
 }
 
+void modbus_line_set_effort(struct modbus_line *line, enum modbus_effort effort,
+                            const gint *waiting) {
+    line->effort = effort;
+    line->waiting = waiting;
+}
+
 static void modbus_line_disconnect(struct modbus_line *line) {
     if (line->connected)
         modbus_close(line->context);
@@ -83,10 +102,25 @@ void modbus_line_free(struct modbus_line *line) {
     if (!line)
         return;
     modbus_line_disconnect(line);
+    lock_release(line->lock);
     if (line->context)
         modbus_free(line->context);
     g_free(line->link.bus);
     g_free(line);
+}
+
+/* An adapter that was plugged in again may be another device of the kernel. A port that is not
+ * there needs no lock: it cannot be opened. */
+static gboolean lock_serial(struct modbus_line *line, GError **error) {
+    g_autofree char *key = lock_key_of_node("serial", line->link.bus);
+    if (!key || (line->lock && strcmp(lock_key(line->lock), key) == 0))
+        return TRUE;
+    Lock *lock = lock_take(key, LOCK_ALONE, line->link.bus, error);
+    if (!lock)
+        return FALSE;
+    lock_release(line->lock);
+    line->lock = lock;
+    return TRUE;
 }
 
 /* Returns -1 and sets errno on failure. */
@@ -106,22 +140,32 @@ static int open_serial(struct modbus_line *line) {
     return done;
 }
 
+static void back_off(struct modbus_line *line) {
+    line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
+    line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+}
+
 static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
+    if (!is_tcp(line) && !lock_serial(line, error)) {
+        back_off(line);
+        return FALSE;
+    }
     gint64 now = g_get_monotonic_time();
-    set_timeout(line, deadline_us - now);
+    gboolean quick = line->effort == MODBUS_ONCE && ++line->n_quick % PATIENT_EVERY != 0;
+    set_timeout(line, quick ? MIN(deadline_us - now, QUICK_CONNECT_US) : deadline_us - now);
     errno = 0;
     if ((is_tcp(line) ? modbus_connect(line->context) : open_serial(line)) == 0) {
         line->connected = TRUE;
         line->counts.reconnects += line->ever_connected;
         line->ever_connected = TRUE;
         line->backoff_us = FIRST_BACKOFF_US;
+        line->n_quick = 0;
         modbus_flush(line->context);
         return TRUE;
     }
     int why = errno;
     /* If a host name is unknown, libmodbus leaves errno at 0 or at that of its last attempt. */
-    line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
-    line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+    back_off(line);
     if (why == EWOULDBLOCK && !is_tcp(line)) {
         g_autofree char *holder = modbus_serial_holder(line->link.bus);
         const gboolean daemon = holder && g_str_has_prefix(holder, "mesorigd ");
@@ -141,6 +185,8 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
 
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
     g_autoptr(GError) last = NULL;
+    if (line->effort == MODBUS_ONCE && !line->connected)
+        return try_connect(line, deadline_us, error);
     while (!line->connected) {
         gint64 now = g_get_monotonic_time();
         if (MAX(now, line->next_attempt_us) >= deadline_us) {
@@ -374,6 +420,8 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
             is_late = !await_silence(line, line->link.late_ms);
         late += is_late;
         tries += !is_late;
+        if (line->effort == MODBUS_ONCE || (line->waiting && g_atomic_int_get(line->waiting) != 0))
+            final = final || !is_busy(why);
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
             return modbus_line_give_up(line, unit, request, why, tries, late, error);
         if (is_busy(why))
@@ -406,9 +454,24 @@ static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
     return TRUE;
 }
 
+/* A connection on which the peer's kernel acknowledges nothing, as after a cut cable, recovers only
+ * when this kernel repeats its packets, with pauses that double. A new one is quicker. What the old
+ * one has not delivered must never arrive: it may be an "on". */
+static void give_up_connection(struct modbus_line *line) {
+    const struct linger discard = {1, 0};
+    int fd = modbus_get_socket(line->context), unacknowledged = 0;
+    if (!line->connected || !is_tcp(line) || ioctl(fd, SIOCOUTQ, &unacknowledged) != 0 ||
+        unacknowledged == 0)
+        return;
+    setsockopt(fd, SOL_SOCKET, SO_LINGER, &discard, sizeof discard);
+    modbus_line_disconnect(line);
+}
+
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
                         gint64 deadline_us, GError **error) {
     const struct modbus_request wanted = *request;
+    if (line->effort == MODBUS_ONCE)
+        give_up_connection(line);
     if (!repeat(line, unit, request, deadline_us, error))
         return FALSE;
     if (!request->verify)

@@ -20,4 +20,14 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
                         gint64 deadline_us, GError **error);
 
+/* How the next requests of modbus_line_do() are repeated. */
+enum modbus_effort {
+    MODBUS_REPEAT, /* as the link says, until the deadline */
+    MODBUS_ONCE,   /* one attempt, without waiting for the back-off: whoever asks will ask again */
+    MODBUS_YIELD,  /* as MODBUS_REPEAT; a failed attempt is the last while *waiting is not 0 */
+};
+/* waiting: atomic; for MODBUS_YIELD, else NULL. */
+void modbus_line_set_effort(struct modbus_line *line, enum modbus_effort effort,
+                            const gint *waiting);
+
 void modbus_line_counts(const struct modbus_line *line, struct modbus_counts *ret);

@@ -1,3 +1,4 @@
+#include "address.h"
 #include "bus.h"
 #include "devices.h"
 #include "watchdog.h"
@@ -19,10 +20,11 @@ struct relays {
     const struct device *device;
     void (*lost)(gpointer device, GError *error);
     ModbusBus *bus;
-    gboolean on[MODBUS_MAX_VALUES]; /* states that the board last confirmed */
-    int n_switching, n_feeding;     /* jobs without an answer yet */
-    gint64 fed_us;                  /* when the board last confirmed all states */
-    guint timer;                    /* runs while a relay with a watchdog is on */
+    gboolean on[MODBUS_MAX_VALUES]; /* the board has confirmed it, and no "off" was sent since */
+    gboolean off_due[MODBUS_MAX_VALUES]; /* it should be off, which the board has not confirmed */
+    int n_switching, n_feeding;          /* jobs without an answer yet */
+    gint64 fed_us;                       /* when the board last confirmed all states */
+    guint timer;                         /* runs while a relay with a watchdog is on */
 };
 
 #define RELAYS(name) G_STRUCT_OFFSET(struct relays, name)
@@ -45,6 +47,18 @@ static gboolean any_on(const struct relays *relays) {
         if (relays->on[i])
             return TRUE;
     return FALSE;
+}
+
+static gboolean any_off_due(const struct relays *relays) {
+    for (int i = 0; i < relays->n; i++)
+        if (relays->off_due[i])
+            return TRUE;
+    return FALSE;
+}
+
+/* The tags of jobs: switching a relay has its index, or n for all of them. */
+static int feeding_tag(const struct relays *relays) {
+    return relays->n + 1;
 }
 
 static void add_pulse(const struct relays *relays, struct modbus_job *job, int index) {
@@ -91,6 +105,8 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
     gint64 now = clock_now_us(relays->device->clock);
     double unheard_s = (double)(now - relays->fed_us) * 1e-6;
     relays->n_feeding--;
+    if (job->skipped)
+        return;
     if (!error)
         relays->fed_us = now;
     else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
@@ -99,7 +115,10 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
         g_prefix_error(&why, "not known to be on any more: ");
         error_details_add_subject(&why, relays->device->who);
         for (int i = 0; i < relays->n; i++)
-            relays->on[i] = FALSE;
+            if (relays->on[i]) {
+                relays->on[i] = FALSE;
+                relays->off_due[i] = TRUE;
+            }
         feed_later(relays); /* stops feeding: the watchdog switches the relays off even if the line
                                is dead */
         relays->lost((gpointer)relays->device, why);
@@ -110,18 +129,19 @@ static void start_feeding(struct relays *relays, const struct modbus_job *job) {
     double deadline_ms =
         MIN(DEADLINE_MS, (double)modbus_watchdog_period_us(&relays->watchdog) / 1000);
     relays->n_feeding++;
-    modbus_bus_start(relays->bus, &relays->link, job, FALSE, deadline_ms, on_fed,
+    modbus_bus_start(relays->bus, &relays->link, job, MODBUS_COMMAND, deadline_ms, on_fed,
                      (gpointer)relays->device);
 }
 
 /* Checks the state of all relays first: one that went off by itself must not be switched on again
- * by the feeding. */
+ * by the feeding. While a relay should be off that may be on, none is fed: the watchdog is then
+ * what can still switch it off. */
 static void modbus_relays_feed(gpointer data) {
     struct relays *relays = relays_of(data);
     struct modbus_job job = {0};
     relays->timer = 0;
     feed_later(relays);
-    if (relays->n_switching > 0 || relays->n_feeding > 0)
+    if (relays->n_switching > 0 || relays->n_feeding > 0 || any_off_due(relays))
         return;
     struct modbus_request *seen =
         modbus_job_add(&job, MODBUS_READ_COILS, relays->first_coil, relays->n);
@@ -129,6 +149,7 @@ static void modbus_relays_feed(gpointer data) {
         seen->values[i] = relays->on[i] != FALSE;
     seen->verify = TRUE;
     modbus_watchdog_add_check(&relays->watchdog, &job);
+    job.tag = feeding_tag(relays);
     for (int i = 0; i < relays->n && relays->pulse_coil >= 0; i++) {
         if (relays->on[i] && job.n == MODBUS_MAX_REQUESTS) {
             start_feeding(relays, &job);
@@ -140,20 +161,41 @@ static void modbus_relays_feed(gpointer data) {
     start_feeding(relays, &job);
 }
 
+/* "Off" drops what it overtakes and what would undo it: an "on" of the same relays, and the feeding
+ * of the section's relays. */
 static void relays_switch(struct relays *relays, int index, gboolean on, ModbusFunc func) {
-    struct modbus_job job = {0};
+    gpointer data = (gpointer)relays->device;
+    struct modbus_job job = {.tag = index < 0 ? relays->n : index};
     add_switch(relays, &job, index, on);
+    for (int i = 0; i < relays->n && !on; i++) {
+        if (index >= 0 && i != index)
+            continue;
+        relays->on[i] = FALSE;
+        relays->off_due[i] = TRUE;
+        modbus_bus_skip(relays->bus, data, i);
+    }
+    if (!on)
+        modbus_bus_skip(relays->bus, data, feeding_tag(relays));
     relays->n_switching++;
-    modbus_bus_start(relays->bus, &relays->link, &job, FALSE, DEADLINE_MS, func,
-                     (gpointer)relays->device);
+    modbus_bus_start(relays->bus, &relays->link, &job, on ? MODBUS_COMMAND : MODBUS_URGENT,
+                     DEADLINE_MS, func, data);
 }
 
-/* A relay whose switching was not confirmed is not kept on. */
-static void relays_switched(struct relays *relays, int index, gboolean on, gboolean failed) {
+static gboolean is_on_job(const struct modbus_job *job) {
+    return job->requests[0].kind == MODBUS_PULSE_COIL || job->requests[0].values[0] != 0;
+}
+
+/* A relay whose "on" was not confirmed may be on, is not kept on, and is not fed until its "off"
+ * was confirmed. */
+static void relays_switched(struct relays *relays, const struct modbus_job *job, gboolean failed) {
+    const gboolean on = is_on_job(job);
     relays->n_switching--;
-    for (int i = 0; i < relays->n; i++)
-        if (index < 0 || i == index)
-            relays->on[i] = on && !failed;
+    for (int i = 0; i < relays->n && !job->skipped; i++) {
+        if (job->tag < relays->n && i != job->tag)
+            continue;
+        relays->on[i] = on && !failed;
+        relays->off_due[i] = failed;
+    }
     if (!failed)
         relays->fed_us = clock_now_us(relays->device->clock);
     if (relays->timer == 0 || !any_on(relays))
@@ -204,6 +246,18 @@ static void modbus_relays_check(gconstpointer given, const struct config_section
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
+/* A laser has no n before it is opened. */
+static void modbus_relays_needs(gconstpointer given, GPtrArray *to) {
+    const struct relays *relays = given;
+    for (int i = 0; i < MAX(relays->n, 1); i++) {
+        g_ptr_array_add(to, modbus_address_of("coil", relays->first_coil + i, relays->link.bus,
+                                              relays->link.unit));
+        if (relays->pulse_coil >= 0)
+            g_ptr_array_add(to, modbus_address_of("coil", relays->pulse_coil + i, relays->link.bus,
+                                                  relays->link.unit));
+    }
+}
+
 static gboolean relays_open(struct relays *relays, const struct device *device,
                             void (*lost)(gpointer device, GError *error), GError **error) {
     relays->device = device;
@@ -231,16 +285,6 @@ static void relays_close(struct relays *relays) {
     g_clear_pointer(&relays->bus, modbus_bus_unref);
 }
 
-struct modbus_lamps {
-    struct relays relays;
-    GQueue pending; /* of struct pending, in order */
-};
-
-struct pending {
-    int index;
-    gboolean on;
-};
-
 static const struct option lamps_options[] = {
     MODBUS_LINK_OPTIONS,
     {"first_coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
@@ -253,24 +297,17 @@ static const struct option lamps_options[] = {
     {NULL},
 };
 
-static void modbus_relays_on_switched(const struct modbus_job *job, const GError *error,
-                                      gpointer data) {
+static void modbus_relays_on_lamp(const struct modbus_job *job, const GError *error,
+                                  gpointer data) {
     LampBank *bank = data;
-    struct modbus_lamps *lamps = bank->device.priv;
-    g_autofree struct pending *done = g_queue_pop_head(&lamps->pending);
     GError *failed = error ? g_error_copy(error) : NULL;
-    relays_switched(&lamps->relays, done->index, done->on, error != NULL);
+    relays_switched(bank->device.priv, job, error != NULL);
     error_details_add_subject(&failed, bank->device.who);
-    lamps_report(bank, done->index, done->on, failed);
+    lamps_report(bank, job->tag < bank->n ? job->tag : -1, is_on_job(job), failed);
 }
 
 static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error) {
-    struct modbus_lamps *lamps = bank->device.priv;
-    struct pending *pending = g_new0(struct pending, 1);
-    pending->index = index;
-    pending->on = on;
-    g_queue_push_tail(&lamps->pending, pending);
-    relays_switch(&lamps->relays, index, on, modbus_relays_on_switched);
+    relays_switch(bank->device.priv, index, on, modbus_relays_on_lamp);
     return TRUE;
 }
 
@@ -279,23 +316,21 @@ static void lost_lamps(gpointer device, GError *error) {
 }
 
 static gboolean modbus_relays_open_lamps(LampBank *bank, GError **error) {
-    struct modbus_lamps *lamps = bank->device.priv;
-    bank->n = lamps->relays.n;
-    bank->warm_up_s = lamps->relays.warm_up_s;
-    if (has_watchdog(&lamps->relays))
-        bank->watchdog_s = modbus_watchdog_s(&lamps->relays.watchdog);
-    return relays_open(&lamps->relays, &bank->device, lost_lamps, error);
+    struct relays *relays = bank->device.priv;
+    bank->n = relays->n;
+    bank->warm_up_s = relays->warm_up_s;
+    if (has_watchdog(relays))
+        bank->watchdog_s = modbus_watchdog_s(&relays->watchdog);
+    return relays_open(relays, &bank->device, lost_lamps, error);
 }
 
 static void modbus_relays_close_lamps(LampBank *bank) {
-    struct modbus_lamps *lamps = bank->device.priv;
-    relays_close(&lamps->relays);
-    g_queue_clear_full(&lamps->pending, g_free);
+    relays_close(bank->device.priv);
 }
 
 const struct lamps_driver modbus_relays_driver = {
     .info = {"lamps", "modbus-relays", "Lamps on the coils of a Modbus relay board", lamps_options,
-             sizeof(struct modbus_lamps), modbus_relays_check},
+             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
     .open = modbus_relays_open_lamps,
     .close = modbus_relays_close_lamps,
     .set = set_lamp,
@@ -312,24 +347,13 @@ static const struct option laser_options[] = {
     {NULL},
 };
 
-static void modbus_relays_on_laser_off(const struct modbus_job *job, const GError *error,
-                                       gpointer data) {
-    relays_switched(relays_of(data), 0, FALSE, error != NULL);
-}
-
 static void modbus_relays_on_laser(const struct modbus_job *job, const GError *error,
                                    gpointer data) {
     Laser *laser = data;
-    struct relays *relays = laser->device.priv;
-    gboolean on = job->requests[0].values[0] != 0;
     GError *failed = error ? g_error_copy(error) : NULL;
-    relays_switched(relays, 0, on, error != NULL);
-    /* The device may have carried the command out: switch off, so that no laser stays on unnoticed.
-     */
-    if (failed && on)
-        relays_switch(relays, 0, FALSE, modbus_relays_on_laser_off);
+    relays_switched(laser->device.priv, job, error != NULL);
     error_details_add_subject(&failed, laser->device.who);
-    laser_report(laser, on, failed);
+    laser_report(laser, is_on_job(job), failed);
 }
 
 static gboolean set_laser(Laser *laser, gboolean on, GError **error) {
@@ -356,7 +380,7 @@ static void modbus_relays_close_laser(Laser *laser) {
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
-             sizeof(struct relays), modbus_relays_check},
+             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
     .open = modbus_relays_open_laser,
     .close = modbus_relays_close_laser,
     .set = set_laser,

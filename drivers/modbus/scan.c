@@ -1,5 +1,6 @@
 #include "scan.h"
 
+#include "address.h"
 #include "line.h"
 
 #include <stdlib.h>
@@ -99,6 +100,11 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
         g_string_append(section,
                         "# and its registers, from its manual or a preset of etc/devices\n");
     found->section = g_strdup(section->str);
+    pid_t pid;
+    if (modbus_is_tcp(link->bus) && modbus_address_unit_holder(link->bus, unit, &pid)) {
+        g_autofree char *holder = lock_process(pid);
+        found->note = g_strdup_printf("%s uses it", holder);
+    }
 }
 
 gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrArray *to,

@@ -17,7 +17,7 @@
 #define STATE_BYTE  7
 #define SERIAL_SIZE 5
 #define FEATURE     0x0300 /* report type feature, no report number */
-#define ANSWER_MS   800    /* USB 2.0, 9.2.6: a device may take 500 for its data */
+#define ANSWER_MS   600    /* USB 2.0, 9.2.6: a device may take 500 for its data */
 #define MAX_RELAYS  8
 
 enum report_request { GET_REPORT = 0x01, SET_REPORT = 0x09 };
@@ -32,7 +32,20 @@ struct board {
     char *who, *serial, *path;
     UsbDevice *usb; /* NULL: unplugged */
     int n;
-    GList *jobs; /* jobs that have not ended */
+    GList *jobs;  /* jobs that have not ended */
+    GList *users; /* struct usb_relays: the open devices on it */
+};
+
+/* State of a lamp bank or a laser: its relays on a board. */
+struct usb_relays {
+    char *serial, *path;
+    int first, n;
+    double warm_up_ms;
+    struct board *board;
+    gpointer device;
+    gboolean (*may_shine)(gpointer device);
+    void (*lost)(gpointer device, GError *error); /* takes the error */
+    gboolean unplugged;                           /* lost() is to be called */
 };
 
 /* A job that switches some relays and reads them back. */
@@ -89,9 +102,36 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     on_set(usb, data, n, error, user);
 }
 
+static void board_unref(struct board *board);
+
+static struct usb_relays *next_unplugged(const struct board *board) {
+    for (GList *l = board->users; l; l = l->next) {
+        struct usb_relays *relays = l->data;
+        if (relays->unplugged)
+            return relays;
+    }
+    return NULL;
+}
+
+/* A board with a power supply of its own keeps its relays as they were. Listeners may close devices
+ * and with them the board. */
 static void usb_relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
+    struct usb_relays *relays;
     g_clear_pointer(&board->usb, usb_close);
+    board->refs++;
+    for (GList *l = board->users; l; l = l->next) {
+        relays = l->data;
+        relays->unplugged = relays->may_shine(relays->device);
+    }
+    while ((relays = next_unplugged(board))) {
+        relays->unplugged = FALSE;
+        relays->lost(relays->device, device_error_new(DEVICE_ERROR_DISCONNECTED,
+                                                      ((const struct device *)relays->device)->who,
+                                                      "its relay board was unplugged" ERROR_ADVICE
+                                                      "plug it in again"));
+    }
+    board_unref(board);
 }
 
 static struct usb_request set_request(const UsbDevice *usb, const guint8 report[REPORT_SIZE]) {
@@ -204,8 +244,11 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
                             "check the board, and cut the power of what it switches");
 }
 
-static void board_leave(struct board *board, gpointer device, guint mask) {
+static void board_leave(struct usb_relays *relays, guint mask) {
+    struct board *board = relays->board;
+    gpointer device = relays->device;
     g_autoptr(GError) error = NULL;
+    board->users = g_list_remove(board->users, relays);
     for (GList *l = board->jobs; l; l = l->next) {
         struct job *job = l->data;
         if (job->device == device)
@@ -220,14 +263,6 @@ static void board_leave(struct board *board, gpointer device, guint mask) {
 static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
-
-/* State of a lamp bank or a laser: its relays on a board. */
-struct usb_relays {
-    char *serial, *path;
-    int first, n;
-    double warm_up_ms;
-    struct board *board;
-};
 
 /* Takes relays of a board and leaves them off. n 0: all from first on. */
 static struct board *board_enter(const struct device *device, struct usb_relays *relays, int *n,
@@ -258,10 +293,29 @@ static struct board *board_enter(const struct device *device, struct usb_relays 
         config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
                          "%s: relay %d of a board that has %d; correct its section", device->who,
                          relays->first + MAX(*n, 1) - 1, board->n);
-    else if (board_off_now(board, mask_of(relays->first, *n), error))
+    else if (board_off_now(board, mask_of(relays->first, *n), error)) {
+        board->users = g_list_append(board->users, relays);
         return board;
+    }
     board_unref(board);
     return NULL;
+}
+
+/* n 0: all from the first one on. */
+static void usb_relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
+    g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
+    const int end = n ? relays->first + n : MAX_RELAYS + 1;
+    for (int i = relays->first; i < end; i++)
+        g_ptr_array_add(to, g_strdup_printf("relay %d of %s", i, board));
+}
+
+static void usb_relays_lamps_need(gconstpointer given, GPtrArray *to) {
+    const struct usb_relays *relays = given;
+    usb_relays_need(relays, relays->n, to);
+}
+
+static void usb_relays_laser_needs(gconstpointer given, GPtrArray *to) {
+    usb_relays_need(given, 1, to);
 }
 
 #define FIELD(name) G_STRUCT_OFFSET(struct usb_relays, name)
@@ -299,8 +353,23 @@ static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **er
     return FALSE;
 }
 
+static gboolean lamps_may_shine(gpointer device) {
+    const LampBank *bank = device;
+    gboolean any = FALSE;
+    for (int i = 0; i < bank->n; i++)
+        any |= lamps_is_on(bank, i);
+    return any;
+}
+
+static void usb_relays_lost_lamps(gpointer device, GError *error) {
+    lamps_lost(device, error);
+}
+
 static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
     struct usb_relays *lamps = bank->device.priv;
+    lamps->device = bank;
+    lamps->may_shine = lamps_may_shine;
+    lamps->lost = usb_relays_lost_lamps;
     bank->n = lamps->n;
     bank->warm_up_s = lamps->warm_up_ms / 1000;
     lamps->board = board_enter(&bank->device, lamps, &bank->n, error);
@@ -309,12 +378,12 @@ static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
 
 static void usb_relays_close_lamps(LampBank *bank) {
     struct usb_relays *lamps = bank->device.priv;
-    board_leave(lamps->board, bank, mask_of(lamps->first, bank->n));
+    board_leave(lamps, mask_of(lamps->first, bank->n));
 }
 
 const struct lamps_driver usb_relays_driver = {
     .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
-             lamps_options, sizeof(struct usb_relays)},
+             lamps_options, sizeof(struct usb_relays), NULL, usb_relays_lamps_need},
     .open = usb_relays_open_lamps,
     .close = usb_relays_close_lamps,
     .set = lamps_switch,
@@ -341,8 +410,19 @@ static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
     return FALSE;
 }
 
+static gboolean laser_may_shine(gpointer device) {
+    return laser_is_on(device);
+}
+
+static void usb_relays_lost_laser(gpointer device, GError *error) {
+    laser_lost(device, error);
+}
+
 static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
     struct usb_relays *priv = laser->device.priv;
+    priv->device = laser;
+    priv->may_shine = laser_may_shine;
+    priv->lost = usb_relays_lost_laser;
     priv->n = 1;
     laser->warm_up_s = priv->warm_up_ms / 1000;
     priv->board = board_enter(&laser->device, priv, &priv->n, error);
@@ -351,12 +431,12 @@ static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
 
 static void usb_relays_close_laser(Laser *laser) {
     struct usb_relays *priv = laser->device.priv;
-    board_leave(priv->board, laser, mask_of(priv->first, 1));
+    board_leave(priv, mask_of(priv->first, 1));
 }
 
 const struct laser_driver usb_relay_laser_driver = {
     .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
-             laser_options, sizeof(struct usb_relays)},
+             laser_options, sizeof(struct usb_relays), NULL, usb_relays_laser_needs},
     .open = usb_relays_open_laser,
     .close = usb_relays_close_laser,
     .set = laser_switch,

@@ -55,7 +55,7 @@ enum flag {
 #define ACCEL_UNITS  100.0
 #define MAX_SPEED    500000000.0
 #define MIN_ACCEL    100.0
-#define ANSWER_MS    800 /* USB 2.0, 9.2.6: a device may take 500 for its data */
+#define ANSWER_MS    600 /* USB 2.0, 9.2.6: a device may take 500 for its data */
 #define STANDING_MS  100 /* between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
@@ -76,9 +76,12 @@ struct tic {
     UsbDevice *usb;
     enum phase phase;
     gboolean watched;       /* the axis is homed, and polled also while it stands */
+    gboolean halts;         /* the next stop is a halt: it was homing, or has broken down */
     gboolean asked;         /* a poll is under way */
     gboolean was_well;      /* a poll without errors has followed the last start */
     int n_started, n_asked; /* a poll sent before the last start proves nothing */
+    int n_commands;
+    GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
     gint64 fed_us, unfed_us; /* when its command timeout was reset; longest time without a reset */
     int timeout_ms;          /* its command timeout */
@@ -88,6 +91,11 @@ struct tic {
     double speed_deg_s; /* as set last */
     gboolean on_target; /* stands at target_steps, target_deg rounded to steps */
     double position_deg;
+};
+
+struct sent {
+    Axis *axis;
+    int command; /* which of n_commands it belongs to */
 };
 
 struct status {
@@ -147,11 +155,13 @@ static void usb_tic_let_go(Axis *axis) {
     clock_cancel(axis->device.clock, &tic->timer);
     g_clear_pointer(&tic->usb, usb_close);
     tic->asked = FALSE;
+    g_list_free_full(g_steal_pointer(&tic->sent), g_free);
 }
 
 /* Call it last: the listener may close the axis. Takes the error. */
 static void usb_tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
+    tic->halts |= tic->phase == HOMING;
     tic->phase = STANDING;
     tic->watched = FALSE;
     clock_cancel(axis->device.clock, &tic->timer);
@@ -169,18 +179,38 @@ static void usb_tic_on_lost(UsbDevice *usb, gpointer data) {
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                     gpointer user) {
-    Axis *axis = user;
+    const struct sent sent = *(struct sent *)user;
+    Axis *axis = sent.axis;
     struct tic *tic = axis->device.priv;
+    tic->sent = g_list_remove(tic->sent, user);
+    g_free(user);
+    if (sent.command != tic->n_commands)
+        return; /* of an earlier command, whose failure does not matter any more */
     /* Report only the first of several failures of the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
         usb_tic_fault(axis, g_error_copy(error));
+}
+
+/* Requests wait for those before them, which may not be answered. */
+static guint answer_ms(const struct tic *tic) {
+    for (const GList *l = tic->sent; l; l = l->next)
+        if (((const struct sent *)l->data)->command != tic->n_commands)
+            return 2 * ANSWER_MS;
+    return ANSWER_MS;
 }
 
 static gboolean send(Axis *axis, enum request request, gint32 value, GError **error) {
     struct tic *tic = axis->device.priv;
     struct usb_request out = {TYPE_OUT, (guint8)request, (guint16)((guint32)value & 0xffff),
                               (guint16)((guint32)value >> 16)};
-    return usb_control(tic->usb, &out, ANSWER_MS, on_sent, axis, error);
+    struct sent *sent = g_new0(struct sent, 1);
+    *sent = (struct sent){axis, tic->n_commands};
+    if (!usb_control(tic->usb, &out, answer_ms(tic), on_sent, sent, error)) {
+        g_free(sent);
+        return FALSE;
+    }
+    tic->sent = g_list_prepend(tic->sent, sent);
+    return TRUE;
 }
 
 static void ended(Axis *axis, enum axis_event event) {
@@ -191,8 +221,7 @@ static void ended(Axis *axis, enum axis_event event) {
 
 static void broke_down(Axis *axis, const char *why) {
     struct tic *tic = axis->device.priv;
-    /* It may still turn. Do not wait for the answer. */
-    send(axis, HALT_AND_HOLD, 0, NULL);
+    tic->halts = TRUE;
     usb_tic_fault(axis, device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
                                          "at %.3f°: %s" ERROR_ADVICE "then home it",
                                          tic->position_deg, why));
@@ -320,7 +349,9 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     tic->asked = FALSE;
     if (tic->phase == STANDING && !tic->watched)
         return;
-    if (error) {
+    if (error && tic->n_asked != tic->n_started) {
+        usb_tic_wake(axis); /* it was sent before the last command */
+    } else if (error) {
         usb_tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
         usb_tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
@@ -349,7 +380,7 @@ static void usb_tic_on_timer(gpointer data) {
     tic->asked_us = clock_now_us(axis->device.clock);
     tic->n_asked = tic->n_started;
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
-        !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
+        !usb_control(tic->usb, &get_status, answer_ms(tic), on_status, axis, &error)) {
         tic->asked = FALSE;
         usb_tic_fault(axis, error);
     }
@@ -365,6 +396,7 @@ static void usb_tic_wake(Axis *axis) {
 static void started(Axis *axis, enum phase phase) {
     struct tic *tic = axis->device.priv;
     tic->phase = phase;
+    tic->halts &= phase == STOPPING;
     tic->on_target = FALSE;
     tic->was_well = FALSE;
     tic->n_started++;
@@ -394,6 +426,7 @@ static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
+    tic->n_commands++;
     gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
     tic->speed_deg_s = 0; /* whatever it was before */
     if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
@@ -416,6 +449,7 @@ static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, 
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
             "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
+    tic->n_commands++;
     if (!send(axis, EXIT_SAFE_START, 0, error) || !usb_tic_set_speed(axis, speed_deg_s, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
         return FALSE;
@@ -434,10 +468,11 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
  */
 static gboolean usb_tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    if (!check_plugged(axis, error))
+    if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
-    gboolean homing = tic->phase == HOMING;
-    if (!send(axis, homing ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
+    gboolean halts = tic->halts || tic->phase == HOMING;
+    tic->n_commands++;
+    if (!send(axis, halts ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
         return FALSE;
     started(axis, STOPPING);
     return TRUE;
@@ -534,6 +569,11 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
             accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }
 
+static void usb_tic_needs(gconstpointer given, GPtrArray *to) {
+    const struct tic *tic = given;
+    g_ptr_array_add(to, usb_words("Tic", tic->serial, tic->path));
+}
+
 static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     axis->motion = tic->motion;
@@ -544,7 +584,7 @@ static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
 
 static void usb_tic_close_axis(Axis *axis) {
     struct tic *tic = axis->device.priv;
-    if (tic->usb && tic->phase != STANDING)
+    if (tic->usb && (tic->phase != STANDING || axis_safety(axis) != DEVICE_SAFE))
         usb_control_sync(tic->usb, &brake, NULL, NULL);
     usb_tic_let_go(axis);
 }
@@ -552,7 +592,7 @@ static void usb_tic_close_axis(Axis *axis) {
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
-             options, sizeof(struct tic), usb_tic_check},
+             options, sizeof(struct tic), usb_tic_check, usb_tic_needs},
     .open = usb_tic_open_axis,
     .close = usb_tic_close_axis,
     .home = usb_tic_home,

@@ -1,6 +1,7 @@
 #include "usb.h"
 
 #include "drivers/device.h"
+#include "drivers/lock.h"
 
 #include <libusb.h>
 #include <string.h>
@@ -35,6 +36,7 @@ struct UsbDevice {
     libusb_device_handle *handle;
     char *who, *product, *serial;
     int interface; /* -1: none is claimed */
+    Lock *lock;    /* held while the interface is claimed */
     GList *flying; /* of struct transfer: submitted, not ended */
     UsbLostFunc lost_func;
     gpointer user;
@@ -300,11 +302,19 @@ void usb_close(UsbDevice *usb) {
     if (usb->interface >= 0)
         libusb_release_interface(usb->handle, usb->interface);
     libusb_close(usb->handle);
+    lock_release(usb->lock);
     context_unref(usb->context);
     g_free(usb->who);
     g_free(usb->product);
     g_free(usb->serial);
     g_free(usb);
+}
+
+char *usb_words(const char *what, const char *serial, const char *path) {
+    if (*serial)
+        return g_strdup_printf("the %s with serial %s", what, serial);
+    return *path ? g_strdup_printf("the %s at %s", what, path)
+                 : g_strdup_printf("the only %s", what);
 }
 
 guint8 usb_interface(const UsbDevice *usb) {
@@ -346,6 +356,22 @@ char *usb_path_of(libusb_device *device) {
     return g_string_free(path, FALSE);
 }
 
+/* Named by its node, which is another one when the device is plugged in again. */
+static gboolean lock_device(UsbDevice *usb, GError **error) {
+    libusb_device *device = libusb_get_device(usb->handle);
+    const int bus = libusb_get_bus_number(device), address = libusb_get_device_address(device);
+    g_autofree char *node = g_strdup_printf("/dev/bus/usb/%03d/%03d", bus, address);
+    g_autofree char *key = lock_key_of_node("usb", node);
+    g_autofree char *path = usb_path_of(device);
+    g_autofree char *what = g_strdup_printf("USB device %s", path);
+    if (!key)
+        key = g_strdup_printf("usb %d:%d", bus, address);
+    usb->lock = lock_take(key, LOCK_ALONE, what, error);
+    if (!usb->lock)
+        error_details_add_subject(error, usb->who);
+    return usb->lock != NULL;
+}
+
 static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
     struct libusb_config_descriptor *config;
     int number = -1;
@@ -362,6 +388,8 @@ static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GEr
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, usb->who,
                                 "has no interface of the kind this driver speaks to; "
                                 "it is another device, or in its bootloader");
+    if (!lock_device(usb, error))
+        return FALSE;
     libusb_set_auto_detach_kernel_driver(usb->handle, 1);
     int code = libusb_claim_interface(usb->handle, number);
     if (code) {

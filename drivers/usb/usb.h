@@ -60,5 +60,9 @@ int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *
 struct libusb_device;
 char *usb_path_of(struct libusb_device *device); /* as in usb_match; g_free() */
 
+/* "the Tic with serial 00123456", "the Tic at 1-2.4" or "the only Tic", as a section says which it
+ * is. g_free() */
+char *usb_words(const char *what, const char *serial, const char *path);
+
 guint8 usb_interface(const UsbDevice *usb); /* number of the one that was claimed */
 const char *usb_product(const UsbDevice *usb);

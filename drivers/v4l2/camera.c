@@ -4,9 +4,12 @@
 #include "load.h"
 #include "stream.h"
 
+#include "drivers/lock.h"
+
 #include <errno.h>
 #include <glib-unix.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* Pause after a node that signalled a frame but had none. */
@@ -29,6 +32,7 @@ struct v4l2_camera {
 
     const char *who; /* name of the device; not owned */
     struct video_node node;
+    Lock *lock; /* of the node; kept until the camera is looked for again */
     struct video_setup setup;
     struct video_controls controls;
     struct video_stream stream;
@@ -315,17 +319,27 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
 
 static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
     video_node_close(&v4l2->node);
+    g_clear_pointer(&v4l2->lock, lock_release);
     g_clear_pointer(&v4l2->load, video_load_remove);
+}
+
+/* The kernel lets several programs set a camera up. */
+static gboolean lock_camera(struct v4l2_camera *v4l2, GError **error) {
+    g_autofree char *key = lock_key_of_node("video", v4l2->node.path);
+    if (key && !(v4l2->lock = lock_take(key, LOCK_ALONE, v4l2->node.path, error)))
+        error_details_add_subject(error, v4l2->who);
+    return !key || v4l2->lock;
 }
 
 static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
     const struct video_request request = {v4l2->format, v4l2->width, v4l2->height,
                                           v4l2->frame_rate};
     g_clear_pointer(&v4l2->load, video_load_remove);
+    g_clear_pointer(&v4l2->lock, lock_release);
     if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
-    if (video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
+    if (lock_camera(v4l2, error) && video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
         v4l2_camera_check_exposure(v4l2, error)) {
         g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
         double mb_s = video_setup_mb_s(&v4l2->setup);
@@ -399,6 +413,16 @@ static void fill_format(Camera *camera) {
             llrint(v4l2->fixed_exposure_us);
 }
 
+static void v4l2_camera_needs(gconstpointer given, GPtrArray *to) {
+    const struct v4l2_camera *v4l2 = given;
+    char *node = *v4l2->path ? realpath(v4l2->path, NULL) : NULL;
+    const char *path = node ? node : v4l2->path;
+    g_ptr_array_add(to, *path        ? g_strdup_printf("the camera %s", path)
+                        : *v4l2->bus ? g_strdup_printf("the camera on bus %s", v4l2->bus)
+                                     : g_strdup("the only V4L2 camera"));
+    free(node);
+}
+
 static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->node.fd = -1;
@@ -426,7 +450,7 @@ static void v4l2_camera_close_camera(Camera *camera) {
 const struct camera_driver v4l2_camera_driver = {
     .info = {"camera", "v4l2-camera",
              "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
-             sizeof(struct v4l2_camera)},
+             sizeof(struct v4l2_camera), NULL, v4l2_camera_needs},
     .open = v4l2_camera_open_camera,
     .close = v4l2_camera_close_camera,
     .configure = v4l2_camera_configure,

@@ -278,7 +278,9 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
-static gboolean connect(Session *session, const char *name, int flags, GError **error) {
+/* alone: the index of the WAL is kept in memory, for this process only. */
+static gboolean connect(Session *session, const char *name, int flags, gboolean alone,
+                        GError **error) {
     int rc = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_URI, NULL);
 
     if (rc != SQLITE_OK)
@@ -292,7 +294,8 @@ static gboolean connect(Session *session, const char *name, int flags, GError **
     sqlite3_limit(session->db, SQLITE_LIMIT_ATTACHED, 0);
     sqlite3_extended_result_codes(session->db, 1);
     sqlite3_busy_timeout(session->db, PATIENCE_MS);
-    return session_db_run(session, error, "PRAGMA cell_size_check = ON", "") &&
+    return (!alone || session_db_run(session, error, "PRAGMA locking_mode = EXCLUSIVE", "")) &&
+           session_db_run(session, error, "PRAGMA cell_size_check = ON", "") &&
            session_db_run(session, error, "PRAGMA foreign_keys = ON", "") &&
            session_db_run(session, error, "PRAGMA synchronous = FULL", "");
 }
@@ -301,7 +304,6 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
     g_autofree char *file = session_file(session, "session.db");
     g_autofree char *wal = g_strconcat(file, "-wal", NULL);
     g_autofree char *uri = g_filename_to_uri(file, NULL, NULL);
-    g_autofree char *immutable = g_strconcat(uri, "?immutable=1", NULL);
     int flags = session->mode == SESSION_READ ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE;
     GError *own = NULL;
     struct stat status;
@@ -313,22 +315,27 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         if (fd < 0)
             return session_fail(error, SESSION_ERROR_IO, "%s: %s", file, g_strerror(errno));
         close(fd);
-        return connect(session, uri, flags, error);
+        return connect(session, uri, flags, FALSE, error);
     }
     if (!check_file(session, file, error))
         return FALSE;
-    if (connect(session, uri, flags, &own) && session_db_check(session, &own))
+    if (connect(session, uri, flags, FALSE, &own) && session_db_check(session, &own))
         return TRUE;
-    /* On a read-only medium a reader cannot create the shared index of the WAL; if the WAL is empty
-     * the database file alone is complete. */
-    int rc = sqlite3_errcode(session->db) & 0xff;
-    if (session->mode != SESSION_READ || (rc != SQLITE_CANTOPEN && rc != SQLITE_READONLY) ||
-        (stat(wal, &status) == 0 && status.st_size > 0)) {
+    /* The index of the WAL, which processes share, cannot be made on a read-only medium, nor on a
+     * full disk; so no other process has the session open. If the WAL is empty, the database file
+     * alone is complete; otherwise the index is kept in memory, which needs a connection without
+     * locks of the file. */
+    const int rc = sqlite3_errcode(session->db) & 0xff;
+    const gboolean full = g_error_matches(own, SESSION_ERROR, SESSION_ERROR_FULL);
+    const gboolean has_wal = stat(wal, &status) == 0 && status.st_size > 0;
+    if (session->mode != SESSION_READ ||
+        (!full && (has_wal || (rc != SQLITE_CANTOPEN && rc != SQLITE_READONLY)))) {
         g_propagate_error(error, own);
         return FALSE;
     }
     g_error_free(own);
     sqlite3_close(session->db);
     session->db = NULL;
-    return connect(session, immutable, flags, error) && session_db_check(session, error);
+    g_autofree char *alone = g_strconcat(uri, has_wal ? "?vfs=unix-none" : "?immutable=1", NULL);
+    return connect(session, alone, flags, has_wal, error) && session_db_check(session, error);
 }

@@ -1,5 +1,6 @@
 #include "devices.h"
 #include "part.h"
+#include "unheard.h"
 #include "world/world.h"
 
 #include <math.h>
@@ -18,13 +19,15 @@ struct sim_axis {
     double home_deg, latency_ms, ringing_deg, position_error_deg;
     double fault_slip_deg;
     int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
+    struct sim_unheard unheard;
 
     World *world;
     enum part part;
     int laser;
 
     enum phase phase;
-    guint timer;
+    guint timer, unanswered;
+    gboolean mute; /* the answer to the last command is lost */
     int n_moves;
     gboolean stalls;
     double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
@@ -68,6 +71,7 @@ static const struct option options[] = {
      "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: none does"},
     {"fault_stall_kind", OPTION_CHOICE, NULL, 0, 0, "reported", stall_kinds,
      FIELD(fault_stall_kind), "Whether a stall is reported, or nothing is heard again"},
+    SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
 
@@ -179,11 +183,16 @@ static gint64 latency_us(const struct sim_axis *sim) {
     return sim_axis_to_us(sim->latency_ms / 1000);
 }
 
+static gboolean is_mute(const Axis *axis) {
+    const struct sim_axis *sim = axis->device.priv;
+    return sim->mute || sim_unheard_is_dead(&sim->unheard, axis->device.clock);
+}
+
 static void stall(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     sim->phase = STALLED;
     update_world(axis, 0); /* it stands */
-    if (sim->fault_stall_kind == STALL_SILENT)
+    if (sim->fault_stall_kind == STALL_SILENT || is_mute(axis))
         return;
     axis_report(axis, AXIS_FAULT,
                 device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
@@ -208,7 +217,8 @@ static void sim_axis_finish(Axis *axis) {
     } else {
         update_world(axis, 0);
     }
-    axis_report(axis, event, NULL);
+    if (!is_mute(axis))
+        axis_report(axis, event, NULL);
 }
 
 static gint64 tick_us(const struct sim_axis *sim) {
@@ -241,7 +251,7 @@ static void sim_axis_on_timer(gpointer data) {
     }
     gint64 next = now < sim->end_us ? MIN(now + tick_us(sim), sim->end_us) : now + tick_us(sim);
     wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
-    if (sim->turning && sim->phase == MOVING)
+    if (sim->turning && sim->phase == MOVING && !is_mute(axis))
         axis_report_position(axis, sim->position_deg, now);
 }
 
@@ -256,8 +266,28 @@ static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double s
     wake_at(axis, MIN(now + tick_us(sim), sim->end_us + latency_us(sim)));
 }
 
+static void sim_axis_on_unanswered(gpointer data) {
+    Axis *axis = data;
+    ((struct sim_axis *)axis->device.priv)->unanswered = 0;
+    axis_report(axis, AXIS_FAULT, sim_unheard_error(&axis->device));
+}
+
+/* Whether a command is carried out. Without an answer, a fault is reported later. */
+static gboolean sim_axis_obeys(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    Clock *clock = axis->device.clock;
+    gboolean answers, obeys = sim_unheard_obeys(&sim->unheard, clock, &answers);
+    clock_cancel(clock, &sim->unanswered);
+    sim->mute = !answers;
+    if (!answers)
+        sim->unanswered = clock_call_in(clock, SIM_UNHEARD_US, sim_axis_on_unanswered, axis);
+    return obeys;
+}
+
 static gboolean sim_axis_home(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
+    if (!sim_axis_obeys(axis))
+        return TRUE;
     sim->stalls = sim->turning = FALSE;
     sim_axis_start(axis, HOMING, sim->home_deg, sim->motion.homing_s);
     return TRUE;
@@ -266,6 +296,8 @@ static gboolean sim_axis_home(Axis *axis, GError **error) {
 static void sim_axis_go(Axis *axis, double target_deg, double v, gboolean turning) {
     struct sim_axis *sim = axis->device.priv;
     double d = fabs(target_deg - sim->position_deg), a = sim->motion.accel_deg_s2;
+    if (!sim_axis_obeys(axis))
+        return;
     sim->stalls = ++sim->n_moves == sim->fault_stall_at;
     sim->speed_deg_s = v;
     sim->turning = turning;
@@ -286,11 +318,12 @@ static gboolean sim_axis_turn(Axis *axis, double target_deg, double speed_deg_s,
 static gboolean sim_axis_stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     double speed, a = sim->motion.accel_deg_s2;
-    /* Stopped by axis_halt(). One that has stalled silently does not answer. */
+    if (!sim_axis_obeys(axis))
+        return TRUE;
+    /* One that has stalled silently does not answer. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
-    gboolean halted = stands && axis_is_moving(axis);
-    if (sim->phase == HOMING || halted) { /* homing is so slow that the axis stops at once */
+    if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops at once */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {
@@ -344,10 +377,15 @@ static void sim_axis_close_axis(Axis *axis) {
     struct sim_axis *sim = axis->device.priv;
     double speed;
     clock_cancel(axis->device.clock, &sim->timer);
+    clock_cancel(axis->device.clock, &sim->unanswered);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
     update_world(axis, 0);
     g_clear_pointer(&sim->world, world_unref);
+}
+
+gint64 sim_axis_dead_until_us(const Axis *axis) {
+    return ((const struct sim_axis *)axis->device.priv)->unheard.dead_until_us;
 }
 
 const struct axis_driver sim_axis_driver = {

@@ -1,6 +1,6 @@
 #include "devices.h"
-#include "line.h"
 #include "part.h"
+#include "unheard.h"
 #include "world/world_private.h"
 
 struct sim_lamps {
@@ -8,18 +8,21 @@ struct sim_lamps {
     char **names, **fault_dead;
     double latency_ms;
     int fault_dead_after;
-    struct sim_line line;
+    struct sim_unheard unheard;
 
     World *world;
-    int *lamps;     /* index in the world of each lamp of the bank */
-    int *switches;  /* how often each was switched on */
-    GQueue pending; /* of struct pending, in order */
+    int *lamps;         /* index in the world of each lamp of the bank */
+    int *switches;      /* how often each was switched on */
+    GQueue pending;     /* of struct pending, in order */
+    gint64 answered_us; /* no command is answered before an earlier one */
 };
 
 struct pending {
     LampBank *bank;
     int index;
-    gboolean on, unheard;
+    gboolean on;
+    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean answers;
     guint timer;
 };
 
@@ -36,7 +39,7 @@ static const struct option options[] = {
      "Fault: these lamps give no light, though their switches answer"},
     {"fault_dead_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_dead_after),
      "Fault: how often a lamp of fault_dead still lights before it dies; 0: dead from the start"},
-    SIM_LINE_OPTIONS(FIELD(line)),
+    SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
 
@@ -55,28 +58,36 @@ static void switch_lamps(LampBank *bank, int index, gboolean on) {
     }
 }
 
-static void sim_lamps_on_switched(gpointer data) {
+static void sim_lamps_on_timer(gpointer data) {
     struct pending *pending = data, done = *pending;
-    struct sim_lamps *sim = done.bank->device.priv;
+    struct device *device = &done.bank->device;
+    struct sim_lamps *sim = device->priv;
+    gint64 now = clock_now_us(device->clock);
+    if (!done.reached) {
+        if (sim_unheard_obeys(&sim->unheard, device->clock, &done.answers))
+            switch_lamps(done.bank, done.index, done.on);
+        sim->answered_us = MAX(sim->answered_us, now + (done.answers ? 0 : SIM_UNHEARD_US));
+    }
+    if (!done.reached && sim->answered_us > now) {
+        pending->reached = TRUE;
+        pending->answers = done.answers;
+        pending->timer =
+            clock_call_at(device->clock, sim->answered_us, sim_lamps_on_timer, pending);
+        return;
+    }
     g_queue_remove(&sim->pending, pending);
     g_free(pending);
-    switch_lamps(done.bank, done.index, done.on);
-    if (!done.unheard)
-        lamps_report(done.bank, done.index, done.on, NULL);
+    lamps_report(done.bank, done.index, done.on, done.answers ? NULL : sim_unheard_error(device));
 }
 
 static gboolean sim_lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
     struct sim_lamps *sim = bank->device.priv;
-    const enum sim_fate fate = sim_line_send(&sim->line, bank->device.clock);
-    if (fate == SIM_DEAD)
-        return TRUE;
     struct pending *pending = g_new0(struct pending, 1);
     pending->bank = bank;
-    pending->unheard = fate == SIM_UNHEARD;
     pending->index = index;
     pending->on = on;
     pending->timer = clock_call_in(bank->device.clock, (gint64)(sim->latency_ms * 1000),
-                                   sim_lamps_on_switched, pending);
+                                   sim_lamps_on_timer, pending);
     g_queue_push_tail(&sim->pending, pending);
     return TRUE;
 }
@@ -156,7 +167,7 @@ static void sim_lamps_close_lamps(LampBank *bank) {
 }
 
 gint64 sim_lamps_dead_until_us(const LampBank *bank) {
-    return ((const struct sim_lamps *)bank->device.priv)->line.dead_until_us;
+    return ((const struct sim_lamps *)bank->device.priv)->unheard.dead_until_us;
 }
 
 const struct lamps_driver sim_lamps_driver = {

@@ -1,6 +1,6 @@
 #include "devices.h"
-#include "line.h"
 #include "part.h"
+#include "unheard.h"
 #include "world/world.h"
 
 struct sim_laser {
@@ -8,18 +8,21 @@ struct sim_laser {
     double warm_up_ms, latency_ms;
     gboolean fault_stays_on;
     int fault_deaf;
-    struct sim_line line;
+    struct sim_unheard unheard;
 
     World *world;
     int laser;
     gboolean on;
     int n_deaf;
-    GQueue pending; /* of struct pending, in order */
+    GQueue pending;     /* of struct pending, in order */
+    gint64 answered_us; /* no command is answered before an earlier one */
 };
 
 struct pending {
     Laser *laser;
-    gboolean on, unheard;
+    gboolean on;
+    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean answers;
     guint timer;
 };
 
@@ -38,7 +41,7 @@ static const struct option options[] = {
      "Fault: once on, the laser stays on, though it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
      "Fault: number of commands to switch off that the laser neither obeys nor answers"},
-    SIM_LINE_OPTIONS(FIELD(line)),
+    SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
 
@@ -47,16 +50,32 @@ static void sim_laser_shine(struct sim_laser *sim, gboolean on) {
         world_set_laser(sim->world, sim->laser, on);
 }
 
-static void sim_laser_on_switched(gpointer data) {
+static void sim_laser_switch(struct sim_laser *sim, gboolean on) {
+    sim->on = on;
+    if (on || !sim->fault_stays_on)
+        sim_laser_shine(sim, on);
+}
+
+static void sim_laser_on_timer(gpointer data) {
     struct pending *pending = data, done = *pending;
-    struct sim_laser *sim = done.laser->device.priv;
+    struct device *device = &done.laser->device;
+    struct sim_laser *sim = device->priv;
+    gint64 now = clock_now_us(device->clock);
+    if (!done.reached) {
+        if (sim_unheard_obeys(&sim->unheard, device->clock, &done.answers))
+            sim_laser_switch(sim, done.on);
+        sim->answered_us = MAX(sim->answered_us, now + (done.answers ? 0 : SIM_UNHEARD_US));
+    }
+    if (!done.reached && sim->answered_us > now) {
+        pending->reached = TRUE;
+        pending->answers = done.answers;
+        pending->timer =
+            clock_call_at(device->clock, sim->answered_us, sim_laser_on_timer, pending);
+        return;
+    }
     g_queue_remove(&sim->pending, pending);
     g_free(pending);
-    sim->on = done.on;
-    if (done.on || !sim->fault_stays_on)
-        sim_laser_shine(sim, done.on);
-    if (!done.unheard)
-        laser_report(done.laser, done.on, NULL);
+    laser_report(done.laser, done.on, done.answers ? NULL : sim_unheard_error(device));
 }
 
 static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
@@ -65,15 +84,11 @@ static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
         sim->n_deaf++;
         return TRUE;
     }
-    const enum sim_fate fate = sim_line_send(&sim->line, laser->device.clock);
-    if (fate == SIM_DEAD)
-        return TRUE;
     struct pending *pending = g_new0(struct pending, 1);
     pending->laser = laser;
-    pending->unheard = fate == SIM_UNHEARD;
     pending->on = on;
     pending->timer = clock_call_in(laser->device.clock, (gint64)(sim->latency_ms * 1000),
-                                   sim_laser_on_switched, pending);
+                                   sim_laser_on_timer, pending);
     g_queue_push_tail(&sim->pending, pending);
     return TRUE;
 }
@@ -137,7 +152,7 @@ static void sim_laser_close_laser(Laser *laser) {
 }
 
 gint64 sim_laser_dead_until_us(const Laser *laser) {
-    return ((const struct sim_laser *)laser->device.priv)->line.dead_until_us;
+    return ((const struct sim_laser *)laser->device.priv)->unheard.dead_until_us;
 }
 
 const struct laser_driver sim_laser_driver = {

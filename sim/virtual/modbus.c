@@ -207,6 +207,10 @@ static gboolean due(int *count) {
     return TRUE;
 }
 
+static gboolean is_write(guint8 function) {
+    return function == 5 || function == 6 || function == 15 || function == 16;
+}
+
 /* Makes a reply without sending it. */
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
@@ -248,6 +252,10 @@ static int virtual_modbus_answer(VirtualModbus *device, const guint8 *query, int
         return made;
     if (due(&faults->silent))
         return 0;
+    if (is_write(query[modbus_get_header_length(device->context)]) && due(&faults->lost)) {
+        device->state.usable_us = g_get_monotonic_time() + faults->dead_ms * (gint64)1000;
+        return 0;
+    }
     if (due(&faults->late))
         *ret_hold_us += faults->late_ms * 1000;
     if (made > 0 && due(&faults->damaged))
@@ -272,7 +280,8 @@ static void virtual_modbus_serve(VirtualModbus *device) {
     if (n <= 0 || query[header - 1] != device->options.unit)
         return;
     g_mutex_lock(&device->mutex);
-    n = device->faults.cut ? 0 : virtual_modbus_answer(device, query, n, reply, &hold_us);
+    const gboolean dead = device->faults.cut || g_get_monotonic_time() < device->state.usable_us;
+    n = dead ? 0 : virtual_modbus_answer(device, query, n, reply, &hold_us);
     g_mutex_unlock(&device->mutex);
     if (hold_us > 0)
         g_usleep((gulong)hold_us);

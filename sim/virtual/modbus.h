@@ -42,19 +42,21 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 /* The value of "bus" in a section. */
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
-/* The faults that virtual_modbus_fail() sets. skip, late, damaged, silent and refused are counts:
- * each request that one of them concerns lowers it by one, and −1 never ends. Until skip has come
- * to 0, the other counts stay as they are. */
+/* The faults that virtual_modbus_fail() sets. skip, late, damaged, silent, refused and lost are
+ * counts: each request that one of them concerns lowers it by one, and −1 never ends. Until skip
+ * has come to 0, the other counts stay as they are. */
 struct virtual_modbus_faults {
     int skip;               /* replies that are still good */
     int late, late_ms;      /* replies that are sent late_ms after they were made */
     int damaged;            /* replies with a wrong check sum (TCP: of another transaction) */
     int silent;             /* requests that are carried out and not answered */
     int refused, exception; /* requests that are refused with this exception code */
-    int delay_us;           /* of the wire: added to every reply */
-    gboolean blocked;       /* the motor cannot turn, though the drive says that it moves */
-    gboolean deaf;          /* coils do not switch, though writing them is answered */
-    gboolean cut;           /* no request comes through */
+    int lost, dead_ms; /* writes that are carried out and not answered; no request comes through for
+                          dead_ms after one */
+    int delay_us;      /* of the wire: added to every reply */
+    gboolean blocked;  /* the motor cannot turn, though the drive says that it moves */
+    gboolean deaf;     /* coils do not switch, though writing them is answered */
+    gboolean cut;      /* no request comes through */
 };
 void virtual_modbus_fail(VirtualModbus *device, const struct virtual_modbus_faults *faults);
 
@@ -67,7 +69,9 @@ struct virtual_modbus_state {
     gint64 began_us; /* when the last motion began, of g_get_monotonic_time() */
     gboolean coils[VIRTUAL_MODBUS_BITS];
     int requests, watchdogs, connections, pulses;
-    int timeouts; /* how often its communication timeout has expired */
+    int timeouts;     /* how often its communication timeout has expired */
+    gint64 usable_us; /* when the line is usable again after a lost answer, of
+                         g_get_monotonic_time(); 0: no answer has been lost */
     guint16 speed, accel;
 };
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);

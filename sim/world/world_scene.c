@@ -215,6 +215,8 @@ static void add_shadow_ray(struct shadow_rays *rays, const float p[3], const flo
                            guint8 index) {
     struct RTCRay16 *packet = &rays->packets[rays->n / PACKET];
     int lane = rays->n % PACKET;
+    if (lane == 0) /* Embree reads lanes that are not valid, too, on processors without AVX-512 */
+        memset(packet, 0, sizeof *packet);
     packet->org_x[lane] = p[0];
     packet->org_y[lane] = p[1];
     packet->org_z[lane] = p[2];
@@ -250,13 +252,9 @@ void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct su
     }
     rtcInitIntersectContext(&context);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    /* Embree looks at the lanes behind the last ray, too, and may assert on what is in them. */
-    const int n_all = rays.n;
-    while (rays.n % PACKET != 0)
-        add_shadow_ray(&rays, points[0].p, light, 0);
-    for (int first = 0; first < n_all; first += PACKET) {
+    for (int first = 0; first < rays.n; first += PACKET) {
         _Alignas(64) int valid[PACKET];
-        int n_rays = MIN(PACKET, n_all - first);
+        int n_rays = MIN(PACKET, rays.n - first);
         for (int i = 0; i < PACKET; i++)
             valid[i] = i < n_rays ? -1 : 0;
         struct RTCRay16 *packet = &rays.packets[first / PACKET];

@@ -27,7 +27,11 @@ static void run(gconstpointer data) {
 
 void conformance_add(const struct suite *suite, gconstpointer driver,
                      const struct conformance *with) {
+    const struct driver_info *info = driver;
+    const gboolean fails = with->fail || g_str_has_prefix(info->name, "sim-");
     for (const struct check *check = suite->checks; check->name; check++) {
+        if (check->needs_fault && !fails)
+            continue;
         g_autofree char *path =
             g_strdup_printf("/conformance/%s/%s/%s", suite->class_name, with->name, check->name);
         struct test *test = g_new0(struct test, 1);
@@ -40,6 +44,43 @@ void conformance_assert_unknown_option(GError *error) {
     g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
     g_assert_nonnull(strstr(error->message, "no_such_option"));
     g_error_free(error);
+}
+
+void conformance_on_safety(struct device *device, const GError *error, gpointer data) {
+    struct conformance_safety *safety = data;
+    g_assert_cmpint(device_is_unsafe(device), ==, error != NULL);
+    *(error ? &safety->n_unsafe : &safety->n_safe) += 1;
+}
+
+char *conformance_fault_keys(const struct conformance *with, int n) {
+    return with->fail ? g_strdup("") : g_strdup_printf("fault_unheard = %d\nfault_dead_s = 5\n", n);
+}
+
+void conformance_fail(const struct conformance *with, enum conformance_fault fault) {
+    if (with->fail)
+        with->fail(with->fail_data, fault);
+}
+
+void conformance_expect_unsafe(const struct conformance *with, const struct device *device,
+                               const struct conformance_safety *safety) {
+    conformance_fail(with, CONFORMANCE_CUT);
+    conformance_pass(device->clock, 1);
+    g_assert_true(device_is_unsafe(device));
+    g_assert_cmpint(safety->n_unsafe, ==, 1);
+    g_assert_cmpint(safety->n_safe, ==, 0);
+}
+
+void conformance_expect_safe(const struct conformance *with, const struct device *device,
+                             const struct conformance_safety *safety) {
+    conformance_fail(with, CONFORMANCE_WELL);
+    conformance_wait(device->clock, &safety->n_safe, 1, 30);
+    g_assert_false(device_is_unsafe(device));
+    g_assert_cmpint(safety->n_unsafe, ==, 1);
+    g_assert_cmpint(safety->n_safe, ==, 1);
+}
+
+gboolean conformance_refuse(const struct device *device, gpointer unused, GError **error) {
+    return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, device->who, "not now");
 }
 
 Clock *conformance_clock(const struct conformance *with) {

@@ -14,6 +14,9 @@
  * Each check is a test of its own, /conformance/CLASS/NAME/CHECK, and opens the device anew. The
  * axis suite moves the axis between a quarter and three quarters of its way (a wrapping axis: of a
  * turn). The struct, and what it points to, must live until the tests have run.
+ *
+ * The checks of lost answers need a device that can be made to fail: fail(), or a simulated driver
+ * with the options fault_unheard and fault_dead_s. Without either they are left out.
  */
 #pragma once
 
@@ -23,6 +26,12 @@
 #include "drivers/lamps.h"
 #include "drivers/laser.h"
 
+enum conformance_fault {
+    CONFORMANCE_WELL,
+    CONFORMANCE_UNANSWERED, /* carries commands out if it can, and does not answer */
+    CONFORMANCE_CUT,        /* neither obeys nor answers */
+};
+
 struct conformance {
     const char *name;     /* in the tests' paths */
     const char *section;  /* one section of a rig file, as text */
@@ -30,6 +39,8 @@ struct conformance {
     gboolean real_clock;  /* hardware; otherwise virtual time */
     double tolerance_deg; /* axis: how far off its own position may be; 0: 0.01 */
     gint64 exposure_us;   /* camera: what to expose for; 0: its shortest */
+    void (*fail)(gpointer fail_data, enum conformance_fault fault); /* NULL: it cannot */
+    gpointer fail_data;
 };
 
 void conformance_axis(const struct axis_driver *driver, const struct conformance *with);

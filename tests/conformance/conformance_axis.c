@@ -14,6 +14,7 @@ struct bench {
      * passing_deg. */
     int n_passing;
     double passing_deg;
+    struct conformance_safety safety;
     gint64 said_first_us, said_last_us;
 };
 
@@ -41,14 +42,19 @@ static void on_event(Axis *axis, enum axis_event event, const GError *error, gpo
     bench->last = event;
 }
 
-static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static void open_with(struct bench *bench, const char *keys) {
     const struct config_section *section;
-    g_autoptr(Config) config = conformance_config(with, "", &section);
+    g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
     GError *error = NULL;
-    *bench = (struct bench){driver, with, conformance_clock(with)};
-    bench->axis = axis_open(driver, section, NULL, bench->clock, &error);
+    bench->axis = axis_open(bench->driver, section, NULL, bench->clock, &error);
     g_assert_no_error(error);
     axis_listen(bench->axis, on_event, bench);
+    device_watch_safety(&bench->axis->device, conformance_on_safety, &bench->safety);
+}
+
+static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    *bench = (struct bench){driver, with, conformance_clock(with)};
+    open_with(bench, "");
 }
 
 static void end(struct bench *bench) {
@@ -331,6 +337,67 @@ static void halt_standing(struct bench *bench) {
     expect_silence(bench, 0.3);
 }
 
+/* A command is not answered: the axis is stopped until it says that it stands, and only the fault
+ * is reported. */
+static void unanswered(struct bench *bench, gboolean stop) {
+    g_autofree char *keys = conformance_fault_keys(bench->with, stop ? 3 : 2);
+    g_clear_pointer(&bench->axis, axis_close);
+    open_with(bench, keys);
+    home(bench);
+    if (!stop)
+        conformance_fail(bench->with, CONFORMANCE_UNANSWERED);
+    start_move(bench, at(bench, 0.6));
+    if (stop) {
+        conformance_fail(bench->with, CONFORMANCE_UNANSWERED);
+        g_assert_true(axis_stop(bench->axis, NULL));
+    }
+    expect(bench, AXIS_FAULT);
+    g_assert_cmpint(axis_safety(bench->axis), !=, DEVICE_SAFE);
+    conformance_fail(bench->with, CONFORMANCE_CUT);
+    conformance_wait(bench->clock, &bench->safety.n_unsafe, 1, 30);
+    g_assert_cmpint(axis_safety(bench->axis), ==, DEVICE_UNSAFE);
+    conformance_expect_unsafe(bench->with, &bench->axis->device, &bench->safety);
+    conformance_expect_safe(bench->with, &bench->axis->device, &bench->safety);
+    g_assert_cmpint(axis_safety(bench->axis), ==, DEVICE_SAFE);
+    const double before = axis_position_deg(bench->axis);
+    expect_silence(bench, 0.5);
+    g_assert_cmpfloat(axis_position_deg(bench->axis), ==, before);
+    home(bench);
+    start_move(bench, at(bench, 0.4));
+    expect(bench, AXIS_ARRIVED);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 1);
+}
+
+static void move_unanswered(struct bench *bench) {
+    unanswered(bench, FALSE);
+}
+
+static void stop_unanswered(struct bench *bench) {
+    unanswered(bench, TRUE);
+}
+
+static void permit(struct bench *bench) {
+    GError *error = NULL;
+    device_set_permit(&bench->axis->device, conformance_refuse, NULL);
+    g_assert_false(axis_home(bench->axis, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "not now");
+    device_set_permit(&bench->axis->device, NULL, NULL);
+    home(bench);
+    device_set_permit(&bench->axis->device, conformance_refuse, NULL);
+    assert_refused(bench, at(bench, 0.5), DEVICE_ERROR_UNSUPPORTED);
+    if (axis_can_turn(bench->axis)) {
+        g_assert_false(axis_turn(bench->axis, 1, bench->axis->motion.speed_deg_s / 2, &error));
+        conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "not now");
+    }
+    expect_silence(bench, 0.3);
+    device_set_permit(&bench->axis->device, NULL, NULL);
+    start_move(bench, at(bench, 0.5));
+    device_set_permit(&bench->axis->device, conformance_refuse, NULL);
+    g_assert_true(axis_stop(bench->axis, NULL));
+    expect(bench, AXIS_STOPPED);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 0);
+}
+
 static void close_moving(struct bench *bench) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, "", &section);
@@ -362,6 +429,9 @@ void conformance_axis(const struct axis_driver *driver, const struct conformance
         {"stop-standing", stop_standing},
         {"halt-standing", halt_standing},
         {"close-moving", close_moving},
+        {"permit", permit},
+        {"move-unanswered", move_unanswered, FALSE, TRUE},
+        {"stop-unanswered", stop_unanswered, FALSE, TRUE},
         {"open-close", NULL, TRUE},
         {NULL},
     };

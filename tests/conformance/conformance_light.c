@@ -10,6 +10,9 @@ struct bench {
     Laser *laser;
     Interlock *door;
     gboolean in_call;
+    gboolean failing; /* the next event has an error */
+    struct conformance_safety safety;
+    gboolean overtaken; /* the "on" of lamp 0 may not be carried out */
     int n_events;
     int index[64];
     gboolean on[64];
@@ -18,7 +21,12 @@ struct bench {
 
 static void note(struct bench *bench, int index, gboolean on, const GError *error) {
     g_assert_false(bench->in_call);
-    g_assert_no_error(error);
+    if (bench->failing)
+        g_assert_nonnull(error);
+    else if (bench->overtaken && index == 0 && on && error)
+        g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+    else
+        g_assert_no_error(error);
     g_assert_cmpint(bench->n_events, <, (int)G_N_ELEMENTS(bench->index));
     bench->index[bench->n_events] = index;
     bench->on[bench->n_events++] = on;
@@ -48,14 +56,19 @@ static void expect_silence(struct bench *bench, double seconds) {
     g_assert_cmpint(bench->n_events, ==, 0);
 }
 
-static void begin_lamps(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+static void open_bank(struct bench *bench, const char *keys) {
     const struct config_section *section;
-    g_autoptr(Config) config = conformance_config(with, "", &section);
+    g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
     GError *error = NULL;
-    *bench = (struct bench){driver, with, conformance_clock(with)};
-    bench->bank = lamps_open(driver, section, NULL, bench->clock, &error);
+    bench->bank = lamps_open(bench->driver, section, NULL, bench->clock, &error);
     g_assert_no_error(error);
     lamps_listen(bench->bank, on_lamp, bench);
+    device_watch_safety(&bench->bank->device, conformance_on_safety, &bench->safety);
+}
+
+static void begin_lamps(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    *bench = (struct bench){driver, with, conformance_clock(with)};
+    open_bank(bench, "");
 }
 
 static void set_lamp(struct bench *bench, int index, gboolean on) {
@@ -97,18 +110,26 @@ static void lamps_one_by_one(struct bench *bench) {
     }
 }
 
+/* "Off" may overtake what was not sent yet: the "on" of the same lamp is then not carried out. */
 static void lamps_in_order(struct bench *bench) {
-    int n = MIN(bench->bank->n, 16);
+    int n = MIN(bench->bank->n, 16), n_first = 0;
+    bench->overtaken = TRUE;
     for (int i = 0; i < n; i++)
         set_lamp(bench, i, TRUE);
     set_lamp(bench, 0, FALSE);
     conformance_wait(bench->clock, &bench->n_events, n + 1, 60);
-    for (int i = 0; i < n; i++) {
-        g_assert_cmpint(bench->index[i], ==, i);
+    bench->overtaken = FALSE;
+    for (int i = 0, last = 0; i <= n; i++) {
+        if (bench->index[i] == 0) {
+            g_assert_cmpint(bench->on[i], ==, n_first++ == 0);
+            continue;
+        }
+        g_assert_cmpint(bench->index[i], >, last);
+        last = bench->index[i];
         g_assert_true(bench->on[i]);
     }
-    g_assert_cmpint(bench->index[n], ==, 0);
-    g_assert_false(bench->on[n]);
+    g_assert_cmpint(n_first, ==, 2);
+    g_assert_false(lamps_is_on(bench->bank, 0));
     for (int i = 1; i < n; i++)
         g_assert_true(lamps_is_on(bench->bank, i));
     bench->n_events = 0;
@@ -144,6 +165,87 @@ static void lamps_count_hours(struct bench *bench) {
     g_assert_cmpfloat(lamps_hours(bench->bank, 0), ==, hours);
 }
 
+/* A command is not answered: the lamp is unsafe until "off" was confirmed, and only the command's
+ * own failure is reported. on: the command; index -1: all off. */
+static void lamps_unanswered(struct bench *bench, int index, gboolean on) {
+    const struct device *device;
+    g_autofree char *keys = conformance_fault_keys(bench->with, on ? 1 : 2);
+    g_clear_pointer(&bench->bank, lamps_close);
+    open_bank(bench, keys);
+    device = &bench->bank->device;
+    if (!on) {
+        set_lamp(bench, 0, TRUE);
+        conformance_wait(bench->clock, &bench->n_events, 1, 10);
+        bench->n_events = 0;
+    }
+    conformance_fail(bench->with, CONFORMANCE_UNANSWERED);
+    bench->failing = TRUE;
+    set_lamp(bench, index, on);
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_ON);
+    g_assert_cmpint(lamps_safety(bench->bank), ==, DEVICE_TOLD);
+    conformance_wait(bench->clock, &bench->n_events, 1, 10);
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_UNSAFE);
+    conformance_expect_unsafe(bench->with, device, &bench->safety);
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_UNSAFE);
+    g_assert_cmpint(lamps_safety(bench->bank), ==, DEVICE_UNSAFE);
+    g_assert_true(lamps_is_on(bench->bank, 0));
+    conformance_expect_safe(bench->with, device, &bench->safety);
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_OFF);
+    g_assert_cmpint(lamps_safety(bench->bank), ==, DEVICE_SAFE);
+    g_assert_cmpint(bench->n_events, ==, 1);
+    bench->failing = FALSE;
+    for (int again = 1; again >= 0; again--) {
+        bench->n_events = 0;
+        set_lamp(bench, 0, again);
+        conformance_wait(bench->clock, &bench->n_events, 1, 10);
+    }
+    expect_silence(bench, 0.5);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 1);
+}
+
+static void lamps_on_unanswered(struct bench *bench) {
+    lamps_unanswered(bench, 0, TRUE);
+}
+
+static void lamps_off_unanswered(struct bench *bench) {
+    lamps_unanswered(bench, 0, FALSE);
+}
+
+static void lamps_all_off_unanswered(struct bench *bench) {
+    lamps_unanswered(bench, -1, FALSE);
+}
+
+static void lamps_lost_cut(struct bench *bench) {
+    set_lamp(bench, 0, TRUE);
+    conformance_wait(bench->clock, &bench->n_events, 1, 10);
+    bench->n_events = 0;
+    conformance_fail(bench->with, CONFORMANCE_CUT);
+    bench->failing = TRUE;
+    lamps_lost(bench->bank,
+               device_error_new(DEVICE_ERROR_PROTOCOL, bench->bank->device.who, "lost"));
+    g_assert_cmpint(bench->n_events, ==, 1);
+    bench->failing = !!bench->with->fail;
+    conformance_wait(bench->clock, &bench->n_events, 2, 10); /* the "off" of the class */
+    if (bench->with->fail)
+        conformance_expect_unsafe(bench->with, &bench->bank->device, &bench->safety);
+    conformance_expect_safe(bench->with, &bench->bank->device, &bench->safety);
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_OFF);
+    g_assert_cmpint(bench->n_events, ==, 2);
+}
+
+static void lamps_permit(struct bench *bench) {
+    GError *error = NULL;
+    device_set_permit(&bench->bank->device, conformance_refuse, NULL);
+    g_assert_false(lamps_set(bench->bank, 0, TRUE, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "not now");
+    g_assert_cmpint(lamps_light(bench->bank, 0), ==, LIGHT_OFF);
+    expect_silence(bench, 0.2);
+    set_lamp(bench, 0, FALSE);
+    set_lamp(bench, -1, FALSE);
+    conformance_wait(bench->clock, &bench->n_events, 2, 10);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 0);
+}
+
 static void lamps_close_switching(struct bench *bench) {
     set_lamp(bench, 0, TRUE);
     g_clear_pointer(&bench->bank, lamps_close);
@@ -152,10 +254,19 @@ static void lamps_close_switching(struct bench *bench) {
 
 void conformance_lamps(const struct lamps_driver *driver, const struct conformance *with) {
     static const struct check checks[] = {
-        {"wrong-option", lamps_wrong_option}, {"one-by-one", lamps_one_by_one},
-        {"in-order", lamps_in_order},         {"no-such-lamp", lamps_no_such_lamp},
-        {"count-hours", lamps_count_hours},   {"close-switching", lamps_close_switching},
-        {"open-close", NULL, TRUE},           {NULL},
+        {"wrong-option", lamps_wrong_option},
+        {"one-by-one", lamps_one_by_one},
+        {"in-order", lamps_in_order},
+        {"no-such-lamp", lamps_no_such_lamp},
+        {"count-hours", lamps_count_hours},
+        {"close-switching", lamps_close_switching},
+        {"permit", lamps_permit},
+        {"on-unanswered", lamps_on_unanswered, FALSE, TRUE},
+        {"off-unanswered", lamps_off_unanswered, FALSE, TRUE},
+        {"all-off-unanswered", lamps_all_off_unanswered, FALSE, TRUE},
+        {"lost-cut", lamps_lost_cut, FALSE, TRUE},
+        {"open-close", NULL, TRUE},
+        {NULL},
     };
     static const struct suite suite = {"lamps", sizeof(struct bench), begin_lamps, end, checks};
     conformance_add(&suite, driver, with);
@@ -176,19 +287,26 @@ static const struct interlock_driver door_driver = {
     .close = close_door,
 };
 
+static void open_laser(struct bench *bench, const char *keys) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
+    GError *error = NULL;
+    bench->laser = laser_open(bench->driver, section, NULL, bench->clock, &error);
+    g_assert_no_error(error);
+    laser_listen(bench->laser, on_laser, bench);
+    laser_guard(bench->laser, bench->door);
+    device_watch_safety(&bench->laser->device, conformance_on_safety, &bench->safety);
+}
+
 static void begin_laser(struct bench *bench, gconstpointer driver, const struct conformance *with) {
     static const struct conformance door = {.section = "[interlock door]"};
-    const struct config_section *section, *door_section;
-    g_autoptr(Config) config = conformance_config(with, "", &section);
+    const struct config_section *door_section;
     g_autoptr(Config) door_config = conformance_config(&door, "", &door_section);
     GError *error = NULL;
     *bench = (struct bench){driver, with, conformance_clock(with)};
     bench->door = interlock_open(&door_driver, door_section, NULL, bench->clock, &error);
     g_assert_no_error(error);
-    bench->laser = laser_open(driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
-    laser_listen(bench->laser, on_laser, bench);
-    laser_guard(bench->laser, bench->door);
+    open_laser(bench, "");
 }
 
 static void switch_laser(struct bench *bench, gboolean on) {
@@ -240,11 +358,59 @@ static void laser_guarded(struct bench *bench) {
 
 /* The door opens between the command and its answer. */
 static void laser_guarded_late(struct bench *bench) {
+    bench->overtaken = TRUE;
     g_assert_true(laser_set(bench->laser, TRUE, NULL));
     interlock_report(bench->door, FALSE);
     conformance_wait(bench->clock, &bench->n_events, 2, 10);
     g_assert_false(bench->on[1]);
     g_assert_false(laser_is_on(bench->laser));
+}
+
+static void laser_unanswered(struct bench *bench, gboolean on) {
+    g_autofree char *keys = conformance_fault_keys(bench->with, on ? 1 : 2);
+    g_clear_pointer(&bench->laser, laser_close);
+    open_laser(bench, keys);
+    if (!on)
+        switch_laser(bench, TRUE);
+    bench->n_events = 0;
+    conformance_fail(bench->with, CONFORMANCE_UNANSWERED);
+    bench->failing = TRUE;
+    g_assert_true(laser_set(bench->laser, on, NULL));
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_ON);
+    conformance_wait(bench->clock, &bench->n_events, 1, 10);
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_UNSAFE);
+    conformance_expect_unsafe(bench->with, &bench->laser->device, &bench->safety);
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_UNSAFE);
+    g_assert_cmpint(laser_safety(bench->laser), ==, DEVICE_UNSAFE);
+    g_assert_true(laser_is_on(bench->laser));
+    conformance_expect_safe(bench->with, &bench->laser->device, &bench->safety);
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_OFF);
+    g_assert_cmpint(laser_safety(bench->laser), ==, DEVICE_SAFE);
+    g_assert_cmpint(bench->n_events, ==, 1);
+    bench->failing = FALSE;
+    switch_laser(bench, TRUE);
+    switch_laser(bench, FALSE);
+    expect_silence(bench, 0.5);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 1);
+}
+
+static void laser_on_unanswered(struct bench *bench) {
+    laser_unanswered(bench, TRUE);
+}
+
+static void laser_off_unanswered(struct bench *bench) {
+    laser_unanswered(bench, FALSE);
+}
+
+static void laser_permit(struct bench *bench) {
+    GError *error = NULL;
+    device_set_permit(&bench->laser->device, conformance_refuse, NULL);
+    g_assert_false(laser_set(bench->laser, TRUE, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "not now");
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_OFF);
+    expect_silence(bench, 0.2);
+    switch_laser(bench, FALSE);
+    g_assert_cmpint(bench->safety.n_unsafe, ==, 0);
 }
 
 static void laser_close_on(struct bench *bench) {
@@ -261,6 +427,9 @@ void conformance_laser(const struct laser_driver *driver, const struct conforman
         {"guarded", laser_guarded},
         {"guarded-late", laser_guarded_late},
         {"close-on", laser_close_on},
+        {"permit", laser_permit},
+        {"on-unanswered", laser_on_unanswered, FALSE, TRUE},
+        {"off-unanswered", laser_off_unanswered, FALSE, TRUE},
         {"open-close", NULL, TRUE},
         {NULL},
     };

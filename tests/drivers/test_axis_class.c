@@ -69,7 +69,10 @@ static void test_predicted_time(struct heard *heard, gconstpointer unused) {
 /* An axis that notes what it is told and says nothing by itself. */
 struct silent_axis {
     double targets[8];
-    int n_targets, n_stops;
+    int n_targets, n_stops, n_homings;
+    gint64 stopped_us[32];
+    gboolean refuses;     /* stop() fails */
+    int n_unsafe, n_safe; /* what the watch has heard */
     double position;
 };
 
@@ -82,6 +85,7 @@ static void silent_close(Axis *axis) {
 }
 
 static gboolean silent_home(Axis *axis, GError **error) {
+    ((struct silent_axis *)axis->device.priv)->n_homings++;
     return TRUE;
 }
 
@@ -92,8 +96,11 @@ static gboolean silent_move(Axis *axis, double target_deg, GError **error) {
 }
 
 static gboolean silent_stop(Axis *axis, GError **error) {
-    ((struct silent_axis *)axis->device.priv)->n_stops++;
-    return TRUE;
+    struct silent_axis *silent = axis->device.priv;
+    g_assert_cmpint(silent->n_stops, <, (int)G_N_ELEMENTS(silent->stopped_us));
+    silent->stopped_us[silent->n_stops++] = clock_now_us(axis->device.clock);
+    return !silent->refuses ||
+           device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who, "is gone");
 }
 
 static double silent_position(Axis *axis) {
@@ -154,8 +161,12 @@ static void test_axis_deadline(struct heard *heard, gconstpointer unused) {
     heard_next(heard, AXIS_FAULT);
     g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_cmpint(heard->at_us - start, ==, (gint64)(3.5 * 1.5e6) + 4000000);
-    g_assert_cmpint(silent->n_stops, ==, 1);
     g_assert_false(axis_is_homed(axis));
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_TOLD);
+    conformance_pass(heard->clock, 0.01);
+    g_assert_cmpint(silent->n_stops, ==, 1);
+    axis_report(axis, AXIS_STOPPED, NULL);
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_SAFE);
     axis_report(axis, AXIS_ARRIVED, NULL); /* too late */
     axis_report(axis, AXIS_STOPPED, NULL);
     g_assert_true(axis_home(axis, NULL));
@@ -164,6 +175,156 @@ static void test_axis_deadline(struct heard *heard, gconstpointer unused) {
     g_assert_cmpint(heard->n, ==, 0);
     heard_next(heard, AXIS_FAULT); /* homing has its deadline too */
     g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+}
+
+static void on_safety(struct device *device, const GError *error, gpointer data) {
+    struct silent_axis *silent = device->priv;
+    *(error ? &silent->n_unsafe : &silent->n_safe) += 1;
+}
+
+static Axis *open_moving(struct heard *heard) {
+    Axis *axis = open_axis(&silent_driver, "[axis a]", heard);
+    device_watch_safety(&axis->device, on_safety, NULL);
+    g_assert_true(axis_home(axis, NULL));
+    axis_report(axis, AXIS_HOMED, NULL);
+    heard_next(heard, AXIS_HOMED);
+    g_assert_true(axis_move(axis, 20, NULL));
+    return axis;
+}
+
+/* A stop that fails is repeated until the axis says that it stands. */
+static void test_stop_fails(struct heard *heard, gconstpointer unused) {
+    static const int pauses_ms[] = {100, 200, 300, 300};
+    g_autoptr(Axis) axis = open_moving(heard);
+    struct silent_axis *silent = axis->device.priv;
+    g_assert_true(axis_stop(axis, NULL));
+    axis_report(axis, AXIS_FAULT, NULL);
+    heard_next(heard, AXIS_FAULT);
+    for (gsize i = 0; i < G_N_ELEMENTS(pauses_ms); i++) {
+        const gint64 failed = clock_now_us(heard->clock);
+        g_assert_cmpint(axis_safety(axis), ==, DEVICE_UNSAFE);
+        g_assert_true(device_is_unsafe(&axis->device));
+        while (silent->n_stops < 2 + (int)i)
+            g_main_context_iteration(NULL, TRUE);
+        g_assert_cmpint(silent->stopped_us[1 + i] - failed, ==, pauses_ms[i] * 1000);
+        if (i % 2) /* not answered at all, or with a fault */
+            axis_report(axis, AXIS_FAULT, NULL);
+        else
+            conformance_pass(heard->clock, 1.5 + 4);
+    }
+    while (silent->n_stops < 6)
+        g_main_context_iteration(NULL, TRUE);
+    axis_report(axis, AXIS_STOPPED, NULL);
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_SAFE);
+    conformance_pass(heard->clock, 20);
+    g_assert_cmpint(silent->n_stops, ==, 6);
+    g_assert_cmpint(heard->n, ==, 0);
+    g_assert_cmpint(silent->n_unsafe, ==, 1);
+    g_assert_cmpint(silent->n_safe, ==, 1);
+}
+
+/* The driver cannot send the stop of a motion that goes on. */
+static void test_stop_refused(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_moving(heard);
+    struct silent_axis *silent = axis->device.priv;
+    GError *error = NULL;
+    silent->refuses = TRUE;
+    g_assert_false(axis_stop(axis, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_clear_error(&error);
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_UNSAFE);
+    conformance_pass(heard->clock, 1);
+    g_assert_cmpint(silent->n_unsafe, ==, 1);
+    silent->refuses = FALSE;
+    conformance_pass(heard->clock, 0.31);
+    axis_report(axis, AXIS_STOPPED, NULL);
+    heard_next(heard, AXIS_STOPPED); /* the one end of the move */
+    g_assert_true(axis_is_homed(axis));
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_SAFE);
+    conformance_pass(heard->clock, 0.01);
+    g_assert_cmpint(silent->n_safe, ==, 1);
+
+    silent->refuses = TRUE; /* it arrives before it could be stopped, and does not go back */
+    g_assert_true(axis_move(axis, -20, NULL));
+    g_assert_false(axis_stop(axis, NULL));
+    const int n = silent->n_targets;
+    arrive(axis);
+    heard_next(heard, AXIS_STOPPED);
+    g_assert_cmpint(silent->n_targets, ==, n);
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_SAFE);
+}
+
+/* Homing after a fault is not stopped by the class. */
+static void test_home_after_fault(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_moving(heard);
+    struct silent_axis *silent = axis->device.priv;
+    axis_report(axis, AXIS_FAULT, NULL);
+    heard_next(heard, AXIS_FAULT);
+    conformance_pass(heard->clock, 0.01);
+    g_assert_cmpint(silent->n_stops, ==, 1);
+    axis_report(axis, AXIS_FAULT, NULL);
+    g_assert_true(axis_home(axis, NULL));
+    conformance_pass(heard->clock, 2);
+    g_assert_cmpint(silent->n_stops, ==, 1);
+    axis_report(axis, AXIS_HOMED, NULL);
+    heard_next(heard, AXIS_HOMED);
+    g_assert_cmpint(axis_safety(axis), ==, DEVICE_SAFE);
+    conformance_pass(heard->clock, 2);
+    g_assert_cmpint(silent->n_stops, ==, 1);
+    g_assert_cmpint(silent->n_safe, ==, 1);
+}
+
+static gboolean refuse(const struct device *device, gpointer data, GError **error) {
+    return device_error_set(error, DEVICE_ERROR_BUSY, device->who, "the rig is in its safe state");
+}
+
+static void test_axis_permit(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_moving(heard);
+    struct silent_axis *silent = axis->device.priv;
+    device_set_permit(&axis->device, refuse, NULL);
+    g_assert_true(axis_stop(axis, NULL));
+    axis_report(axis, AXIS_STOPPED, NULL);
+    heard_next(heard, AXIS_STOPPED);
+    GError *error = NULL;
+    g_assert_false(axis_move(axis, 10, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "in its safe state");
+    g_assert_true(axis_is_homed(axis));
+    g_assert_false(axis_home(axis, &error));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "in its safe state");
+    g_assert_true(axis_is_homed(axis));
+    g_assert_true(axis_halt(axis, NULL));
+    axis_report(axis, AXIS_STOPPED, NULL);
+    heard_next(heard, AXIS_STOPPED);
+    g_assert_cmpint(silent->n_targets, ==, 1);
+    g_assert_cmpint(silent->n_homings, ==, 1);
+    device_set_permit(&axis->device, NULL, NULL);
+    g_assert_true(axis_move(axis, 30, NULL));
+}
+
+/* The fault that the simulated devices have for runs of the whole rig: the move is carried out. */
+static void test_sim_axis_unheard(struct heard *heard, gconstpointer unused) {
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver,
+                                     "[axis a]\nspeed_deg_s = 10\naccel_deg_s2 = 100\n"
+                                     "fault_unheard = 2\nfault_dead_s = 5\n",
+                                     heard);
+    home(axis, heard);
+    const gint64 start = clock_now_us(heard->clock);
+    g_assert_true(axis_move(axis, 300, NULL));
+    heard_next(heard, AXIS_FAULT);
+    g_assert_error(heard->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    const double at = axis_position_deg(axis);
+    conformance_pass(heard->clock, 2);
+    g_assert_cmpfloat(axis_position_deg(axis), >, at + 15);
+    while (axis_safety(axis) != DEVICE_SAFE)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpint(clock_now_us(heard->clock) - start, >, 5000000);
+    g_assert_cmpint(clock_now_us(heard->clock) - start, <, 6000000);
+    const double stopped = axis_position_deg(axis);
+    conformance_pass(heard->clock, 2);
+    g_assert_cmpfloat(axis_position_deg(axis), ==, stopped);
+    g_assert_cmpfloat(stopped, <, 61);
+    g_assert_cmpint(heard->n, ==, 0);
+    home(axis, heard);
 }
 
 static double true_turntable(Clock *clock) {
@@ -313,6 +474,13 @@ int main(int argc, char **argv) {
                heard_end);
     g_test_add("/axis/backlash", struct heard, NULL, heard_begin, test_backlash, heard_end);
     g_test_add("/axis/deadline", struct heard, NULL, heard_begin, test_axis_deadline, heard_end);
+    g_test_add("/axis/stop-fails", struct heard, NULL, heard_begin, test_stop_fails, heard_end);
+    g_test_add("/axis/stop-refused", struct heard, NULL, heard_begin, test_stop_refused, heard_end);
+    g_test_add("/axis/home-after-fault", struct heard, NULL, heard_begin, test_home_after_fault,
+               heard_end);
+    g_test_add("/axis/permit", struct heard, NULL, heard_begin, test_axis_permit, heard_end);
+    g_test_add("/axis/sim-unheard", struct heard, NULL, heard_begin, test_sim_axis_unheard,
+               heard_end);
     g_test_add("/axis/true-position", struct heard, NULL, heard_begin, test_true_position,
                heard_end);
     g_test_add("/axis/settling", struct heard, NULL, heard_begin, test_settling, heard_end);

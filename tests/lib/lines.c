@@ -2,14 +2,14 @@
 
 const char *const lines_names[N_DEVICES] = {"laser top",      "lamps bank", "door",
                                             "axis turntable", "axis arc",   "axis sweep"};
-const char *const lines_failures[] = {"gone", "silent", "deaf"};
+const char *const lines_failures[] = {"gone", "silent", "deaf", "answer lost"};
 
 gboolean lines_is_axis(enum line line) {
     return line == TURNTABLE || line == ARC || line == SWEEP;
 }
 
 int lines_n_failures(enum line line) {
-    return line <= BANK ? DEAF + 1 : DEAF;
+    return line <= BANK ? LOST + 1 : DEAF;
 }
 
 VirtualModbus *lines_new_device(gboolean rtu) {
@@ -71,11 +71,25 @@ void lines_close(struct lines *lines) {
 }
 
 void lines_fail(struct lines *lines, enum line line, enum line_failure how) {
-    const struct virtual_modbus_faults silent = {.cut = TRUE}, deaf = {.deaf = TRUE};
+    static const struct virtual_modbus_faults faults[] = {
+        [SILENT] = {.cut = TRUE},
+        [DEAF] = {.deaf = TRUE},
+        [LOST] = {.lost = 1, .dead_ms = LINES_DEAD_S * 1000}};
     if (how == GONE)
         g_clear_pointer(&lines->devices[line], virtual_modbus_free);
     else
-        virtual_modbus_fail(lines->devices[line], how == SILENT ? &silent : &deaf);
+        virtual_modbus_fail(lines->devices[line], &faults[how]);
+}
+
+void lines_repair(struct lines *lines, enum line line) {
+    const struct virtual_modbus_faults none = {0};
+    virtual_modbus_fail(lines->devices[line], &none);
+}
+
+gint64 lines_usable_us(const struct lines *lines, enum line line) {
+    struct virtual_modbus_state state;
+    virtual_modbus_state(lines->devices[line], &state);
+    return state.usable_us;
 }
 
 gboolean lines_has_light(VirtualModbus *device) {

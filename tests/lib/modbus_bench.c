@@ -117,6 +117,21 @@ void bench_started(struct bench *bench) {
     }
 }
 
+static gboolean bench_is_safe(const struct bench *bench) {
+    return (!bench->axis || !device_is_unsafe(&bench->axis->device)) &&
+           (!bench->bank || !device_is_unsafe(&bench->bank->device)) &&
+           (!bench->laser || !device_is_unsafe(&bench->laser->device));
+}
+
+double bench_wait_safe(struct bench *bench) {
+    const gint64 from = g_get_monotonic_time();
+    while (!bench_is_safe(bench)) {
+        g_assert_cmpint(g_get_monotonic_time() - from, <, 20 * G_USEC_PER_SEC);
+        conformance_pass(bench->clock, 0.005);
+    }
+    return (double)(g_get_monotonic_time() - from) * 1e-6;
+}
+
 void bench_home(struct bench *bench) {
     g_assert_true(axis_home(bench->axis, NULL));
     bench_expect(bench, AXIS_HOMED);

@@ -43,3 +43,6 @@ void bench_expect_error(struct bench *bench, enum device_error code, const char 
  * then, for a line asks one thing at a time. */
 void bench_started(struct bench *bench);
 void bench_home(struct bench *bench);
+
+/* Waits until every device that should be off or stand has confirmed it; returns how long, in s. */
+double bench_wait_safe(struct bench *bench);

@@ -18,11 +18,20 @@ char *modbus_rig_section(const char *bus, const char *header, const char *keys) 
                            bus, RIG_UNIT, keys);
 }
 
-void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses) {
+void modbus_rig_fail(gpointer device, enum conformance_fault fault) {
+    const struct virtual_modbus_faults faults = {.silent = fault == CONFORMANCE_UNANSWERED ? -1 : 0,
+                                                 .cut = fault == CONFORMANCE_CUT};
+    virtual_modbus_fail(device, &faults);
+}
+
+void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses,
+                                     ModbusRigFail fail, gpointer fail_data) {
     static struct conformance tested[4];
     struct conformance *lamps = &tested[pulses ? 0 : 2], *laser = lamps + 1;
     lamps->name = laser->name = name;
     lamps->real_clock = laser->real_clock = TRUE;
+    lamps->fail = laser->fail = fail;
+    lamps->fail_data = laser->fail_data = fail_data;
     lamps->section =
         modbus_rig_section(bus, "lamps bank",
                            pulses ? "n = 3\nfirst_coil = 4\npulse_coil = 0x204\n" RIG_AFTER
@@ -34,9 +43,14 @@ void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean
     conformance_laser(&modbus_laser_driver, laser);
 }
 
-void modbus_rig_conformance(const char *bus, const char *name) {
+void modbus_rig_conformance(const char *bus, const char *name, ModbusRigFail fail,
+                            gpointer fail_data) {
     static struct conformance axis, lamps, laser, door;
-    struct conformance common = {.name = name, .real_clock = TRUE, .tolerance_deg = 0.02};
+    struct conformance common = {.name = name,
+                                 .real_clock = TRUE,
+                                 .tolerance_deg = 0.02,
+                                 .fail = fail,
+                                 .fail_data = fail_data};
     axis = lamps = laser = door = common;
     axis.section = modbus_rig_section(bus, "axis arc", RIG_AXIS "backlash_deg = 0.2\n");
     lamps.section = modbus_rig_section(bus, "lamps bank", "n = 3\nfirst_coil = 4\n");

@@ -24,8 +24,14 @@ char *modbus_rig_section(const char *bus, const char *header, const char *keys);
 
 #define RIG_AFTER "watchdog_after_s = 1\nwatchdog_scale = 10\n"
 
+/* fail() of struct conformance, over a VirtualModbus. */
+typedef void (*ModbusRigFail)(gpointer fail_data, enum conformance_fault fault);
+void modbus_rig_fail(gpointer device, enum conformance_fault fault);
+
 /* Lamps and laser again, going off by themselves in each of the two ways. */
-void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses);
+void modbus_rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses,
+                                     ModbusRigFail fail, gpointer fail_data);
 
 /* The suites of all classes over one device. Its bus must live until they have run. */
-void modbus_rig_conformance(const char *bus, const char *name);
+void modbus_rig_conformance(const char *bus, const char *name, ModbusRigFail fail,
+                            gpointer fail_data);

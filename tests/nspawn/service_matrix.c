@@ -1,6 +1,6 @@
 /* Every end of the service's daemon, with every device failing at that moment in every way, under
  * systemd and in the sandbox of the unit: lights go off and axes stand. For the container of
- * tests/nspawn/run, as its root. Without MESORIG_MATRIX in the environment: one cell. */
+ * tests/nspawn/run, as its root. Without MESORIG_MATRIX in the environment: two cells. */
 #include "bus/bus.h"
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
@@ -20,17 +20,34 @@
 #define SLACK_US (G_USEC_PER_SEC * 3 / 2) /* a machine with more to do than this */
 #define SAFE     "lamps and lasers are off, axes stand"
 
-/* BOTH: daemon and guardian are killed at once, which leaves ExecStopPost alone. */
-enum end { KILLED, ABORTED, STOPPED, BOTH, N_ENDS };
-static const char *const end_names[N_ENDS] = {"kill -9", "SIGABRT", "SIGSTOP",
-                                              "kill -9 of daemon and guardian"};
-static const int end_signals[N_ENDS] = {SIGKILL, SIGABRT, SIGSTOP, SIGKILL};
+enum end {
+    KILLED,
+    ABORTED,
+    STOPPED,
+    BOTH,            /* daemon and guardian are killed together: ExecStopPost remains */
+    GUARDIAN_FIRST,  /* the guardian is killed, and then the daemon */
+    GUARDIAN_TWICE,  /* two guardians within 10 s, and then the daemon */
+    GUARDIAN_FROZEN, /* the guardian is stopped, and the daemon killed: ExecStopPost remains */
+    ALIVE,           /* neither */
+    N_ENDS
+};
+static const char *const end_names[N_ENDS] = {"kill -9",
+                                              "SIGABRT",
+                                              "SIGSTOP",
+                                              "kill -9 of daemon and guardian",
+                                              "guardian killed first",
+                                              "guardian killed twice",
+                                              "guardian frozen",
+                                              "alive"};
+static const int end_signals[N_ENDS] = {SIGKILL, SIGABRT, SIGSTOP, SIGKILL,
+                                        SIGKILL, SIGKILL, SIGKILL, 0};
 
 struct cell {
     enum end end;
     enum line line;
     enum line_failure failure;
-    double dark_s, stand_s;
+    double dark_s, stand_s; /* after the end, of all devices but the failed one */
+    double late_s;          /* after its line was usable again, of the failed one */
 };
 
 static char *run_line(const char *line) {
@@ -95,8 +112,28 @@ static gboolean stands_but(const struct lines *lines, enum line failed) {
     return stands;
 }
 
-/* A rig in which everything shines and moves, by the daemon's own doing. Returns the daemon. */
-static pid_t start_service(struct lines *lines, GDBusConnection *bus) {
+/* Whose answer to the command that switches it on is lost. */
+static void light_up(struct lines *lines, GDBusConnection *bus, enum line line, gboolean lost) {
+    const char *method = line == LASER ? "SetLaser" : "SetLamp";
+    GVariant *parameters = g_variant_new("(sbd)", line == LASER ? "top" : "lamp30", TRUE, 60.0);
+    if (!lost) {
+        call(bus, method, parameters);
+        return;
+    }
+    lines_fail(lines, line, LOST);
+    g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, method, parameters, NULL,
+                           G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL, NULL);
+    const gint64 began_us = g_get_monotonic_time();
+    while (lines_usable_us(lines, line) == 0) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(2000);
+    }
+}
+
+/* A rig in which everything shines and moves, by the daemon's own doing. Returns the daemon. The
+ * line that loses an answer comes last: the daemon makes the whole rig safe when it hears nothing.
+ */
+static pid_t start_service(struct lines *lines, GDBusConnection *bus, const struct cell *cell) {
     static const char *const axes[] = {"turntable", "arc", "sweep"};
     const struct passwd *user = getpwnam("mesorig");
     g_assert_nonnull(user);
@@ -121,8 +158,9 @@ static pid_t start_service(struct lines *lines, GDBusConnection *bus) {
     assert_sandboxed(guardian);
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         call(bus, "HomeAxis", g_variant_new("(s)", axes[i]));
-    call(bus, "SetLamp", g_variant_new("(sb)", "lamp30", TRUE));
-    call(bus, "SetLaser", g_variant_new("(sb)", "top", TRUE));
+    for (int i = LASER; i <= BANK; i++)
+        if (cell->failure != LOST || i != (int)cell->line)
+            light_up(lines, bus, (enum line)i, FALSE);
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         g_dbus_connection_call(bus, BUS_NAME, BUS_PATH, BUS_NAME, "MoveAxis",
                                g_variant_new("(sd)", axes[i], FAR_DEG), NULL,
@@ -132,6 +170,8 @@ static pid_t start_service(struct lines *lines, GDBusConnection *bus) {
         g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
         g_usleep(2000);
     }
+    if (cell->failure == LOST)
+        light_up(lines, bus, cell->line, TRUE);
     g_assert_true(lines_has_light(lines->devices[LASER]));
     g_assert_true(lines_has_light(lines->devices[BANK]));
     return daemon;
@@ -173,57 +213,154 @@ static int count(const char *text, const char *words) {
     return n;
 }
 
+/* Ends the guardian, and waits until the daemon has started another one. */
+static void end_one_guardian(void) {
+    const gint64 began_us = g_get_monotonic_time();
+    const pid_t first = find_guardian(RIG);
+    pid_t now = first;
+    g_assert_cmpint(first, >, 0);
+    kill(first, SIGKILL);
+    while (now == first || now == 0) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(5000);
+        now = find_guardian(RIG);
+    }
+}
+
+static void end_guardian(enum end end) {
+    if (end == BOTH)
+        kill(find_guardian(RIG), SIGKILL);
+    if (end == GUARDIAN_FIRST || end == GUARDIAN_TWICE)
+        end_one_guardian();
+    if (end == GUARDIAN_TWICE)
+        end_one_guardian();
+    if (end == GUARDIAN_FROZEN)
+        kill(find_guardian(RIG), SIGSTOP);
+}
+
+static char *read_journal(const char *mark) {
+    order("journalctl --sync");
+    const char *const journal[] = {"journalctl",     "--quiet",          "--no-pager",
+                                   "--output=cat",   "--unit",           "mesorigd",
+                                   "--after-cursor", strstr(mark, "s="), NULL};
+    return process_text(0, journal);
+}
+
 /* The guardian and ExecStopPost each tell of every device what they have read back. */
 static void check_journal(const struct cell *cell, const char *said) {
-    const int reports = cell->end == BOTH ? 1 : 2;
+    const int reports = cell->end == BOTH || cell->end == GUARDIAN_FROZEN ? 1 : 2;
+    const gboolean fails = cell->line != DOOR && cell->failure != LOST;
     for (int i = 0; i < N_DEVICES; i++) {
         g_autofree char *safe = g_strdup_printf("%s: %s, read back\n", lines_names[i],
                                                 lines_is_axis((enum line)i) ? "stands" : "off");
         g_autofree char *unsafe = g_strconcat(lines_names[i], ": NOT safe: ", NULL);
-        const gboolean failed = i == (int)cell->line;
+        const gboolean failed = fails && i == (int)cell->line;
         if (i != DOOR && count(said, failed ? unsafe : safe) != reports)
             g_error("not %d times “%s” in: %s", reports, failed ? unsafe : safe, said);
     }
-    if (count(said, SAFE) != (cell->line == DOOR ? reports : 0))
+    if (count(said, SAFE) != (fails ? 0 : reports))
         g_error("“" SAFE "”, although not all was read back, or not although it was: %s", said);
+}
+
+/* Returns when the light of a device is off. */
+static gint64 wait_for_one(const struct lines *lines, enum line line) {
+    const gint64 began_us = g_get_monotonic_time();
+    while (lines_has_light(lines->devices[line])) {
+        if (g_get_monotonic_time() - began_us > WAIT_US)
+            g_error("%s: on after %d s", lines_names[line], (int)(WAIT_US / G_USEC_PER_SEC));
+        g_usleep(2000);
+    }
+    return g_get_monotonic_time();
+}
+
+static double after_s(gint64 us, gint64 from_us) {
+    return (double)MAX(us - from_us, 0) / 1e6;
+}
+
+/* The unit is stopped, and its line works again: the guardian switches the light off and ends. With
+ * ExecStopPost only, nobody is left; the next start would do it. */
+static void repair(struct lines *lines, struct cell *cell) {
+    const gint64 began_us = g_get_monotonic_time();
+    if (cell->failure == GONE || cell->end == BOTH || cell->end == GUARDIAN_FROZEN) {
+        for (pid_t guardian; (guardian = find_guardian(RIG)) != 0; g_usleep(10000))
+            kill(guardian, SIGKILL);
+        return;
+    }
+    g_assert_cmpint(find_guardian(RIG), >, 0);
+    lines_repair(lines, cell->line);
+    if (cell->line <= BANK)
+        cell->late_s = after_s(wait_for_one(lines, cell->line), began_us);
+    while (find_guardian(RIG) != 0) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(5000);
+    }
+}
+
+/* Until the unit has ended, and the guardian, unless it goes on. */
+static void follow_end(struct lines *lines, struct cell *cell, pid_t guardian, gint64 began_us) {
+    if (cell->end != ALIVE) /* the others stay on: their client lives, too */
+        wait_safe(lines, cell);
+    if (cell->failure == LOST) {
+        const gint64 hung_us = began_us + (cell->end == STOPPED ? 5 * G_USEC_PER_SEC : 0);
+        const gint64 usable_us = lines_usable_us(lines, cell->line);
+        cell->late_s = after_s(wait_for_one(lines, cell->line), MAX(usable_us, hung_us));
+    }
+    if (cell->end == ALIVE)
+        return;
+    /* ExecStopPost may have been the first to reach the line. */
+    while (cell->failure == LOST && cell->end != GUARDIAN_FROZEN && guardian > 0 &&
+           kill(guardian, 0) == 0) {
+        g_assert_cmpint(g_get_monotonic_time() - began_us, <, WAIT_US);
+        g_usleep(5000);
+    }
+    wait_for_unit();
+    g_assert_true(is_dark_but(lines, cell->line));
+    g_assert_true(stands_but(lines, cell->line));
+    /* An abort leaves a core dump where the machine's limits let it. */
+    g_autofree char *result = run_line("systemctl show mesorigd -P Result");
+    g_assert_true(strcmp(result, "signal") == 0 ||
+                  (cell->end == ABORTED && strcmp(result, "core-dump") == 0));
 }
 
 static void run_cell(struct cell *cell, GDBusConnection *bus) {
     struct lines lines = {0};
     lines_open(&lines, WORLD);
     g_autofree char *mark = run_line("journalctl -n 0 --show-cursor");
-    const pid_t daemon = start_service(&lines, bus);
+    const pid_t daemon = start_service(&lines, bus, cell);
+
+    if (cell->failure != LOST)
+        lines_fail(&lines, cell->line, cell->failure);
+    end_guardian(cell->end);
     const pid_t guardian = find_guardian(RIG);
-    g_usleep(G_USEC_PER_SEC); /* it is watching, and has heard of the daemon */
-
-    lines_fail(&lines, cell->line, cell->failure);
-    if (cell->end == BOTH)
-        kill(guardian, SIGKILL);
-    kill(daemon, end_signals[cell->end]);
-    wait_safe(&lines, cell);
-    wait_for_unit();
-    g_assert_true(is_dark_but(&lines, cell->line));
-    g_assert_true(stands_but(&lines, cell->line));
-    /* An abort leaves a core dump where the machine's limits let it. */
-    g_autofree char *result = run_line("systemctl show mesorigd -P Result");
-    g_assert_true(strcmp(result, "signal") == 0 ||
-                  (cell->end == ABORTED && strcmp(result, "core-dump") == 0));
-
-    order("journalctl --sync");
-    const char *const journal[] = {"journalctl",     "--quiet",          "--no-pager",
-                                   "--output=cat",   "--unit",           "mesorigd",
-                                   "--after-cursor", strstr(mark, "s="), NULL};
-    g_autofree char *said = process_text(0, journal);
-    check_journal(cell, said);
+    const gint64 began_us = g_get_monotonic_time();
+    if (cell->end != ALIVE)
+        kill(daemon, end_signals[cell->end]);
+    follow_end(&lines, cell, guardian, began_us);
+    if (cell->end != ALIVE) {
+        g_autofree char *said = read_journal(mark);
+        check_journal(cell, said);
+    }
     order("systemctl stop mesorigd");
+    if (cell->failure != LOST && cell->line != DOOR)
+        repair(&lines, cell);
     lines_close(&lines);
 
     const gint64 most_us = (cell->end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US;
-    printf("%s %s, %s: dark after %.2f s, axes stand after %.2f s\n", lines_names[cell->line],
-           lines_failures[cell->failure], end_names[cell->end], cell->dark_s, cell->stand_s);
+    printf("%s %s, %s: dark after %.2f s, axes stand after %.2f s; its own light %.2f s after its "
+           "line is usable\n",
+           lines_names[cell->line], lines_failures[cell->failure], end_names[cell->end],
+           cell->dark_s, cell->stand_s, cell->late_s);
     fflush(stdout);
     g_assert_cmpfloat(cell->dark_s, <, (double)most_us / 1e6);
     g_assert_cmpfloat(cell->stand_s, <, (double)most_us / 1e6);
+    g_assert_cmpfloat(cell->late_s, <, (double)(G_USEC_PER_SEC + SLACK_US) / 1e6);
+}
+
+/* In the short form: the daemon is killed while the laser is silent, and while it loses an answer
+ * and the guardian is frozen. */
+static gboolean is_few(const struct cell *cell) {
+    return cell->line == LASER && ((cell->end == KILLED && cell->failure == SILENT) ||
+                                   (cell->end == GUARDIAN_FROZEN && cell->failure == LOST));
 }
 
 int main(void) {
@@ -236,21 +373,24 @@ int main(void) {
 
     int n_all = 0;
     for (int end = 0; end < N_ENDS; end++) {
-        double dark_s = 0, stand_s = 0;
+        double dark_s = 0, stand_s = 0, late_s = 0;
         int n = 0;
         for (int line = 0; line < N_DEVICES; line++)
             for (int how = 0; how < lines_n_failures((enum line)line); how++) {
-                struct cell cell = {(enum end)end, (enum line)line, (enum line_failure)how, 0, 0};
-                if (!all && (end != KILLED || line != LASER || how != SILENT))
+                struct cell cell = {
+                    (enum end)end, (enum line)line, (enum line_failure)how, 0, 0, 0};
+                if ((!all && !is_few(&cell)) || (end == ALIVE && how != LOST))
                     continue;
                 run_cell(&cell, bus);
                 dark_s = MAX(dark_s, cell.dark_s);
                 stand_s = MAX(stand_s, cell.stand_s);
+                late_s = MAX(late_s, cell.late_s);
                 n++;
             }
         if (n > 0)
-            printf("%s: %d cells, dark after %.2f s at most, axes stand after %.2f s at most\n",
-                   end_names[end], n, dark_s, stand_s);
+            printf("%s: %d cells, dark after %.2f s at most, axes stand after %.2f s at most, the "
+                   "failed light is off %.2f s at most after its line is usable\n",
+                   end_names[end], n, dark_s, stand_s, late_s);
         n_all += n;
     }
     printf("%d cells\n", n_all);

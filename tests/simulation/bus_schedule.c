@@ -57,7 +57,8 @@ static void add_line(struct bus_schedule *schedule, const char *section, const c
 
 /* A command whose answer is lost, and a line that is dead after it. */
 static void draw_line(GRand *random, struct bus_schedule *schedule) {
-    static const char *const sections[] = {"[laser laser30]", "[laser laser60]", "[lamps bank]"};
+    static const char *const sections[] = {"[laser laser30]", "[laser laser60]", "[lamps bank]",
+                                           "[axis turntable]", "[axis sweep60]"};
     const char *section = sections[g_rand_int_range(random, 0, G_N_ELEMENTS(sections))];
     const int at = g_rand_int_range(random, 1, 7);
     const double dead_s = g_rand_int_range(random, 0, 4) ? draw_log(random, 0.05, 8) : 0;

@@ -30,11 +30,11 @@ static gboolean is_dark(const struct devices *devices) {
 }
 
 static GVariant *on(const char *name) {
-    return g_variant_new("(sb)", name, TRUE);
+    return g_variant_new("(sbd)", name, TRUE, 60.0);
 }
 
 static GVariant *off(const char *name) {
-    return g_variant_new("(sb)", name, FALSE);
+    return g_variant_new("(sbd)", name, FALSE, 0.0);
 }
 
 static GVariant *picture(const char *camera, gint64 exposure_us) {
@@ -173,6 +173,7 @@ static void test_axes(void) {
     bus_peer_fails(peer->client, &moves, "Cancelled", "SafeState");
     bus_peer_wait(peer, no_hands);
     g_assert_false(axis_is_moving(peer->bus->devices->arc));
+    bus_peer_tell(peer, "Release", NULL);
     bus_peer_tell(peer, "MoveAxis", to("arc", 10));
     /* Stopped by somebody else than its client. */
     bus_peer_begin(peer->client, "MoveAxis", to("arc", 170), &moves);
@@ -287,6 +288,102 @@ static void test_pictures(void) {
     bus_peer_free(peer);
 }
 
+static gboolean is_all_off(const Bus *bus) {
+    return bus->hands->len == 0 && is_dark(bus->devices);
+}
+
+/* The daemon measures how long a light is on. */
+static void test_lease(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    g_autoptr(GDBusConnection) other = bus_peer_join(peer);
+    GAsyncResult *result = NULL;
+    g_autoptr(GVariant) renewed = NULL;
+    guint n = 0;
+    bus_peer_refused(peer, "SetLamp", g_variant_new("(sbd)", "lamp30", TRUE, 0.0), "Limit", "60 s");
+    bus_peer_refused(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 60.1), "Limit",
+                     "60.1 s");
+    bus_peer_refused(peer, "Renew", g_variant_new("(d)", -1.0), "Limit", "-1 s");
+    g_assert_true(is_all_off(peer->bus));
+
+    bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2));
+    bus_peer_tell(peer, "SetLamp", g_variant_new("(sbd)", "lamp30", TRUE, 1.5));
+    bus_peer_wait(peer, is_all_off);
+    assert_has(peer->told->str, "info laser30: its lease is over");
+
+    /* Renewed by the same call and by Renew; another client can do neither. */
+    bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 1.0));
+    bus_peer_tell(peer, "SetLaser", on("laser30"));
+    bus_peer_begin(other, "Renew", g_variant_new("(d)", 0.1), &result);
+    renewed = bus_peer_end(other, &result, NULL, NULL);
+    g_variant_get(renewed, "(u)", &n);
+    g_assert_cmpuint(n, ==, 0);
+    bus_peer_begin(other, "SetLaser", on("laser30"), &result);
+    bus_peer_fails(other, &result, "Busy", "another client has laser30 on");
+    g_usleep(1100 * 1000); /* the first lease is over now */
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+    g_assert_true(laser_is_on(peer->bus->devices->lasers[0]));
+    g_clear_pointer(&renewed, g_variant_unref);
+    bus_peer_begin(peer->client, "Renew", g_variant_new("(d)", 0.1), &result);
+    renewed = bus_peer_end(peer->client, &result, NULL, NULL);
+    g_variant_get(renewed, "(u)", &n);
+    g_assert_cmpuint(n, ==, 1);
+    bus_peer_wait(peer, is_all_off);
+
+    /* Anybody may switch off, also what is warming up. */
+    bus_peer_tell(peer, "SetLaser", on("laser30"));
+    bus_peer_begin(other, "SetLaser", off("laser30"), &result);
+    g_variant_unref(bus_peer_end(other, &result, NULL, NULL));
+    g_assert_true(is_all_off(peer->bus));
+    bus_peer_free(peer);
+}
+
+static void test_warming(void) {
+    static const struct change slow[] = {
+        {"[rig]", "clock = real"}, {"[laser laser30]", "warm_up_ms = 600000"}, {0}};
+    struct bus_peer *peer = bus_peer_open(slow);
+    g_autoptr(GDBusConnection) other = bus_peer_join(peer);
+    GAsyncResult *lights = NULL, *darkens = NULL;
+    bus_peer_begin(peer->client, "SetLaser", on("laser30"), &lights);
+    bus_peer_wait(peer, some_hands);
+    bus_peer_begin(other, "SetLaser", off("laser30"), &darkens);
+    g_variant_unref(bus_peer_end(other, &darkens, NULL, NULL));
+    bus_peer_fails(peer->client, &lights, "Cancelled", "a later call has switched it off");
+    g_assert_true(is_all_off(peer->bus));
+    /* The lease runs while the light warms up. */
+    bus_peer_begin(peer->client, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2), &lights);
+    bus_peer_fails(peer->client, &lights, "Cancelled", "call Renew");
+    bus_peer_tell(peer, "SetLaser", off("laser30")); /* which may be under way already */
+    bus_peer_wait(peer, is_all_off);
+    bus_peer_free(peer);
+}
+
+/* A client that sends a call and closes its connection at once leaves nothing on. */
+static void test_gone_at_once(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    for (int i = 0; i < 40; i++) {
+        g_autoptr(GDBusConnection) client = bus_peer_join(peer);
+        GAsyncResult *laser = NULL, *lamp = NULL;
+        bus_peer_begin(client, "SetLaser", on("laser30"), &laser);
+        bus_peer_begin(client, "SetLamp", on("lamp30"), &lamp);
+        g_dbus_connection_flush_sync(client, NULL, NULL);
+        if (i % 2) /* the daemon sees the end before the calls */
+            g_dbus_connection_close_sync(client, NULL, NULL);
+        else
+            g_dbus_connection_close(client, NULL, NULL, NULL);
+        g_usleep((gulong)(i % 4) * 5000);
+        while (!laser || !lamp)
+            g_main_context_iteration(NULL, TRUE);
+        g_clear_object(&laser);
+        g_clear_object(&lamp);
+        bus_peer_tell(peer, "Snap", picture("cam30", 4000)); /* all before it has been handled */
+        bus_peer_wait(peer, is_all_off);
+    }
+    bus_peer_free(peer);
+}
+
 /* A laser that does not obey: whoever asked is told, and so is everybody. */
 static void test_deaf(void) {
     static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
@@ -300,6 +397,58 @@ static void test_deaf(void) {
     bus_peer_free(peer);
 }
 
+static gboolean has_unsafe(const Bus *bus) {
+    return *bus_rig1_get_unsafe(bus->object) != NULL;
+}
+
+static gboolean has_none_unsafe(const Bus *bus) {
+    return !has_unsafe(bus);
+}
+
+static void assert_health(const struct bus_peer *peer, const char *device, const char *begins) {
+    GVariant *devices = bus_rig1_get_devices(peer->bus->object);
+    for (gsize i = 0; i < g_variant_n_children(devices); i++) {
+        const char *class_name, *name, *driver, *health;
+        g_variant_get_child(devices, i, "(&s&s&s&s)", &class_name, &name, &driver, &health);
+        if (strcmp(name, device) == 0 && !g_str_has_prefix(health, begins))
+            g_error("%s: “%s” and not “%s”", name, health, begins);
+    }
+}
+
+/* The device carries "on" out, its answer is lost, and then the line is dead for a while. */
+static void check_unheard(const char *section, const char *method, const char *device) {
+    const struct change changes[] = {{"[rig]", "clock = real"},
+                                     {section, "fault_unheard = 1"},
+                                     {section, "fault_dead_s = 4"},
+                                     {0}};
+    struct bus_peer *peer = bus_peer_open(changes);
+    const gboolean laser = strcmp(method, "SetLaser") == 0;
+    g_autofree char *shown =
+        g_strconcat(laser ? "laser " : "lamps ", laser ? device : "bank", NULL);
+    bus_peer_refused(peer, method, on(device), "DeviceTimeout", "no answer within");
+    g_assert_true(no_hands(peer->bus));
+    bus_peer_wait(peer, has_unsafe);
+    g_assert_cmpstr(bus_rig1_get_unsafe(peer->bus->object)[0], ==, shown);
+    assert_health(peer, laser ? device : "bank", "unsafe: ");
+    bus_peer_refused(peer, "CloseRig", NULL, "Busy", "has not confirmed that it is off");
+    assert_has(peer->told->str, DEVICES_UNSAFE);
+    bus_peer_refused(peer, "Start", g_variant_new("(ssa{sv})", peer->conf, peer->session, NULL),
+                     "Busy", "has not confirmed that it is off");
+    g_assert_true(has_unsafe(peer->bus)); /* it was so until here */
+    bus_peer_wait(peer, has_none_unsafe);
+    g_assert_true(is_dark(peer->bus->devices));
+    assert_health(peer, laser ? device : "bank", "off");
+    bus_peer_tell(peer, method, on(device));
+    bus_peer_tell(peer, method, off(device));
+    assert_has(peer->told->str, "confirmed off again");
+    bus_peer_free(peer);
+}
+
+static void test_unheard(void) {
+    check_unheard("[laser laser30]", "SetLaser", "laser30");
+    check_unheard("[lamps bank]", "SetLamp", "lamp30");
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     /* Faults of devices are told as warnings. */
@@ -311,6 +460,10 @@ int main(int argc, char **argv) {
     g_test_add_func("/bus-hands/axes", test_axes);
     g_test_add_func("/bus-hands/park", test_park);
     g_test_add_func("/bus-hands/pictures", test_pictures);
+    g_test_add_func("/bus-hands/lease", test_lease);
+    g_test_add_func("/bus-hands/warming", test_warming);
+    g_test_add_func("/bus-hands/gone-at-once", test_gone_at_once);
     g_test_add_func("/bus-hands/deaf", test_deaf);
+    g_test_add_func("/bus-hands/unheard", test_unheard);
     return g_test_run();
 }

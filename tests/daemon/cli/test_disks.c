@@ -2,9 +2,11 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <glib/gstdio.h>
+#include <sqlite3.h>
 #include <string.h>
 #include <sys/mount.h>
 #include <sys/statvfs.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "lib/long_session.h"
@@ -43,27 +45,32 @@ static void test_disk_too_small(void) {
     unmount_disk(disk);
 }
 
+/* Takes all that is free. */
+static void fill_up(const char *directory) {
+    g_autofree char *ballast = g_build_filename(directory, "ballast", NULL);
+    const int fd = open(ballast, O_CREAT | O_WRONLY | O_CLOEXEC, 0666);
+    struct statvfs stat;
+    gint64 taken = 0;
+    while (statvfs(directory, &stat) == 0 && stat.f_bavail > 0) {
+        const gint64 more = (gint64)(stat.f_bavail * stat.f_frsize);
+        if (posix_fallocate(fd, taken, more) == 0)
+            taken += more;
+    }
+    close(fd);
+}
+
 /* Takes all that is free, a moment after the first frame is there. */
 static gpointer fill_disk(gpointer data) {
     struct operation *run = data;
-    g_autofree char *ballast = g_build_filename(run->directory, "ballast", NULL);
     g_autofree char *frames = g_build_filename(run->session, "frames", NULL);
     const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
-    int fd = open(ballast, O_CREAT | O_WRONLY | O_CLOEXEC, 0666);
-    struct statvfs stat;
     gboolean any = FALSE;
     while (!any && g_get_monotonic_time() < until) {
         g_autoptr(GDir) dir = g_dir_open(frames, 0, NULL);
         any = dir && g_dir_read_name(dir);
         g_usleep(200);
     }
-    gint64 taken = 0;
-    while (statvfs(run->directory, &stat) == 0 && stat.f_bavail > 0) {
-        const gint64 more = (gint64)(stat.f_bavail * stat.f_frsize);
-        if (posix_fallocate(fd, taken, more) == 0)
-            taken += more;
-    }
-    close(fd);
+    fill_up(run->directory);
     return NULL;
 }
 
@@ -115,9 +122,53 @@ static void test_disk_full(void) {
     unmount_disk(disk);
 }
 
+/* Changes the checksum of a frame, as a program does that is killed then: the change is in the WAL.
+ */
+static void change_in_wal(const char *session) {
+    g_autofree char *file = g_build_filename(session, "session.db", NULL);
+    g_autofree char *index = g_strconcat(file, "-shm", NULL);
+    const pid_t pid = fork();
+    if (pid == 0) {
+        sqlite3 *db = NULL;
+        _exit(sqlite3_open(file, &db) != SQLITE_OK ||
+              sqlite3_exec(
+                  db, "UPDATE frame SET sha256 = 'x' WHERE shot = (SELECT min(shot) FROM frame)",
+                  NULL, NULL, NULL) != SQLITE_OK);
+    }
+    int status = -1;
+    g_assert_cmpint(waitpid(pid, &status, 0), ==, pid);
+    g_assert_cmpint(status, ==, 0);
+    g_assert_cmpint(g_remove(index), ==, 0);
+}
+
+/* A session is read on a full disk, where the index of its WAL cannot be made: with an empty WAL,
+ * and with one that a killed program has left. */
+static void test_verify_on_full_disk(void) {
+    char *disk = mount_disk("90m");
+    if (!disk)
+        return;
+    struct operation *run = operator_new_in(disk, NULL);
+    g_autofree char *ballast = g_build_filename(run->directory, "ballast", NULL);
+    operator_captures(run, 0);
+    fill_up(run->directory);
+    operator_does(run, 0, "verify", run->session, NULL);
+    assert_has(run->out, ": 0 are damaged or missing, 0 other files are unknown");
+    operator_does(run, 0, "info", run->session, NULL);
+    g_assert_cmpint(g_remove(ballast), ==, 0);
+    change_in_wal(run->session);
+    fill_up(run->directory);
+    operator_does(run, 1, "verify", run->session, NULL);
+    g_test_message("%s%s", run->out, run->err);
+    assert_has(run->out, "damaged   frames/");
+    assert_has(run->err, "the damaged frames could not be noted");
+    operator_free(run);
+    unmount_disk(disk);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/disk/too-small", test_disk_too_small);
     g_test_add_func("/disk/full", test_disk_full);
+    g_test_add_func("/disk/verify-on-full-disk", test_verify_on_full_disk);
     return operator_tests();
 }

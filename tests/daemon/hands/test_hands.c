@@ -209,8 +209,22 @@ static void test_killed(void) {
     lamp = desk_begins(&desk, "lamp lamp30");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");
     desk_does(&desk, 0, "safe");
+    assert_has(desk.run->out, "mesorig release");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"off\"");
     desk_ends(lamp, SIGKILL);
+    desk_does(&desk, 1, "lamp lamp30 --for 1");
+    assert_has(desk.run->err, "mesorig release");
+    desk_does(&desk, 0, "status");
+    assert_has(desk.run->out, "held in the safe state until");
+    desk_does(&desk, 0, "release");
+    assert_has(desk.run->out, "may shine and move again");
+    desk_does(&desk, 0, "lamp lamp30 --for 0.5");
+    /* The daemon measures the time of a command that is stopped, as by Ctrl-Z. */
+    GSubprocess *stopped = desk_begins(&desk, "laser laser60 --for 3");
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"on\"");
+    g_subprocess_send_signal(stopped, SIGSTOP);
+    desk_waits(&desk, "\"laser60\", \"sim-laser\", \"off\"");
+    desk_ends(stopped, SIGKILL);
     /* By Ctrl-C it is off before the command ends. */
     lamp = desk_begins(&desk, "lamp lamp60");
     desk_waits(&desk, "\"bank\", \"sim-lamps\", \"1 on\"");

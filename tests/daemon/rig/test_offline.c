@@ -5,6 +5,7 @@
 
 #include <glib/gstdio.h>
 #include <string.h>
+#include <unistd.h>
 
 static void test_as_opened(void) {
     static const char *const rigs[] = {"rig.conf", "dome/rig.conf", "fixed_lamps/rig.conf",
@@ -146,11 +147,107 @@ static void test_line_conflict(void) {
     g_rmdir(folder);
 }
 
+#define RELAYS "driver=modbus-relays\n"
+#define LASER  "driver=modbus-laser\n"
+#define USB    "driver=usb-relays\n"
+#define USBL   "driver=usb-relay-laser\n"
+#define TIC    "driver=tic-axis\nsteps_per_deg=100\n"
+#define DRIVE                                                                                      \
+    "driver=modbus-axis\nsteps_per_deg=100\nposition_register=21\nstatus_register=20\n"            \
+    "moving_bit=0\nstart=2=1\nhome=2=2\nstop=2=3\nmin_deg=-90\nmax_deg=90\nspeed_deg_s=2\n"        \
+    "accel_deg_s2=40\n"
+#define GIGE "driver=aravis\n"
+#define UVC  "driver=v4l2-camera\n"
+
+/* Two sections of a rig file. */
+static const struct needs {
+    const char *first, *second;
+    const char *same; /* what both need; NULL: nothing */
+} needs[] = {
+    {"lamps a]\n" RELAYS "bus=tcp:10.0.0.2\nn=4", "laser b]\n" LASER "bus=tcp:10.0.0.2:502\ncoil=3",
+     "coil 3 of unit 1 at tcp:10.0.0.2:502"},
+    {"lamps a]\n" RELAYS "bus=tcp:10.0.0.2\nn=4", "laser b]\n" LASER "bus=tcp:10.0.0.2\ncoil=4",
+     NULL},
+    {"lamps a]\n" RELAYS "bus=tcp:10.0.0.2\nn=4", "laser b]\n" LASER "bus=tcp:10.0.0.2\nunit=2",
+     NULL},
+    {"lamps a]\n" RELAYS "bus=tcp:10.0.0.2\nn=4", "laser b]\n" LASER "bus=tcp:10.0.0.2:503", NULL},
+    {"lamps a]\n" RELAYS "bus=tcp:Relays:502\nfirst_coil=2\nn=4",
+     "lamps b]\n" RELAYS "bus=tcp:relays\nfirst_coil=5\nn=2", "coil 5 of unit 1 at tcp:relays:502"},
+    {"lamps a]\n" RELAYS "bus=tcp:localhost\nn=1", "lamps b]\n" RELAYS "bus=tcp:127.0.0.1\nn=1",
+     "coil 0 of unit 1 at tcp:127.0.0.1:502"},
+    {"lamps a]\n" RELAYS "bus=tcp:[::1]\nn=1", "lamps b]\n" RELAYS "bus=tcp:[0::1]:502\nn=1",
+     "coil 0 of unit 1 at tcp:[::1]:502"},
+    {"lamps a]\n" RELAYS "bus=FOLDER/ttyUSB0\nn=1", "laser b]\n" LASER "bus=FOLDER/by-id",
+     "coil 0 of unit 1 at FOLDER/ttyUSB0"},
+    {"lamps a]\n" RELAYS "bus=tcp:h\nn=2\npulse_coil=512", "laser b]\n" LASER "bus=tcp:h\ncoil=513",
+     "coil 513 of unit 1 at tcp:h:502"},
+    {"lamps a]\n" USB "serial=ABCDE", "laser b]\n" USBL "serial=ABCDE\nrelay=8",
+     "relay 8 of the USB relay board with serial ABCDE"},
+    {"lamps a]\n" USB "n_lamps=2", "laser b]\n" USBL "relay=2",
+     "relay 2 of the only USB relay board"},
+    {"lamps a]\n" USB "path=1-2\nn_lamps=2", "laser b]\n" USBL "path=1-2\nrelay=3", NULL},
+    {"lamps a]\n" USB "path=1-2\nn_lamps=2", "laser b]\n" USBL "path=1-3\nrelay=2", NULL},
+    {"axis a]\n" TIC "serial=0012", "axis b]\n" TIC "serial=0012", "the Tic with serial 0012"},
+    {"axis a]\n" TIC "path=1-2", "axis b]\n" TIC "path=1-2", "the Tic at 1-2"},
+    {"axis a]\n" TIC, "axis b]\n" TIC, "the only Tic"},
+    {"axis a]\n" TIC "serial=0012", "axis b]\n" TIC "serial=0013", NULL},
+    {"axis a]\n" DRIVE "bus=/dev/ttyUSB9\nunit=5\ntarget_register=0",
+     "axis b]\n" DRIVE "bus=/dev/ttyUSB9\nunit=5\ntarget_register=0",
+     "the axis with target_register 0 of unit 5 at /dev/ttyUSB9"},
+    {"axis a]\n" DRIVE "bus=/dev/ttyUSB9\nunit=5\ntarget_register=0",
+     "axis b]\n" DRIVE "bus=/dev/ttyUSB9\nunit=6\ntarget_register=0", NULL},
+    {"axis a]\n" DRIVE "bus=/dev/ttyUSB9\nunit=5\ntarget_register=0", /* two axes of one drive */
+     "axis b]\n" DRIVE "bus=/dev/ttyUSB9\nunit=5\ntarget_register=100", NULL},
+    {"camera a]\n" GIGE "device=10.0.0.7", "camera b]\n" GIGE "device=10.0.0.7",
+     "the camera 10.0.0.7"},
+    {"camera a]\n" GIGE "device=10.0.0.7", "camera b]\n" GIGE "device=10.0.0.8", NULL},
+    {"camera a]\n" UVC "device=FOLDER/by-id", "camera b]\n" UVC "device=FOLDER/ttyUSB0",
+     "the camera FOLDER/ttyUSB0"},
+    {"camera a]\n" UVC "bus=usb-1", "camera b]\n" UVC "bus=usb-1", "the camera on bus usb-1"},
+    {"camera a]\n" UVC, "camera b]\n" UVC, "the only V4L2 camera"},
+};
+
+/* The sections are not whole: of all their mistakes only this one matters. */
+static void test_needs(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
+    g_autofree char *node = g_build_filename(folder, "ttyUSB0", NULL);
+    g_autofree char *link = g_build_filename(folder, "by-id", NULL);
+    g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
+
+    g_assert_true(g_file_set_contents(node, "", 0, NULL));
+    g_assert_cmpint(symlink(node, link), ==, 0);
+    for (gsize i = 0; i < G_N_ELEMENTS(needs); i++) {
+        g_autoptr(GString) text = g_string_new("[rig]\nid=r\n[");
+        g_autoptr(GString) words = g_string_new(NULL);
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        struct rig_timing timing;
+        const char *of = strchr(needs[i].first, ']');
+        g_string_append_printf(text, "%s\n[%s\n", needs[i].first, needs[i].second);
+        g_string_replace(text, "FOLDER", folder, 0);
+        g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
+        g_assert_false(devices_read_timing(path, &rig, &timing, assumed, &error));
+        g_string_printf(words, "]: %s is that of [%.*s] already, in line 3; correct one of the two",
+                        needs[i].same ? needs[i].same : "", (int)(of - needs[i].first),
+                        needs[i].first);
+        g_string_replace(words, "FOLDER", folder, 0);
+        if ((strstr(error->message, needs[i].same ? words->str : " already, in line ") != NULL) !=
+            (needs[i].same != NULL))
+            g_error("%s\n%s: %s", text->str, words->str, error->message);
+    }
+    g_unlink(path);
+    g_unlink(link);
+    g_unlink(node);
+    g_rmdir(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/offline/as-opened", test_as_opened);
     g_test_add_func("/offline/presets", test_presets);
     g_test_add_func("/offline/absent-devices", test_absent_devices);
     g_test_add_func("/offline/line-conflict", test_line_conflict);
+    g_test_add_func("/offline/needs", test_needs);
     return g_test_run();
 }

@@ -1,6 +1,7 @@
 /* What is left of a rig when something else has failed: `mesorigd --safe-state` with each device
  * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
  * laser and each other device is a virtual one with a line of its own, which tells what it does. */
+#include "bus/bus.h"
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
 #include "lib/process.h"
@@ -19,7 +20,8 @@
 
 #define MESORIGD  BUILD_DIR "/bin/mesorigd"
 #define WORLD     SOURCE_DIR "/tests/small/world.conf"
-#define FEW_CELLS 16 /* the short form of the matrix takes each sixteenth cell */
+#define FEW_CELLS 29 /* the short form of the matrix takes each 29th cell */
+#define WAIT_US   (30 * G_USEC_PER_SEC)
 #define STALLS    3
 #define STALL_US  (G_USEC_PER_SEC * 46 / 10) /* a little more than a hang takes */
 #define SLACK_US  (G_USEC_PER_SEC * 3 / 2)   /* a machine with more to do than this */
@@ -28,6 +30,7 @@ struct fixture {
     char *folder, *rig, *socket;
     struct lines lines;
     GSubprocess *daemon;
+    GDBusConnection *client;
     char *said;
 };
 
@@ -45,12 +48,23 @@ static void set_up_serial_laser(struct fixture *fixture, gconstpointer data) {
     lines_write(&fixture->lines);
 }
 
+/* Some devices do not answer any more. */
+static void end_guardian(struct fixture *fixture) {
+    pid_t guardian;
+    while ((guardian = find_guardian(fixture->rig))) {
+        kill(guardian, SIGKILL);
+        g_usleep(10000);
+    }
+}
+
 static void tear_down(struct fixture *fixture, gconstpointer data) {
+    g_clear_object(&fixture->client);
     if (fixture->daemon) {
         g_subprocess_force_exit(fixture->daemon);
         g_subprocess_wait(fixture->daemon, NULL, NULL);
         g_object_unref(fixture->daemon);
     }
+    end_guardian(fixture);
     lines_close(&fixture->lines);
     remove_tree(fixture->folder);
     g_free(fixture->folder);
@@ -300,15 +314,20 @@ static void test_no_file(struct fixture *fixture, gconstpointer data) {
     assert_has(fixture->said, "names no laser, no lamps and no axis");
 }
 
-static void start_daemon(struct fixture *fixture) {
+static void run_daemon(struct fixture *fixture) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    write_rig(fixture);
+    g_unlink(fixture->socket);
     /* What the guardian prints of each device is for the log, too. */
     fixture->daemon =
         process_start(G_SUBPROCESS_FLAGS_NONE, log,
                       (const char *[]){"/bin/sh", "-c", "exec \"$@\" >&2", "sh", MESORIGD,
                                        "--listen", address, "--rig", fixture->rig, NULL});
+}
+
+static void start_daemon(struct fixture *fixture) {
+    write_rig(fixture);
+    run_daemon(fixture);
     for (int i = 0; i < 3000 && !g_file_test(fixture->socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
@@ -320,6 +339,17 @@ static void read_log(struct fixture *fixture) {
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_clear_pointer(&fixture->said, g_free);
     g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+}
+
+/* The daemon or the guardian says it in the end. */
+static void wait_said(struct fixture *fixture, const char *words) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    read_log(fixture);
+    while (!strstr(fixture->said, words) && g_get_monotonic_time() < until_us) {
+        g_usleep(20000);
+        read_log(fixture);
+    }
+    assert_has(fixture->said, words);
 }
 
 static gint64 wait_for_dark(struct fixture *fixture) {
@@ -365,7 +395,10 @@ static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
     const gint64 took_us = wait_for_dark(fixture);
     g_test_message("dark after %.3f s", (double)took_us / 1e6);
     g_assert_cmpint(took_us, <, G_USEC_PER_SEC + SLACK_US);
-    wait_for_guardian_end(fixture);
+    if (gone == DOOR)
+        wait_for_guardian_end(fixture);
+    else
+        wait_said(fixture, "goes on trying");
 }
 
 /* A computer that stands still for a while holds guardian and daemon up alike. */
@@ -391,37 +424,84 @@ static void test_stalled(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
 }
 
-/* One end of the daemon, one device, one failure of it: all other lights go off in time, the failed
- * device is named, and nothing is called safe that was not read back. */
-static void check_cell(struct fixture *fixture, int how, enum line which,
-                       enum line_failure failure) {
-    const gint64 most_us = (how == SIGSTOP ? 5 : 1) * G_USEC_PER_SEC;
-    start_daemon(fixture);
-    light_up(fixture);
-    lines_fail(&fixture->lines, which, failure);
-    const gint64 began_us = g_get_monotonic_time();
-    g_subprocess_send_signal(fixture->daemon, how);
-    for (int i = LASER; i <= BANK; i++)
-        while (i != (int)which && lines_has_light(fixture->lines.devices[i])) {
-            g_assert_cmpint(g_get_monotonic_time() - began_us, <, 30 * G_USEC_PER_SEC);
-            g_usleep(2000);
-        }
-    const gint64 took_us = g_get_monotonic_time() - began_us;
-    wait_for_guardian_end(fixture);
-    g_subprocess_wait(fixture->daemon, NULL, NULL);
-    read_log(fixture);
-    g_test_message("%s %s, %s: the other lights are off after %.2f s", lines_names[which],
-                   lines_failures[failure], g_strsignal(how), (double)took_us / 1e6);
-    g_assert_cmpint(took_us, <, most_us + SLACK_US);
-    if (which != DOOR) {
-        g_autofree char *unsafe = g_strconcat(lines_names[which], ": NOT safe: ", NULL);
-        assert_has(fixture->said, unsafe);
-        assert_has(fixture->said, "the rig is NOT safe");
+/* Ends of daemon and guardian. In the last one both live on. */
+enum end {
+    KILLED,
+    ABORTED,
+    STOPPED,
+    GUARDIAN_FIRST,  /* the guardian is killed, and then the daemon */
+    GUARDIAN_TWICE,  /* two guardians within 10 s, and then the daemon */
+    GUARDIAN_FROZEN, /* the guardian is stopped, and the daemon is killed when it has another one */
+    ALIVE,
+    N_ENDS
+};
+static const char *const end_names[N_ENDS] = {"kill -9",        "SIGABRT",        "SIGSTOP",
+                                              "guardian first", "guardian twice", "guardian frozen",
+                                              "alive"};
+static const int end_signals[N_ENDS] = {SIGKILL, SIGABRT, SIGSTOP, SIGKILL, SIGKILL, SIGKILL, 0};
+
+/* Only a command that the daemon gives can be lost: without LOST nothing fails that lives on. */
+static gboolean is_cell(enum end end, enum line_failure failure) {
+    return end != ALIVE || failure == LOST;
+}
+
+/* Ends the guardian, and waits until the daemon has started another one. */
+static void end_one_guardian(struct fixture *fixture, int how) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    const pid_t first = find_guardian(fixture->rig);
+    pid_t now = first;
+    g_assert_cmpint(first, !=, 0);
+    kill(first, how);
+    while ((now == first || now == 0) && g_get_monotonic_time() < until_us) {
+        g_usleep(5000);
+        now = find_guardian(fixture->rig);
     }
-    if (which != DOOR)
-        assert_says_not(fixture, "lamps and lasers are off, axes stand");
-    else
-        assert_has(fixture->said, "lamps and lasers are off, axes stand");
+    g_assert_cmpint(now, !=, first);
+    g_assert_cmpint(now, !=, 0);
+}
+
+static void end_guardians(struct fixture *fixture, enum end end) {
+    if (end == GUARDIAN_FIRST || end == GUARDIAN_TWICE)
+        end_one_guardian(fixture, SIGKILL);
+    if (end == GUARDIAN_TWICE)
+        end_one_guardian(fixture, SIGKILL);
+    if (end == GUARDIAN_FROZEN)
+        end_one_guardian(fixture, SIGSTOP);
+}
+
+/* Through the bus, by a client that stays. */
+static void ask_for_light(struct fixture *fixture, enum line which) {
+    g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
+    g_autoptr(GError) error = NULL;
+    fixture->client = g_dbus_connection_new_for_address_sync(
+        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
+    g_assert_no_error(error);
+    g_dbus_connection_call(fixture->client, NULL, BUS_PATH, BUS_NAME,
+                           which == LASER ? "SetLaser" : "SetLamp",
+                           g_variant_new("(sbd)", which == LASER ? "top" : "lamp30", TRUE, 60.0),
+                           NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL, NULL);
+}
+
+/* The device carries out the command and then says nothing. */
+static void lose_answer(struct fixture *fixture, enum line which) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    ask_for_light(fixture, which);
+    while (lines_usable_us(&fixture->lines, which) == 0 && g_get_monotonic_time() < until_us)
+        g_usleep(2000);
+    g_assert_true(lines_has_light(fixture->lines.devices[which]));
+}
+
+/* Returns when the light of the device is off. */
+static gint64 wait_for_one(struct fixture *fixture, enum line which) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    while (lines_has_light(fixture->lines.devices[which]) && g_get_monotonic_time() < until_us)
+        g_usleep(2000);
+    g_assert_false(lines_has_light(fixture->lines.devices[which]));
+    return g_get_monotonic_time();
+}
+
+static void check_log(struct fixture *fixture, enum line which) {
+    read_log(fixture);
     for (int i = 0; i < N_DEVICES; i++) {
         g_autofree char *good = g_strdup_printf("%s: %s, read back\n", lines_names[i],
                                                 lines_is_axis((enum line)i) ? "stands" : "off");
@@ -430,24 +510,95 @@ static void check_cell(struct fixture *fixture, int how, enum line which,
     }
 }
 
-/* Every device, every failure of it, every end of the daemon; without MESORIG_MATRIX in the
- * environment three of these cells. Axes and inputs have no coil to be deaf with. */
+/* The failed device is named, and nothing is called safe that was not read back. The guardian goes
+ * on until the line works again. Returns when that is. */
+static gint64 check_failed(struct fixture *fixture, enum line which, enum line_failure failure) {
+    g_autofree char *unsafe = g_strconcat(lines_names[which], ": NOT safe: ", NULL);
+    wait_said(fixture, "goes on trying");
+    assert_has(fixture->said, unsafe);
+    assert_has(fixture->said, "the rig is NOT safe");
+    assert_says_not(fixture, "lamps and lasers are off, axes stand");
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
+    const gint64 usable_us = g_get_monotonic_time();
+    if (failure != GONE)
+        lines_repair(&fixture->lines, which);
+    return usable_us;
+}
+
+/* One end, one device, one failure of it: all other lights go off in time, and that of the device
+ * within a second of the time at which its line is usable. */
+static void check_cell(struct fixture *fixture, enum end end, enum line which,
+                       enum line_failure failure) {
+    gint64 took_us = 0, late_us = 0;
+    start_daemon(fixture);
+    end_guardians(fixture, end);
+    if (end != ALIVE)
+        light_up(fixture);
+    lines_fail(&fixture->lines, which, failure);
+    if (failure == LOST)
+        lose_answer(fixture, which);
+    const gint64 began_us = g_get_monotonic_time();
+    if (end != ALIVE)
+        g_subprocess_send_signal(fixture->daemon, end_signals[end]);
+    for (int i = LASER; i <= BANK; i++)
+        if (i != (int)which)
+            took_us = MAX(took_us, wait_for_one(fixture, (enum line)i) - began_us);
+    if (failure == LOST) {
+        const gint64 hung_us = began_us + (end == STOPPED ? 5 * G_USEC_PER_SEC : 0);
+        const gint64 usable_us = lines_usable_us(&fixture->lines, which);
+        late_us = wait_for_one(fixture, which) - MAX(usable_us, hung_us);
+    } else if (which != DOOR) {
+        const gint64 usable_us = check_failed(fixture, which, failure);
+        if (which <= BANK && failure != GONE)
+            late_us = wait_for_one(fixture, which) - usable_us;
+    }
+    if (end == ALIVE) {
+        wait_said(fixture, "confirmed off again");
+        g_subprocess_send_signal(fixture->daemon, SIGTERM);
+    } else if (failure != GONE || which == DOOR) {
+        wait_said(fixture, "lamps and lasers are off, axes stand");
+        wait_for_guardian_end(fixture);
+    }
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    if (end != ALIVE)
+        check_log(fixture, which);
+    g_test_message(
+        "%s %s, %s: the other lights are off after %.2f s, its own %.2f s after its line "
+        "is usable",
+        lines_names[which], lines_failures[failure], end_names[end], (double)took_us / 1e6,
+        (double)late_us / 1e6);
+    g_assert_cmpint(took_us, <, (end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US);
+    g_assert_cmpint(late_us, <, G_USEC_PER_SEC + SLACK_US);
+}
+
+static void run_cell(enum end end, enum line which, enum line_failure failure) {
+    struct fixture fixture = {0};
+    set_up(&fixture, NULL);
+    check_cell(&fixture, end, which, failure);
+    tear_down(&fixture, NULL);
+}
+
+/* Every device, every failure of it, every end; without MESORIG_MATRIX in the environment four of
+ * these cells. */
 static void test_matrix(void) {
-    static const int ends[] = {SIGKILL, SIGABRT, SIGSTOP};
     const gboolean all = g_getenv("MESORIG_MATRIX") != NULL;
     int cells = 0, run = 0;
-    for (gsize e = 0; e < G_N_ELEMENTS(ends); e++)
+    for (int end = 0; end < N_ENDS; end++)
         for (int which = 0; which < N_DEVICES; which++)
             for (int how = 0; how < lines_n_failures((enum line)which); how++) {
-                struct fixture fixture = {0};
-                if (cells++ % FEW_CELLS != 0 && !all)
+                if (!is_cell((enum end)end, (enum line_failure)how) ||
+                    (cells++ % FEW_CELLS != 0 && !all))
                     continue;
-                set_up(&fixture, NULL);
-                check_cell(&fixture, ends[e], (enum line)which, (enum line_failure)how);
-                tear_down(&fixture, NULL);
+                run_cell((enum end)end, (enum line)which, (enum line_failure)how);
                 run++;
             }
     g_test_message("%d of %d cells", run, cells);
+}
+
+/* The laser's "on" is carried out, its answer lost, and its line dead for 5 s: by the guardian if
+ * the daemon is killed meanwhile, and by the daemon if it lives. */
+static void test_answer_lost(gconstpointer data) {
+    run_cell((enum end)GPOINTER_TO_INT(data), LASER, LOST);
 }
 
 static void test_normal_end(struct fixture *fixture, gconstpointer data) {
@@ -484,21 +635,49 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
 }
 
-/* A guardian that is killed is started again, but not over and over. */
-static void test_guardian_killed(struct fixture *fixture, gconstpointer data) {
-    start_daemon(fixture);
-    g_usleep(10 * G_USEC_PER_SEC);
-    const pid_t first = find_guardian(fixture->rig);
-    kill(first, SIGKILL);
-    for (int i = 0;
-         i < 500 && (find_guardian(fixture->rig) == first || !find_guardian(fixture->rig)); i++)
-        g_usleep(10000);
-    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
-    g_usleep(G_USEC_PER_SEC / 2);
-    light_up(fixture);
-    g_subprocess_send_signal(fixture->daemon, SIGKILL);
-    g_assert_cmpint(wait_for_dark(fixture), <, G_USEC_PER_SEC + SLACK_US);
+/* The rig cannot be opened, because the laser, which shines, does not answer: the guardian switches
+ * all else off, and the laser as soon as it can. */
+static void test_not_opened(struct fixture *fixture, gconstpointer data) {
+    write_lit_rig(fixture);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    run_daemon(fixture);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 1);
+    wait_for_one(fixture, BANK);
+    wait_said(fixture, "laser top: NOT safe: ");
+    lines_repair(&fixture->lines, LASER);
+    wait_for_one(fixture, LASER);
     wait_for_guardian_end(fixture);
+    read_log(fixture);
+    assert_has(fixture->said, "laser top: off, read back\n");
+    assert_says_not(fixture, "lamps bank"); /* which was never unsafe */
+}
+
+/* A service that starts again while a device does not answer: the new daemon does not open the rig,
+ * its guardian takes the work over from the first one, and there is one guardian all the time. */
+static void test_started_again(struct fixture *fixture, gconstpointer data) {
+    start_daemon(fixture);
+    light_up(fixture);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    g_subprocess_send_signal(fixture->daemon, SIGKILL);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    wait_said(fixture, "goes on trying");
+    const pid_t first = find_guardian(fixture->rig);
+    g_clear_object(&fixture->daemon);
+    run_daemon(fixture);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 1);
+    read_log(fixture);
+    assert_has(fixture->said, "it has not been safe since an earlier mesorigd ended");
+    const pid_t second = find_guardian(fixture->rig);
+    g_assert_cmpint(second, !=, 0);
+    g_assert_cmpint(second, !=, first);
+    g_assert_cmpint(kill(first, 0), !=, 0);
+    lines_repair(&fixture->lines, LASER);
+    wait_for_dark(fixture);
+    wait_for_guardian_end(fixture);
+    g_clear_object(&fixture->daemon);
+    start_daemon(fixture);
 }
 
 int main(int argc, char **argv) {
@@ -532,6 +711,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/guardian/matrix", test_matrix);
     ADD("/guardian/normal-end", test_normal_end, 0);
     ADD("/guardian/end-not-safe", test_end_not_safe, 0);
-    ADD("/guardian/guardian-killed", test_guardian_killed, 0);
+    ADD("/guardian/not-opened", test_not_opened, 0);
+    ADD("/guardian/started-again", test_started_again, 0);
+    g_test_add_data_func("/guardian/answer-lost", GINT_TO_POINTER(KILLED), test_answer_lost);
+    g_test_add_data_func("/guardian/answer-lost-alive", GINT_TO_POINTER(ALIVE), test_answer_lost);
     return g_test_run();
 }

@@ -153,18 +153,22 @@ static void wait_for_shots(const struct site *site, const char *name, int n) {
     }
 }
 
-/* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
- * late to come before its last one. */
-static void call_amid(const struct site *site, const char *name, const char *method) {
+static void call_daemon(const struct site *site, const char *method) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GDBusConnection) connection = g_dbus_connection_new_for_address_sync(
         site->address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
     g_assert_no_error(error);
-    wait_for_shots(site, name, 1);
     g_autoptr(GVariant) answer =
         g_dbus_connection_call_sync(connection, NULL, BUS_PATH, BUS_NAME, method, NULL, NULL,
                                     G_DBUS_CALL_FLAGS_NONE, WAIT_S * 1000, NULL, &error);
     g_assert_no_error(error);
+}
+
+/* Calls a method of the daemon as soon as there is a shot of a session: a program might start too
+ * late to come before its last one. */
+static void call_amid(const struct site *site, const char *name, const char *method) {
+    wait_for_shots(site, name, 1);
+    call_daemon(site, method);
 }
 
 static void assert_whole(const struct site *site, const char *name) {
@@ -394,6 +398,11 @@ static void test_ended_by_hand(void) {
         call_amid(site, "first", ends[i]);
         wait_for(site, "stopped waiting paused");
         assert_has(site->run->out, "it was aborted; what was taken stays: mesorig resume ");
+        if (i == 1) {
+            QUEUE(site, 1, "resume", NULL);
+            assert_has(site->run->err, "mesorig release");
+            call_daemon(site, "Release");
+        }
         QUEUE(site, 0, "resume", NULL);
         wait_for(site, "stopped done empty");
         site_free(site);

@@ -306,9 +306,11 @@ static void in_use(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     VirtualModbus *served = modbus_rig_device(TRUE);
-    modbus_rig_conformance(virtual_modbus_bus(served), "modbus-rtu");
-    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
-    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
+    modbus_rig_conformance(virtual_modbus_bus(served), "modbus-rtu", modbus_rig_fail, served);
+    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE,
+                                    modbus_rig_fail, served);
+    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE,
+                                    modbus_rig_fail, served);
     g_test_add_func("/modbus/rtu/raw-is-fooled", raw_is_fooled);
     g_test_add("/modbus/rtu/late-is-asked-again", struct opened, NULL, begin, late_is_asked_again,
                end);

@@ -1,5 +1,6 @@
 #include "conformance/conformance.h"
 
+#include "drivers/lock.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "virtual/testbed.h"
@@ -7,7 +8,11 @@
 #include "virtual/usb_tic.h"
 
 #include <math.h>
+#include <signal.h>
 #include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 /*
  * Faults of the USB drivers against models of their devices, in real time. The Tic's axis has 100
@@ -508,7 +513,9 @@ static void test_relays_stuck(struct board *board, gconstpointer unused) {
     set_lamp(board, 1, TRUE);
     g_assert_error(board->lamps.error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
     g_assert_nonnull(strstr(board->lamps.error->message, "relay 3 was switched on"));
-    g_assert_false(lamps_is_on(board->bank, 1));
+    g_assert_cmpint(lamps_light(board->bank, 1), ==, LIGHT_UNSAFE); /* until it reads back as off */
+    conformance_pass(board->clock, 0.2);
+    g_assert_cmpint(lamps_light(board->bank, 1), ==, LIGHT_OFF);
     set_lamp(board, 0, TRUE);
     g_assert_no_error(board->lamps.error);
     virtual_relays_stick(board->relays, 0);
@@ -599,6 +606,38 @@ static void test_relays_wrong_relay(void) {
     g_assert_cmpint(bank->n, ==, 2);
 }
 
+/* Another process has the board's lock: the error names it, and the board is left as it is. */
+static void test_relays_held(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "HELD", 1, FALSE);
+    g_autofree char *key = lock_key_of_node("usb", "/dev/bus/usb/001/002"); /* after the hub */
+    GError *error = NULL;
+    pid_t holder = 0;
+    const pid_t child = fork();
+    if (child == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        lock_take(key, LOCK_ALONE, "it", NULL);
+        pause();
+        _exit(0);
+    }
+    while (!lock_holder(key, &holder))
+        g_usleep(1000);
+    g_assert_cmpint(holder, ==, child);
+    g_autofree char *words = g_strdup_printf("(process %d) uses it; end that program", child);
+    g_assert_null(open_laser(clock, "relay = 1\n", &error));
+    g_assert_nonnull(strstr(error->message, ": cannot open USB device 1-"));
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, words);
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+    g_autoptr(Laser) laser = open_laser(clock, "relay = 1\n", &error);
+    g_assert_no_error(error);
+    g_assert_true(lock_holder(key, &holder));
+    g_assert_cmpint(holder, ==, getpid());
+    g_assert_null(open_bank(clock, "serial = HELD\n", &error)); /* it is named differently */
+    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
+                             "another section gives it another name");
+}
+
 static const struct {
     const char *name;
     void (*run)(struct rig *rig, gconstpointer unused);
@@ -646,5 +685,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/usb/nothing-plugged", test_nothing_plugged);
     g_test_add_func("/usb/no-interface", test_no_interface);
     g_test_add_func("/usb/relays/wrong-relay", test_relays_wrong_relay);
+    g_test_add_func("/usb/relays/held", test_relays_held);
     return g_test_run();
 }

@@ -1,0 +1,243 @@
+/* The process of the guardian. */
+#include "guardian.h"
+#include "guardian_place.h"
+#include "guardian_private.h"
+#include "safe_work.h"
+
+#include "drivers/lock.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/pidfd.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define HANG_US  (4500 * 1000) /* the rig is dark within five seconds after the daemon has hung */
+#define LOOK_MS  250           /* between two looks at the clock */
+#define LOOK_US  (2 * LOOK_MS * 1000) /* the longest silence known from one look */
+#define END_MS   5000                 /* time that a killed daemon gets to end */
+#define WAIT_US  (2 * G_USEC_PER_SEC) /* a daemon that begins waits so long for a safe rig */
+#define LEAVE_US (5 * G_USEC_PER_SEC) /* after which pipes are let go of */
+#define REPEAT_S 60                   /* between two messages of the same device */
+
+struct guarding {
+    const char *rig_path;
+    SafeState *state;
+    struct place place;
+    pid_t daemon;
+    int process; /* pidfd of the daemon, -1: none */
+    /* How long the daemon has been silent: since the last beat, as far as this process has run
+     * meanwhile. */
+    gint64 silent_us, looked_us;
+    gboolean pause; /* silence is allowed */
+};
+
+/* Between two looks this process may have been held up (a virtual machine that stood still, a
+ * processor that others have taken), and the daemon with it. Of such a time only LOOK_US count. */
+static void look_at_clock(struct guarding *guarding) {
+    const gint64 now_us = g_get_monotonic_time();
+
+    guarding->silent_us += MIN(now_us - guarding->looked_us, LOOK_US);
+    guarding->looked_us = now_us;
+}
+
+static int silence_wait_ms(const struct guarding *guarding) {
+    const gint64 left_us = MAX(HANG_US - guarding->silent_us, 0);
+
+    return guarding->pause ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
+}
+
+/* refusal NULL: an answer. */
+static void answer(const char *refusal) {
+    const struct answer answer = {g_get_monotonic_time()};
+    g_autoptr(GByteArray) packet = g_byte_array_new();
+
+    g_byte_array_append(packet, (const guint8 *)&answer, sizeof answer);
+    if (refusal)
+        g_byte_array_append(packet, (const guint8 *)refusal,
+                            (guint)MIN(strlen(refusal), ANSWER_MAX - sizeof answer));
+    if (send(STDIN_FILENO, packet->data, packet->len, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
+        g_debug("cannot answer the daemon: %s", g_strerror(errno));
+}
+
+/* What the daemon has sent. */
+enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD, NEWS_FAILED };
+
+/* A daemon that ends leaves answers unread. The kernel then reports ECONNRESET, once, before what
+ * the daemon has sent. */
+static ssize_t receive_byte(char *ret) {
+    const ssize_t n = recv(STDIN_FILENO, ret, 1, MSG_DONTWAIT);
+
+    return n < 0 && errno == ECONNRESET ? recv(STDIN_FILENO, ret, 1, MSG_DONTWAIT) : n;
+}
+
+static enum news guardian_receive(struct guarding *guarding) {
+    enum news news = NEWS_NONE;
+    gboolean beat = FALSE;
+    char byte = 0;
+    ssize_t n;
+
+    while (news == NEWS_NONE && (n = receive_byte(&byte)) > 0) {
+        if (byte == GOODBYE || byte == FAILED)
+            news = byte == GOODBYE ? NEWS_GOODBYE : NEWS_FAILED;
+        guarding->silent_us = 0;
+        guarding->pause = byte == PAUSE;
+        beat = TRUE;
+    }
+    if (news != NEWS_NONE)
+        return news;
+    if (n == 0 || (errno != EAGAIN && errno != EINTR))
+        return NEWS_DEAD;
+    if (beat)
+        answer(NULL);
+    return NEWS_NONE;
+}
+
+static void kill_daemon(int daemon) {
+    struct pollfd at = {.fd = daemon, .events = POLLIN};
+
+    g_printerr("mesorigd: guardian: no heartbeat from the daemon for %.1f s: killing it\n",
+               HANG_US / 1e6);
+    if (daemon < 0 || pidfd_send_signal(daemon, SIGKILL, NULL, 0) < 0)
+        g_printerr("mesorigd: guardian: cannot kill the daemon: %s\n", g_strerror(errno));
+    else
+        poll(&at, 1, END_MS);
+}
+
+/* Waits until the daemon says something final, dies or hangs. */
+static enum news watch_daemon(struct guarding *guarding) {
+    guarding->looked_us = g_get_monotonic_time();
+    for (;;) {
+        struct pollfd at[3 + PLACE_MAX_ASKERS] = {{.fd = STDIN_FILENO, .events = POLLIN},
+                                                  {.fd = guarding->process, .events = POLLIN}};
+        const int n = place_poll(&guarding->place, at + 2);
+        const int ready = poll(at, 2 + (nfds_t)n, silence_wait_ms(guarding));
+        if (ready < 0 && errno != EINTR)
+            return NEWS_DEAD;
+        look_at_clock(guarding);
+        if (ready > 0) {
+            enum news news = NEWS_NONE;
+            if (at[0].revents)
+                news = guardian_receive(guarding);
+            else if (at[1].revents)
+                news = NEWS_DEAD;
+            if (news != NEWS_NONE)
+                return news;
+            place_serve(&guarding->place, at + 2, n, guarding->daemon);
+        }
+        if (!guarding->pause && guarding->silent_us >= HANG_US) {
+            kill_daemon(guarding->process);
+            return NEWS_DEAD;
+        }
+    }
+}
+
+/* Whoever reads a pipe may wait for its end, as a shell does with $(mesorig …). */
+static void let_pipes_go(void) {
+    for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
+        struct stat file;
+        if (fstat(fd, &file) < 0 || !S_ISFIFO(file.st_mode))
+            continue;
+        const int none = open("/dev/null", O_WRONLY | O_CLOEXEC);
+        if (none >= 0 && dup2(none, fd) >= 0)
+            close(none);
+    }
+}
+
+/* Goes on until the rig is safe, or another guardian takes the place; then it returns FALSE. A
+ * daemon that waits to begin is told after a while that it has to do without this rig. */
+static gboolean work(struct guarding *guarding, enum safe_until until, gboolean daemon_waits) {
+    const gint64 began_us = g_get_monotonic_time();
+    SafeWork *work = safe_work_new(guarding->state, until, REPEAT_S);
+    gboolean asked = FALSE, has_left = FALSE, going = TRUE;
+
+    while (going && !asked) {
+        struct pollfd at[1 + PLACE_MAX_ASKERS];
+        const int n = place_poll(&guarding->place, at);
+        const gint64 past_us = g_get_monotonic_time() - began_us;
+        const gint64 next_us = daemon_waits ? WAIT_US : LEAVE_US;
+        if (daemon_waits && past_us >= WAIT_US) {
+            g_autofree char *unsafe = safe_work_unsafe(work);
+            g_autofree char *refusal =
+                g_strdup_printf("%s is not opened: it has not been safe since an earlier mesorigd "
+                                "ended, and process "
+                                "%d goes on trying" ERROR_ADVICE "see to these devices: %s",
+                                guarding->rig_path, (int)getpid(), unsafe);
+            answer(refusal);
+            daemon_waits = FALSE;
+        }
+        if (!has_left && past_us >= LEAVE_US) {
+            let_pipes_go();
+            has_left = TRUE;
+        }
+        const gint64 wait_us = MAX(next_us - past_us, 0);
+        going = safe_work_run(work, at, n, has_left ? -1 : (int)(wait_us / 1000) + 1);
+        asked = place_serve(&guarding->place, at, n, 0);
+    }
+    if (asked)
+        g_printerr("mesorigd: guardian: process %d leaves the rig to another guardian\n",
+                   (int)getpid());
+    const gboolean safe = !asked && safe_work_is_safe(work);
+    safe_work_free(work);
+    if (safe && daemon_waits)
+        answer(NULL);
+    return safe;
+}
+
+/* The process at the other end of the standard input. It is the parent, unless it has died. */
+static void find_daemon(struct guarding *guarding) {
+    struct ucred peer = {0};
+    socklen_t size = sizeof peer;
+
+    if (getsockopt(STDIN_FILENO, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0)
+        guarding->daemon = peer.pid;
+    guarding->process = guarding->daemon == getppid() ? pidfd_open(guarding->daemon, 0) : -1;
+}
+
+/* The guardian of the daemon has the place: whatever was left unsafe before is safe. */
+static gboolean begin(struct guarding *guarding) {
+    gboolean at_work = FALSE;
+    pid_t other = 0;
+
+    if (!place_take(&guarding->place, guarding->rig_path, &at_work, &other)) {
+        g_autofree char *refusal =
+            g_strdup_printf("%s is open in another mesorigd (process %d)" ERROR_ADVICE
+                            "let that daemon do this, or end it",
+                            guarding->rig_path, (int)other);
+        answer(refusal);
+        return FALSE;
+    }
+    return !at_work || work(guarding, SAFE_UNTIL_SAFE_QUIETLY, TRUE);
+}
+
+int guardian_main(const char *rig_path) {
+    struct guarding guarding = {.rig_path = rig_path};
+    g_autoptr(GError) error = NULL;
+
+    prctl(PR_SET_NAME, "mesorig-guard"); /* instead of "exe" */
+    lock_set_role(LOCK_GUARDIAN);
+    find_daemon(&guarding);
+    guarding.state = safe_state_read(rig_path, &error);
+    if (!guarding.state) {
+        answer(error->message);
+        g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
+        return 1;
+    }
+    gboolean safe = begin(&guarding);
+    if (safe) {
+        const enum news news = watch_daemon(&guarding);
+        if (news == NEWS_DEAD)
+            g_printerr("mesorigd: guardian: the daemon has ended and has not reported that it left "
+                       "the rig safe: making %s safe\n",
+                       rig_path);
+        if (news != NEWS_GOODBYE)
+            safe = work(&guarding, news == NEWS_FAILED ? SAFE_UNTIL_SAFE_QUIETLY : SAFE_UNTIL_SAFE,
+                        FALSE);
+    }
+    safe_state_free(guarding.state);
+    return safe ? 0 : 1;
+}

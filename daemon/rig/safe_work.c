@@ -1,0 +1,391 @@
+#include "safe_work.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <syslog.h>
+#include <unistd.h>
+
+#define PATIENCE_US    (5 * G_USEC_PER_SEC)  /* SAFE_UNTIL_TIRED */
+#define MIN_PAUSE_US   (100 * 1000)          /* between the first two tries */
+#define MAX_PAUSE_US   (500 * 1000)          /* between later ones */
+#define LIMIT_US       (30 * G_USEC_PER_SEC) /* for what a line's process does beyond its time */
+#define END_MS         1000                  /* that a killed process gets to end */
+#define MAX_RESTART_US (5 * G_USEC_PER_SEC)  /* pause after processes that have crashed */
+
+/* A line of devices. */
+struct line {
+    const char *name;
+    pid_t pid;       /* 0: it has no process */
+    int fd;          /* what its process reports; -1: none */
+    gint64 begin_us; /* when its process begins, or has begun */
+    int n_begun;     /* how many processes it has had */
+    int n_crashed;   /* in a row */
+};
+
+enum fate { OPEN, SAFE, GIVEN_UP };
+
+/* A device. */
+struct task {
+    enum fate fate;
+    gboolean told; /* that it is not safe */
+    char *text;    /* what is known of it; NULL: nothing yet */
+};
+
+struct SafeWork {
+    const SafeState *state;
+    enum safe_until until;
+    gint64 life_us; /* of a line's process */
+    struct task *tasks;
+    GArray *lines; /* of struct line */
+    gboolean announced, ended;
+};
+
+struct report { /* of a line's process; shorter than PIPE_BUF */
+    int task;
+    enum safe_try result;
+    gboolean last; /* the process does not try it again */
+    char text[SAFE_STATE_TEXT];
+};
+
+G_GNUC_PRINTF(2, 3)
+static void tell(const SafeWork *work, const char *format, ...) {
+    va_list args;
+
+    va_start(args, format);
+    g_autofree char *text = g_strdup_vprintf(format, args);
+    va_end(args);
+    if (work->until == SAFE_UNTIL_TIRED) {
+        g_print("%s\n", text);
+        return;
+    }
+    g_printerr("mesorigd: guardian: %s\n", text);
+    if (!g_log_writer_is_journald(fileno(stderr)))
+        syslog(LOG_DAEMON | LOG_WARNING, "guardian: %s", text);
+}
+
+static gboolean is_of(const SafeWork *work, int task, const struct line *line) {
+    return work->tasks[task].fate == OPEN &&
+           strcmp(safe_state_line(work->state, task), line->name) == 0;
+}
+
+static gboolean is_open(const SafeWork *work, const struct line *line) {
+    for (int i = 0; i < safe_state_n(work->state); i++)
+        if (is_of(work, i, line))
+            return TRUE;
+    return FALSE;
+}
+
+SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double repeat_s) {
+    SafeWork *work = g_new0(SafeWork, 1);
+    g_autoptr(GHashTable) known = g_hash_table_new(g_str_hash, g_str_equal);
+    const Config *config = safe_state_config(state);
+    gsize n_problems;
+    const struct config_problem *problems = config_problems(config, &n_problems);
+
+    work->state = state;
+    work->until = until;
+    work->life_us =
+        until == SAFE_UNTIL_TIRED ? PATIENCE_US : (gint64)(repeat_s * (double)G_USEC_PER_SEC);
+    work->tasks = g_new0(struct task, MAX(safe_state_n(state), 1));
+    work->lines = g_array_new(FALSE, FALSE, sizeof(struct line));
+    for (int i = 0; i < safe_state_n(state); i++) {
+        const struct line line = {.name = safe_state_line(state, i), .fd = -1};
+        if (g_hash_table_add(known, (gpointer)line.name))
+            g_array_append_val(work->lines, line);
+    }
+    /* All lines of the file that could not be read; those in the section of a device are told again
+     * with its result. */
+    for (gsize i = 0; i < n_problems && until != SAFE_UNTIL_SAFE_QUIETLY; i++)
+        g_printerr("mesorigd: left out: %s\n", problems[i].message);
+    if (safe_state_n(state) == 0)
+        g_printerr("mesorigd: NOT safe: %s names no laser, no lamps and no axis\n",
+                   config_path(config));
+    return work;
+}
+
+/* A process that the kernel holds (an unplugged device, for instance) ends later, or never. */
+static void end_process(struct line *line) {
+    if (line->pid > 0)
+        kill(line->pid, SIGKILL);
+    for (int ms = 0; line->pid > 0 && ms < END_MS && waitpid(line->pid, NULL, WNOHANG) == 0;
+         ms += 10)
+        g_usleep(10 * 1000);
+    if (line->fd >= 0)
+        close(line->fd);
+    line->pid = 0;
+    line->fd = -1;
+}
+
+void safe_work_free(SafeWork *work) {
+    if (!work)
+        return;
+    for (guint i = 0; i < work->lines->len; i++)
+        end_process(&g_array_index(work->lines, struct line, i));
+    for (int i = 0; i < safe_state_n(work->state); i++)
+        g_free(work->tasks[i].text);
+    g_array_unref(work->lines);
+    g_free(work->tasks);
+    g_free(work);
+}
+
+/* The process of a line: tries its open tasks until all are done or its time is over. Each process
+ * begins with another task, so that one whose driver crashes does not stand in the way of others.
+ */
+static void work_line(SafeWork *work, const struct line *line, gint64 life_us, int fd) {
+    const gint64 until = g_get_monotonic_time() + life_us;
+    const int n = safe_state_n(work->state);
+    gint64 pause_us = MIN_PAUSE_US;
+    gboolean late = FALSE;
+
+    for (int pass = 0; is_open(work, line) && !late; pass++) {
+        if (pass > 0) {
+            g_usleep((gulong)pause_us);
+            pause_us = MIN(2 * pause_us, MAX_PAUSE_US);
+        }
+        late = g_get_monotonic_time() > until;
+        for (int k = 0; k < n; k++) {
+            const int i = (k + line->n_begun) % n;
+            struct report report = {.task = i, .last = late};
+            if (!is_of(work, i, line))
+                continue;
+            report.result = safe_state_try(work->state, i, pass == 0, report.text);
+            if (report.result != SAFE_TRY_AGAIN)
+                work->tasks[i].fate = SAFE; /* in this process: it is done with */
+            if ((report.result != SAFE_TRY_AGAIN || pass == 1 || late) &&
+                write(fd, &report, sizeof report) != sizeof report)
+                g_printerr("mesorigd: %s\n", report.text);
+        }
+    }
+}
+
+static void become_line(SafeWork *work, const struct line *line, pid_t parent, int fd) {
+    if (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != parent)
+        _exit(1);
+    work_line(work, line, work->life_us, fd);
+    _exit(0);
+}
+
+static gint64 restart_us(const struct line *line) {
+    return line->n_crashed == 0
+               ? 0
+               : MIN((gint64)MIN_PAUSE_US << MIN(line->n_crashed - 1, 10), MAX_RESTART_US);
+}
+
+static void begin_process(SafeWork *work, struct line *line) {
+    const pid_t parent = getpid();
+    int fds[2] = {-1, -1};
+
+    const gboolean piped = pipe2(fds, O_CLOEXEC) == 0;
+    const pid_t pid = piped ? fork() : -1;
+    if (pid == 0)
+        become_line(work, line, parent, fds[1]);
+    line->n_begun++;
+    line->begin_us = g_get_monotonic_time();
+    if (pid > 0) {
+        line->pid = pid;
+        line->fd = fds[0];
+        close(fds[1]);
+        return;
+    }
+    tell(work, "no process for %s: %s", line->name, g_strerror(errno));
+    if (piped) {
+        close(fds[0]);
+        close(fds[1]);
+    }
+    line->n_crashed++;
+    line->begin_us += restart_us(line);
+}
+
+static void take_report(SafeWork *work, struct report *report) {
+    if (report->task < 0 || report->task >= safe_state_n(work->state))
+        return;
+    struct task *task = &work->tasks[report->task];
+    const gboolean tired = work->until == SAFE_UNTIL_TIRED;
+    const gboolean again = report->result == SAFE_TRY_AGAIN && !(tired && report->last);
+
+    report->text[SAFE_STATE_TEXT - 1] = '\0';
+    g_free(task->text);
+    task->text = g_strdup(report->text);
+    if (!again)
+        task->fate = report->result == SAFE_TRY_SAFE ? SAFE : GIVEN_UP;
+    if (again && (tired || (task->told && !report->last)))
+        return;
+    if (task->fate == SAFE && !task->told && work->until == SAFE_UNTIL_SAFE_QUIETLY)
+        return;
+    task->told |= task->fate != SAFE;
+    tell(work, "%s", task->text);
+}
+
+/* A driver has crashed, or does not return. */
+static void note_crash(SafeWork *work, const struct line *line) {
+    for (int i = 0; i < safe_state_n(work->state); i++) {
+        struct task *task = &work->tasks[i];
+        if (!is_of(work, i, line) || (task->told && line->n_crashed > 1))
+            continue;
+        if (work->until == SAFE_UNTIL_TIRED)
+            task->fate = GIVEN_UP;
+        g_free(task->text);
+        task->text = g_strdup_printf(
+            "%s: NOT safe: its driver has crashed, or has not ended within "
+            "%d s",
+            safe_state_name(work->state, i), (int)((work->life_us + LIMIT_US) / G_USEC_PER_SEC));
+        task->told = TRUE;
+        tell(work, "%s", task->text);
+    }
+}
+
+/* Its tasks are done, its time is over, or it has crashed. */
+static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
+    int status = -1;
+
+    const gboolean crashed = hung || waitpid(line->pid, &status, 0) < 0 || status != 0;
+    line->pid = hung ? line->pid : 0;
+    end_process(line);
+    line->n_crashed = crashed ? line->n_crashed + 1 : 0;
+    line->begin_us = g_get_monotonic_time() + restart_us(line);
+    if (crashed)
+        note_crash(work, line);
+}
+
+static void read_line(SafeWork *work, struct line *line) {
+    struct report report;
+    const ssize_t n = read(line->fd, &report, sizeof report);
+
+    if (n == sizeof report)
+        take_report(work, &report);
+    else if (n >= 0 || errno != EINTR)
+        on_process_end(work, line, FALSE);
+}
+
+/* Begins and ends processes; returns when there is something to do again, -1: not by itself. */
+static gint64 tend_lines(SafeWork *work) {
+    const gint64 now = g_get_monotonic_time();
+    gint64 next = -1;
+
+    for (guint i = 0; i < work->lines->len; i++) {
+        struct line *line = &g_array_index(work->lines, struct line, i);
+        if (line->pid > 0 && now > line->begin_us + work->life_us + LIMIT_US)
+            on_process_end(work, line, TRUE);
+        if (line->pid == 0 && is_open(work, line) && now >= line->begin_us)
+            begin_process(work, line);
+        gint64 at = line->begin_us + (line->pid > 0 ? work->life_us + LIMIT_US : 0);
+        if (line->pid > 0 || is_open(work, line))
+            next = next < 0 ? at : MIN(next, at);
+    }
+    return next;
+}
+
+/* Once each device has been tried, and some are not safe. */
+static void announce(SafeWork *work) {
+    gboolean open = FALSE, told = TRUE;
+
+    if (work->announced || work->until == SAFE_UNTIL_TIRED)
+        return;
+    for (int i = 0; i < safe_state_n(work->state); i++) {
+        const struct task *task = &work->tasks[i];
+        open |= task->fate == OPEN;
+        told &= task->fate != OPEN || task->told;
+    }
+    if (!open || !told)
+        return;
+    work->announced = TRUE;
+    tell(work,
+         "the rig is NOT safe: switch off by hand what is named above; process %d goes on trying",
+         (int)getpid());
+}
+
+static void finish(SafeWork *work) {
+    gboolean told = FALSE;
+
+    work->ended = TRUE;
+    for (int i = 0; i < safe_state_n(work->state); i++)
+        told |= work->tasks[i].told;
+    if (work->until == SAFE_UNTIL_SAFE_QUIETLY && !told)
+        return;
+    if (safe_work_is_safe(work))
+        tell(work, "lamps and lasers are off, axes stand");
+    else if (work->until != SAFE_UNTIL_TIRED)
+        tell(work, "the rig is NOT safe: switch off by hand what is named above");
+    else
+        g_printerr("mesorigd: the rig is NOT safe: switch off by hand what is named above\n");
+}
+
+static gboolean is_at_work(const SafeWork *work) {
+    for (guint i = 0; i < work->lines->len; i++) {
+        const struct line *line = &g_array_index(work->lines, struct line, i);
+        if (line->pid > 0 || is_open(work, line))
+            return TRUE;
+    }
+    return FALSE;
+}
+
+static int wait_until(gint64 us) {
+    return us < 0 ? -1 : (int)MAX((us - g_get_monotonic_time() + 999) / 1000, 0);
+}
+
+gboolean safe_work_run(SafeWork *work, struct pollfd *more, int n, int wait_ms) {
+    const gint64 until = wait_ms < 0 ? -1 : g_get_monotonic_time() + wait_ms * (gint64)1000;
+    const guint n_lines = work->lines->len;
+    g_autofree struct pollfd *fds = g_new0(struct pollfd, n_lines + (guint)n + 1);
+    gboolean ready = FALSE;
+
+    do {
+        const gint64 next = tend_lines(work);
+        if (!is_at_work(work))
+            break;
+        announce(work);
+        for (guint i = 0; i < n_lines; i++)
+            fds[i] = (struct pollfd){.fd = g_array_index(work->lines, struct line, i).fd,
+                                     .events = POLLIN};
+        for (int i = 0; i < n; i++)
+            fds[n_lines + (guint)i] = more[i];
+        const int at = wait_until(next >= 0 && until >= 0 ? MIN(next, until) : MAX(next, until));
+        if (poll(fds, n_lines + (guint)n, at) < 0)
+            continue;
+        for (guint i = 0; i < n_lines; i++)
+            if (fds[i].revents)
+                read_line(work, &g_array_index(work->lines, struct line, i));
+        for (int i = 0; i < n; i++) {
+            more[i].revents = fds[n_lines + (guint)i].revents;
+            ready |= more[i].revents != 0;
+        }
+    } while (!ready && (until < 0 || g_get_monotonic_time() < until));
+    if (!is_at_work(work) && !work->ended && safe_state_n(work->state) > 0)
+        finish(work);
+    return is_at_work(work);
+}
+
+gboolean safe_work_is_safe(const SafeWork *work) {
+    for (int i = 0; i < safe_state_n(work->state); i++)
+        if (work->tasks[i].fate != SAFE)
+            return FALSE;
+    return safe_state_n(work->state) > 0;
+}
+
+char *safe_work_unsafe(const SafeWork *work) {
+    GString *text = g_string_new(NULL);
+
+    for (int i = 0; i < safe_state_n(work->state); i++) {
+        const struct task *task = &work->tasks[i];
+        if (task->fate == SAFE)
+            continue;
+        g_string_append_printf(text, "%s%s", text->len ? "; " : "",
+                               task->text ? task->text : safe_state_name(work->state, i));
+    }
+    return g_string_free(text, FALSE);
+}
+
+gboolean safe_work_once(const SafeState *state) {
+    SafeWork *work = safe_work_new(state, SAFE_UNTIL_TIRED, 0);
+
+    while (safe_work_run(work, NULL, 0, -1))
+        continue;
+    const gboolean safe = safe_work_is_safe(work);
+    safe_work_free(work);
+    return safe;
+}

@@ -1,0 +1,373 @@
+/* The guardian as the daemon sees it: its answers, its replacement, and who has a rig's place; and
+ * the work that makes a rig safe. This program is the daemon, and is started again as the guardian.
+ */
+#include "lib/find_guardian.h"
+#include "lib/lines.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
+#include "rig/guardian.h"
+#include "rig/safe_work.h"
+
+#include <glib/gstdio.h>
+#include <signal.h>
+#include <string.h>
+#include <unistd.h>
+
+#define WORLD    SOURCE_DIR "/tests/small/world.conf"
+#define BEHAVIOR "MESORIG_TEST_GUARDIAN" /* in the environment: of guardians started from now on   \
+                                          */
+#define WAIT_US (60 * G_USEC_PER_SEC)
+
+static GString *told; /* warnings of this process, and what it prints */
+
+struct fixture {
+    char *folder, *rig;
+    struct lines lines;
+};
+
+static void set_up(struct fixture *fixture, gconstpointer data) {
+    fixture->folder = g_dir_make_tmp("mesorig-guardian-XXXXXX", NULL);
+    fixture->rig = g_build_filename(fixture->folder, "rig.conf", NULL);
+    lines_open(&fixture->lines, WORLD);
+    g_assert_true(g_file_set_contents(fixture->rig, fixture->lines.text->str, -1, NULL));
+    g_string_truncate(told, 0);
+}
+
+static void end_guardians(struct fixture *fixture) {
+    pid_t guardian;
+    while ((guardian = find_guardian(fixture->rig))) {
+        kill(guardian, SIGKILL);
+        g_usleep(10000);
+        while (g_main_context_iteration(NULL, FALSE))
+            ;
+    }
+}
+
+static void tear_down(struct fixture *fixture, gconstpointer data) {
+    g_unsetenv(BEHAVIOR);
+    end_guardians(fixture);
+    lines_close(&fixture->lines);
+    remove_tree(fixture->folder);
+    g_free(fixture->folder);
+    g_free(fixture->rig);
+}
+
+static GLogWriterOutput keep_log(GLogLevelFlags level, const GLogField *fields, gsize n,
+                                 gpointer data) {
+    for (gsize i = 0; i < n; i++)
+        if (strcmp(fields[i].key, "MESSAGE") == 0)
+            g_string_append_printf(told, "%s\n", (const char *)fields[i].value);
+    return G_LOG_WRITER_HANDLED;
+}
+
+static void keep_text(const char *text) {
+    g_string_append(told, text);
+}
+
+static Guardian *start(struct fixture *fixture) {
+    g_autoptr(GError) error = NULL;
+    Guardian *guardian = guardian_start(fixture->rig, &error);
+    g_assert_no_error(error);
+    return guardian;
+}
+
+static void refused(struct fixture *fixture, enum device_error code, const char *words) {
+    g_autoptr(GError) error = NULL;
+    g_assert_null(guardian_start(fixture->rig, &error));
+    g_assert_error(error, DEVICE_ERROR, code);
+    assert_has(error->message, words);
+}
+
+/* Runs the main loop until another guardian answers. */
+static void wait_another(struct fixture *fixture, Guardian *guardian, pid_t old) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    pid_t now;
+    while ((now = find_guardian(fixture->rig)) == 0 || now == old ||
+           !guardian_answers(guardian, NULL)) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until_us);
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(5000);
+    }
+}
+
+static void wait_told(const char *words) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    while (!strstr(told->str, words) && g_get_monotonic_time() < until_us) {
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(5000);
+    }
+    assert_has(told->str, words);
+}
+
+/* As long as it lives, and whatever else the main loop does. */
+static void test_answers(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    Guardian *guardian = start(fixture);
+    const pid_t first = find_guardian(fixture->rig);
+    g_assert_true(guardian_answers(guardian, &error));
+    for (int i = 0; i < 2; i++) {
+        g_usleep(G_USEC_PER_SEC * 3 / 2); /* the main loop is busy */
+        g_assert_true(guardian_answers(guardian, &error));
+        g_assert_no_error(error);
+    }
+
+    /* Frozen: known within the second, although the main loop does not run. */
+    kill(first, SIGSTOP);
+    g_usleep(G_USEC_PER_SEC * 11 / 10);
+    g_assert_false(guardian_answers(guardian, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    assert_has(error->message, "does not answer");
+    g_clear_error(&error);
+
+    /* And replaced, once the main loop runs. */
+    wait_another(fixture, guardian, first);
+    assert_has(told->str, "has not answered for 3.0 s: killing it");
+    assert_has(told->str, "has ended (status 0x0009)");
+    guardian_end(guardian, GUARDIAN_SAFE);
+}
+
+/* However often it ends, and however soon. */
+static void test_replaced(struct fixture *fixture, gconstpointer data) {
+    Guardian *guardian = start(fixture);
+    for (int i = 0; i < 3; i++) {
+        const pid_t old = find_guardian(fixture->rig);
+        kill(old, SIGKILL);
+        wait_another(fixture, guardian, old);
+    }
+    assert_has(told->str, "starting another in 100 ms");
+    assert_has(told->str, "starting another in 200 ms");
+    assert_has(told->str, "starting another in 400 ms");
+    guardian_end(guardian, GUARDIAN_SAFE);
+}
+
+/* The pauses grow, so that a guardian that cannot live costs little. */
+static void test_pauses(struct fixture *fixture, gconstpointer data) {
+    Guardian *guardian = start(fixture);
+    g_setenv(BEHAVIOR, "ends", TRUE);
+    const pid_t first = find_guardian(fixture->rig);
+    kill(first, SIGKILL);
+    wait_told("starting another in 1600 ms");
+    g_assert_false(guardian_answers(guardian, NULL));
+    g_unsetenv(BEHAVIOR);
+    wait_another(fixture, guardian, first);
+    guardian_end(guardian, GUARDIAN_SAFE);
+}
+
+static void test_not_started(struct fixture *fixture, gconstpointer data) {
+    g_setenv(BEHAVIOR, "ends", TRUE);
+    refused(fixture, DEVICE_ERROR_DISCONNECTED, "has ended");
+    g_setenv(BEHAVIOR, "mute", TRUE);
+    refused(fixture, DEVICE_ERROR_TIMEOUT, "has not answered within 6 s");
+    g_unlink(fixture->rig);
+    g_unsetenv(BEHAVIOR);
+    refused(fixture, DEVICE_ERROR_BUSY, "No such file");
+}
+
+static void test_needed(struct fixture *fixture, gconstpointer data) {
+    g_assert_true(guardian_is_needed(fixture->rig));
+    g_assert_false(guardian_is_needed(SOURCE_DIR "/tests/small/rig.conf"));
+    g_assert_false(guardian_is_needed("/nowhere/rig.conf"));
+}
+
+/* One that does not end does not keep others waiting, and the daemon between two guardians leaves
+ * one behind. */
+static void test_end_between(struct fixture *fixture, gconstpointer data) {
+    Guardian *guardian = start(fixture);
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    kill(find_guardian(fixture->rig), SIGKILL);
+    wait_told("starting another");
+    guardian_end(guardian, GUARDIAN_UNSAFE);
+    for (gint64 until_us = g_get_monotonic_time() + WAIT_US;
+         lines_has_light(fixture->lines.devices[LASER]);) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until_us);
+        g_usleep(5000);
+    }
+}
+
+/* A rig belongs to one daemon, whatever the path to its file. */
+static void test_one_daemon(struct fixture *fixture, gconstpointer data) {
+    g_autofree char *link = g_build_filename(fixture->folder, "link.conf", NULL);
+    g_autofree char *words = g_strdup_printf("open in another mesorigd (process %d)", getpid());
+    g_autofree char *rig = g_steal_pointer(&fixture->rig);
+    fixture->rig = g_strdup(rig);
+    Guardian *guardian = start(fixture);
+    g_assert_cmpint(symlink(rig, link), ==, 0);
+    g_free(fixture->rig);
+    fixture->rig = g_strdup(link);
+    refused(fixture, DEVICE_ERROR_BUSY, words);
+    g_assert_true(guardian_answers(guardian, NULL));
+    guardian_end(guardian, GUARDIAN_SAFE);
+    guardian_end(start(fixture), GUARDIAN_SAFE); /* the place is free again */
+}
+
+static void wait_guardian(struct fixture *fixture, gboolean there) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    while ((find_guardian(fixture->rig) != 0) != there) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until_us);
+        g_usleep(5000);
+        while (g_main_context_iteration(NULL, FALSE)) /* reaps it */
+            ;
+    }
+}
+
+/* The guardian that makes the rig safe leaves it to that of the next daemon, also when it is
+ * frozen, so that there is always one and never two. */
+static void test_gives_way(struct fixture *fixture, gconstpointer data) {
+    const gboolean frozen = GPOINTER_TO_INT(data);
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    guardian_end(start(fixture), GUARDIAN_UNSAFE);
+    const pid_t first = find_guardian(fixture->rig);
+    if (frozen) {
+        g_usleep(G_USEC_PER_SEC / 2); /* it is at work */
+        kill(first, SIGSTOP);
+    }
+    refused(fixture, DEVICE_ERROR_BUSY, "it has not been safe since an earlier mesorigd ended");
+    while (g_main_context_iteration(NULL, FALSE)) /* reaps it */
+        ;
+    const pid_t second = find_guardian(fixture->rig);
+    g_assert_cmpint(second, !=, 0);
+    g_assert_cmpint(second, !=, first);
+    g_assert_cmpint(kill(first, 0), !=, 0);
+
+    lines_repair(&fixture->lines, LASER);
+    wait_guardian(fixture, FALSE);
+    g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
+    guardian_end(start(fixture), GUARDIAN_SAFE);
+}
+
+/* A daemon that begins while the rig is being made safe gets it as soon as that is done. */
+static void test_taken_over(struct fixture *fixture, gconstpointer data) {
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    lines_fail(&fixture->lines, LASER, LOST);
+    guardian_end(start(fixture), GUARDIAN_UNSAFE);
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    Guardian *guardian = NULL;
+    while (!(guardian = guardian_start(fixture->rig, NULL)))
+        g_assert_cmpint(g_get_monotonic_time(), <, until_us);
+    g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
+    g_assert_true(guardian_answers(guardian, NULL));
+    guardian_end(guardian, GUARDIAN_SAFE);
+}
+
+static int count(const char *words) {
+    int n = 0;
+    for (const char *at = told->str; (at = strstr(at, words)); at += strlen(words))
+        n++;
+    return n;
+}
+
+/* Runs the work until a text was printed so often, or the work has ended. */
+static void work_until(SafeWork *work, const char *words, int n) {
+    const gint64 until_us = g_get_monotonic_time() + WAIT_US;
+    while (count(words) < n && safe_work_run(work, NULL, 0, 10))
+        g_assert_cmpint(g_get_monotonic_time(), <, until_us);
+    g_assert_cmpint(count(words), ==, n);
+}
+
+/* Of each device once that it is not safe, again and again while that is so, and once that it is.
+ */
+static void test_told(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
+    g_assert_no_error(error);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 4);
+    work_until(work, "goes on trying", 1);
+    g_assert_cmpint(count("laser top: NOT safe: "), ==, 1);
+    g_assert_cmpint(count("lamps bank: off, read back"), ==, 1);
+    for (int i = 2; i <= 3; i++)
+        work_until(work, "laser top: NOT safe: ", i);
+    lines_repair(&fixture->lines, LASER);
+    while (safe_work_run(work, NULL, 0, -1))
+        ;
+    g_assert_true(safe_work_is_safe(work));
+    g_assert_cmpint(count("laser top: off, read back"), ==, 1);
+    g_assert_cmpint(count("lamps bank: "), ==, 1);
+    g_assert_cmpint(count("goes on trying"), ==, 1);
+    g_assert_cmpint(count("lamps and lasers are off, axes stand"), ==, 1);
+    safe_work_free(work);
+}
+
+static void kill_children(void) {
+    g_autofree char *path = g_strdup_printf("/proc/self/task/%d/children", getpid());
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_auto(GStrv) pids = g_strsplit(g_strstrip(text), " ", -1);
+    for (char **pid = pids; *pid; pid++)
+        if (**pid)
+            kill((pid_t)g_ascii_strtoll(*pid, NULL, 10), SIGKILL);
+}
+
+/* A line whose driver crashes gets another process. */
+static void test_crash(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
+    g_assert_no_error(error);
+    virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 60);
+    work_until(work, "goes on trying", 1);
+    for (int i = 0; i < 3; i++) {
+        kill_children();
+        g_assert_true(safe_work_run(work, NULL, 0, 300));
+    }
+    g_assert_cmpint(count("its driver has crashed"), ==, 1);
+    lines_repair(&fixture->lines, LASER);
+    while (safe_work_run(work, NULL, 0, -1))
+        ;
+    g_assert_true(safe_work_is_safe(work));
+    g_assert_false(lines_has_light(fixture->lines.devices[LASER]));
+    safe_work_free(work);
+}
+
+/* Nothing is said of devices that never failed. */
+static void test_quiet(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SafeState) state = safe_state_read(fixture->rig, &error);
+    g_assert_no_error(error);
+    SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE_QUIETLY, 60);
+    while (safe_work_run(work, NULL, 0, -1))
+        ;
+    g_assert_true(safe_work_is_safe(work));
+    g_assert_cmpstr(told->str, ==, "");
+    safe_work_free(work);
+}
+
+/* The process that the daemon starts. */
+static int be_guardian(const char *rig) {
+    const char *behavior = g_getenv(BEHAVIOR);
+    if (g_strcmp0(behavior, "ends") == 0)
+        return 3;
+    while (g_strcmp0(behavior, "mute") == 0)
+        pause();
+    return guardian_main(rig);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 3 && strcmp(argv[1], "--guardian") == 0)
+        return be_guardian(argv[2]);
+    g_test_init(&argc, &argv, NULL);
+    g_log_set_always_fatal(G_LOG_LEVEL_ERROR | G_LOG_LEVEL_CRITICAL);
+    told = g_string_new(NULL);
+    g_log_set_writer_func(keep_log, NULL, NULL);
+    g_set_printerr_handler(keep_text);
+#define ADD(path, func, data)                                                                      \
+    g_test_add(path, struct fixture, GINT_TO_POINTER(data), set_up, func, tear_down)
+    ADD("/guardian/answers", test_answers, 0);
+    ADD("/guardian/replaced", test_replaced, 0);
+    ADD("/guardian/pauses", test_pauses, 0);
+    ADD("/guardian/not-started", test_not_started, 0);
+    ADD("/guardian/needed", test_needed, 0);
+    ADD("/guardian/end-between", test_end_between, 0);
+    ADD("/guardian/one-daemon", test_one_daemon, 0);
+    ADD("/guardian/gives-way", test_gives_way, FALSE);
+    ADD("/guardian/gives-way-frozen", test_gives_way, TRUE);
+    ADD("/guardian/taken-over", test_taken_over, 0);
+    ADD("/safe-work/told", test_told, 0);
+    ADD("/safe-work/crash", test_crash, 0);
+    ADD("/safe-work/quiet", test_quiet, 0);
+    const int code = g_test_run();
+    g_string_free(told, TRUE);
+    return code;
+}
