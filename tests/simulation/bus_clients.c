@@ -214,7 +214,8 @@ static void client_send(struct bus_clients *clients, struct client *client,
                                   .on = step->on,
                                   .for_s = takes_lease(method) ? step->for_s : INFINITY,
                                   .sent_us = clients_now_us(clients),
-                                  .answered_us = -1};
+                                  .answered_us = -1,
+                                  .deaf = client->deaf};
     g_array_append_val(clients->calls, call);
     clients->scene->bus_calls++;
     disk_say(&clients->scene->disk, "client %d calls %s %s%s", client->number, method,
@@ -243,6 +244,14 @@ static void client_flash(struct bus_clients *clients, const struct bus_step *ste
         client_show(clients, connection);
 }
 
+static void client_stop_reading(struct bus_clients *clients, struct client *client) {
+    client->deaf = TRUE;
+    for (guint i = 0; i < clients->calls->len; i++) {
+        struct bus_call *call = &g_array_index(clients->calls, struct bus_call, i);
+        call->deaf |= client->fd >= 0 && call->client == client->number && call->answered_us < 0;
+    }
+}
+
 void bus_clients_step(struct bus_clients *clients, const struct bus_step *step) {
     struct client *client = &clients->named[step->client];
     const gboolean calls = step->action == STEP_CALL || step->action == STEP_FLOOD;
@@ -260,7 +269,7 @@ void bus_clients_step(struct bus_clients *clients, const struct bus_step *step) 
         client_close(clients, client);
         break;
     case STEP_DEAF:
-        client->deaf = TRUE;
+        client_stop_reading(clients, client);
         break;
     case STEP_HEARS:
         client->deaf = FALSE;

@@ -22,7 +22,7 @@
 
 enum said { SAID_OFF, SAID_ON, SAID_UNSAFE };
 
-struct light {
+struct watched_light {
     const char *name;
     enum bus_method method; /* that switches it */
     int device, at;         /* at: its index in the world */
@@ -31,7 +31,7 @@ struct light {
     gint64 off_us;    /* since when it shines and is said to be off; −1: it does not, or is not */
 };
 
-struct moving {
+struct watched_axis {
     const char *name;
     int device;
     double deg;
@@ -49,8 +49,8 @@ struct bus_owners {
     GArray *wants;            /* of guint: calls that want light or motion */
     int released;             /* the last call that ended a safe state; −1: none */
     gint64 latched_us; /* since when SafeState has been answered and not released; −1: it is not */
-    struct light lights[4];
-    struct moving axes[4];
+    struct watched_light lights[4];
+    struct watched_axis axes[4];
 };
 
 static gint64 owners_now_us(const struct bus_owners *owners) {
@@ -82,14 +82,14 @@ struct bus_owners *bus_owners_new(struct scene *scene, const struct bus_schedule
         const enum bus_method method = i < 2 ? BUS_SET_LASER : BUS_SET_LAMP;
         const char *name = bus_schedule_device(method, i % 2);
         owners->lights[i] =
-            (struct light){.name = name,
+            (struct watched_light){.name = name,
                            .method = method,
                            .device = i % 2,
                            .at = i < 2 ? world_find_laser(owners->world, name)
                                        : world_find_lamp(owners->world, name),
                            .wanted_us = G_MININT64 / 2,
                            .off_us = -1};
-        owners->axes[i] = (struct moving){
+        owners->axes[i] = (struct watched_axis){
             .name = bus_schedule_device(BUS_MOVE_AXIS, i), .device = i, .wanted_us = G_MININT64 / 2};
     }
     return owners;
@@ -113,7 +113,7 @@ static gboolean is_unsafe(const char *health) {
 }
 
 /* All lamps are in one bank, which tells how many are on. */
-static enum said said_of(const struct bus_owners *owners, const struct light *light, int n_lit) {
+static enum said said_of(const struct bus_owners *owners, const struct watched_light *light, int n_lit) {
     const gboolean is_lamp = light->method == BUS_SET_LAMP;
     const char *health =
         health_of(owners, is_lamp ? "lamps" : "laser", is_lamp ? NULL : light->name);
@@ -198,7 +198,7 @@ static void take_calls(struct bus_owners *owners) {
         if (call->method == BUS_SAFE_STATE && call->ok && owners->released < (int)at &&
             owners->latched_us < 0)
             owners->latched_us = call->answered_us;
-        if (call->method == BUS_SAFE_STATE && owners->has_latch &&
+        if (call->method == BUS_SAFE_STATE && owners->has_latch && !call->deaf &&
             call->answered_us - call->sent_us > SAFE_ANSWER_US)
             scene_break(owners->scene, "answered", "SafeState is answered after %.3f s",
                         (double)(call->answered_us - call->sent_us) * 1e-6);
@@ -218,7 +218,7 @@ static gboolean is_wanted(const struct bus_owners *owners, gboolean moves, enum 
     return is_capturing(owners);
 }
 
-static gint64 dead_until_us(const struct bus_owners *owners, const struct light *light) {
+static gint64 dead_until_us(const struct bus_owners *owners, const struct watched_light *light) {
     const struct devices *devices = owners->bus->devices;
     if (!devices)
         return 0;
@@ -228,7 +228,7 @@ static gint64 dead_until_us(const struct bus_owners *owners, const struct light 
            g_get_monotonic_time() + owners_now_us(owners);
 }
 
-static void check_light(struct bus_owners *owners, struct light *light, int n_lit) {
+static void check_light(struct bus_owners *owners, struct watched_light *light, int n_lit) {
     struct scene *scene = owners->scene;
     const gint64 now = owners_now_us(owners);
     const enum said said = said_of(owners, light, n_lit);
@@ -254,7 +254,7 @@ static void check_light(struct bus_owners *owners, struct light *light, int n_li
                     (double)(now - dark) * 1e-6);
 }
 
-static void check_axis(struct bus_owners *owners, struct moving *axis, double deg) {
+static void check_axis(struct bus_owners *owners, struct watched_axis *axis, double deg) {
     struct scene *scene = owners->scene;
     const gint64 now = owners_now_us(owners);
     const gboolean moves = deg != axis->deg;
@@ -275,7 +275,7 @@ void bus_owners_look(struct bus_owners *owners) {
     world_snapshot(owners->world, g_get_monotonic_time(), 1, &state);
     take_calls(owners);
     for (int i = 0; i < 4; i++) {
-        struct light *light = &owners->lights[i];
+        struct watched_light *light = &owners->lights[i];
         const gboolean lit = light->method == BUS_SET_LASER ? state.laser_on[light->at]
                                                             : state.lamp_output[light->at] > 0;
         n_lamps += lit && light->method == BUS_SET_LAMP;
