@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define END       ".part"
@@ -76,8 +77,25 @@ gboolean new_file_write(int fd, const void *bytes, gsize n) {
     return TRUE;
 }
 
+gboolean new_file_reserve(const struct new_file *file, gsize n) {
+    if (fallocate(file->fd, 0, 0, (off_t)n) == 0)
+        return TRUE;
+    return (errno == EOPNOTSUPP || errno == ENOSYS) && ftruncate(file->fd, (off_t)n) == 0;
+}
+
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
     return new_file_write(file->fd, bytes, n);
+}
+
+/* A device, a pipe or a socket is never replaced. */
+static gboolean may_replace(const struct new_file *file) {
+    struct stat status;
+
+    if (fstatat(file->folder, file->name, &status, AT_SYMLINK_NOFOLLOW) != 0 ||
+        S_ISREG(status.st_mode) || S_ISLNK(status.st_mode) || S_ISDIR(status.st_mode))
+        return TRUE;
+    errno = EEXIST;
+    return FALSE;
 }
 
 gboolean new_file_commit(struct new_file *file, gboolean sync) {
@@ -87,7 +105,8 @@ gboolean new_file_commit(struct new_file *file, gboolean sync) {
         ok = close(file->fd) == 0;
         file->fd = -1;
     }
-    ok = ok && renameat(file->folder, file->beside, file->folder, file->name) == 0;
+    ok = ok && may_replace(file) &&
+         renameat(file->folder, file->beside, file->folder, file->name) == 0;
     if (!ok) {
         new_file_abandon(file);
         return FALSE;
@@ -105,6 +124,20 @@ void new_file_abandon(struct new_file *file) {
     new_file_clear(file);
 }
 
+/* A file, or the folder with a file of output_file.h. */
+static void remove_part(int folder, const char *name) {
+    if (unlinkat(folder, name, 0) == 0 || (errno != EISDIR && errno != EPERM))
+        return;
+    const int fd = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    DIR *dir = fd >= 0 ? fdopendir(fd) : NULL;
+
+    for (const struct dirent *entry; dir && (entry = readdir(dir));)
+        unlinkat(dirfd(dir), entry->d_name, 0);
+    if (dir)
+        closedir(dir);
+    unlinkat(folder, name, AT_REMOVEDIR);
+}
+
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix) {
     const int fd = open_folder(directory, folder, TRUE);
     DIR *dir = fd >= 0 ? fdopendir(fd) : NULL;
@@ -117,7 +150,7 @@ void new_file_remove_left(const char *directory, const char *folder, const char 
 
         if (g_str_has_prefix(name, prefix) && g_str_has_suffix(name, END) && n > end + 1 &&
             name[n - end - 1] == '.' && strspn(name + n - end, "0123456789abcdef") == DIGITS)
-            unlinkat(dirfd(dir), name, 0);
+            remove_part(dirfd(dir), name);
     }
     if (dir)
         closedir(dir);

@@ -1,7 +1,8 @@
 /*
  * Writes a file so that it appears under its name only when it is complete: it is written under a
- * unique name in the same folder and then renamed. Neither step follows a symbolic link. A killed
- * process leaves a file NAME.XXXXXXXX.part. Any thread.
+ * unique name in the same folder and then renamed. Neither step follows a symbolic link. A device,
+ * pipe or socket of that name is an error (EEXIST). A killed process leaves a file
+ * NAME.XXXXXXXX.part. A file that a user has named is written through output_file.h. Any thread.
  */
 #pragma once
 
@@ -19,6 +20,10 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
 /* Writes n bytes to a descriptor, in as many steps as that takes. FALSE: errno says why. */
 gboolean new_file_write(int fd, const void *bytes, gsize n);
 
+/* Makes the file that long and reserves its space, so that a full disk is an error now. Where the
+ * file system cannot reserve space, the file only gets its length. FALSE: errno says why. */
+gboolean new_file_reserve(const struct new_file *file, gsize n);
+
 /* Appends n bytes to the file. Returns FALSE and sets errno on failure. */
 gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 
@@ -27,6 +32,6 @@ gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n);
 gboolean new_file_commit(struct new_file *file, gboolean sync); /* FALSE: errno */
 void new_file_abandon(struct new_file *file);
 
-/* Removes, in a folder of directory, the .part files that killed processes left for names that
- * begin with prefix. No process may be writing such files. */
+/* Removes, in a folder of directory, the .part files and folders that killed processes left for
+ * names that begin with prefix. No process may be writing such files. */
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix);

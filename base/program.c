@@ -1,5 +1,12 @@
 #include "program.h"
 
+#include <locale.h>
+
+void program_set_locale(void) {
+    setlocale(LC_CTYPE, "");
+    setlocale(LC_COLLATE, "");
+}
+
 /* Looks beside this executable and in ../libexec/mesorig from there; NULL: neither has it. */
 static char *find_beside(const char *name, GFileTest test) {
     static const char *const places[] = {"", "../libexec/mesorig"};

@@ -12,4 +12,8 @@ char *program_find(const char *name, GError **error);
 /* The same for a shared object that this program loads; not in PATH. */
 char *program_find_module(const char *name, GError **error);
 
+/* Takes the user's character set and sort order. Numbers keep their decimal point in any locale: in
+ * files, in JSON and on the command line. At the begin of main(), instead of setlocale(). */
+void program_set_locale(void);
+
 G_END_DECLS

@@ -2,6 +2,7 @@
 #include "calibration.h"
 
 #include "base/input_file.h"
+#include "base/output_file.h"
 
 #include <gio/gio.h>
 #include <math.h>
@@ -152,8 +153,8 @@ gboolean calibration_write(const struct calibration *calibration, const char *pa
         g_prefix_error(error, "the calibration is not written, since it could not be read back: ");
         return FALSE;
     }
-    return g_file_set_contents_full(
-        path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
+    g_autofree char *whole = g_strconcat("# " OUTPUT_FILE_TEXT("calibration") "\n", text, NULL);
+    return output_file_write(path, whole, strlen(whole), error);
 }
 
 /* At most MAX_BYTES are read. */

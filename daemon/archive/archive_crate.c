@@ -3,6 +3,7 @@
 #include "archive.h"
 
 #include "base/json.h"
+#include "base/output_file.h"
 
 #include <string.h>
 
@@ -122,6 +123,7 @@ char *archive_crate(const struct archive *archive) {
     GVariantBuilder *descriptor = entity("ro-crate-metadata.json", "CreativeWork");
     add_reference(descriptor, "conformsTo", "https://w3id.org/ro/crate/1.1");
     add_reference(descriptor, "about", "./");
+    add_text(descriptor, "description", OUTPUT_FILE_TEXT("crate"));
     finish(&graph, descriptor);
     add_parts(&graph, &parts, archive);
     add_root(&graph, archive, g_variant_builder_end(&parts));

@@ -73,7 +73,9 @@ static gboolean calibrate_work(const struct work *work, gpointer data, GError **
         g_cancellable_set_error_if_cancelled(work->cancellable, error))
         return FALSE;
     keep_incomplete(job);
-    return calibration_write(job->calibration, calibrate_output, error);
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(job->to, calibration_write(job->calibration, path, error), error);
 }
 
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
@@ -87,14 +89,18 @@ int calibrate_run(const struct call *call, const struct calibrate_method *method
     job->frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
     job->rejected = g_ptr_array_new_with_free_func(g_free);
     job->incomplete = g_ptr_array_new_with_free_func(g_free);
-    const gboolean ok = cli_work_run(calibrate_work, job, &job->seconds, error);
+    job->to = cli_output(calibrate_output, "calibration", error);
+    const gboolean ok = job->to && cli_work_run(calibrate_work, job, &job->seconds, error);
     if (ok) {
         record_string(call->record, "file", calibrate_output);
         method->tell(call->record, job);
         record_strings(call->record, "incomplete", job->incomplete);
         for (guint i = 0; i < job->incomplete->len; i++)
             record_say(call->record, "  incomplete: %s\n", (char *)job->incomplete->pdata[i]);
+        if (calibrate_from || !method->adds) /* else it has what was there, and more */
+            cli_tell_output(call->record, job->to);
     }
+    g_clear_pointer(&job->to, output_file_free);
     calibration_free(job->calibration);
     g_clear_pointer(&job->frames, g_ptr_array_unref);
     g_clear_pointer(&job->rejected, g_ptr_array_unref);

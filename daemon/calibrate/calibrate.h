@@ -53,14 +53,16 @@ struct calibrate_job {
     GPtrArray *frames;               /* struct calibrate_frame *, the pictures that are used */
     GPtrArray *rejected;             /* char *, pictures or parts of them that are not, and why */
     GPtrArray *incomplete;           /* char *, sessions that lack shots, and how many */
+    OutputFile *to;                  /* the calibration file, and */
+    OutputFile *corners;             /* a further file of the subcommand, or NULL */
     const struct work *work;
     gint64 begun_us; /* of the work */
     double seconds;  /* which it took */
 };
 
 /* Runs a method with progress, writes the calibration to -o, and reports the result. Fills job,
- * and in the end frees what its members own. Returns an exit code: that of bad usage if -o is
- * missing. */
+ * and in the end frees what its members own. Before the work it refuses a -o that may not be
+ * replaced. Returns an exit code: that of bad usage if -o is missing. */
 int calibrate_run(const struct call *call, const struct calibrate_method *method,
                   struct calibrate_job *job, GError **error);
 

@@ -178,7 +178,9 @@ static gboolean write_corners(const struct job *job, GError **error) {
     g_autofree const struct cameras_residual **used =
         g_new0(const struct cameras_residual *, (gsize)n *(gsize)pictures + 1);
     g_autofree gboolean *is_used = g_new0(gboolean, pictures + 1);
-    g_autoptr(GString) text = g_string_new("# filename x y level\n");
+    /* A line with ## is a comment; the first one with # names the columns. */
+    g_autoptr(GString) text =
+        g_string_new("## " OUTPUT_FILE_TEXT("corners") "\n# filename x y level\n");
     for (guint i = 0; i < all->len; i++) {
         const struct cameras_residual *r = &g_array_index(all, struct cameras_residual, i);
         used[r->picture * n + r->corner] = r;
@@ -194,7 +196,7 @@ static gboolean write_corners(const struct job *job, GError **error) {
         else if (is_used[i / n])
             g_string_append_printf(text, "%s - - -\n", frame->path);
     }
-    return g_file_set_contents(corners_option, text->str, (gssize)text->len, error);
+    return output_file_put(job->base.corners, text->str, text->len, error);
 }
 
 static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **error) {
@@ -344,8 +346,11 @@ static int cli_calibrate_cameras_run(const struct call *call, GError **error) {
     if (lens_option && !rig_lens_by_name(lens_option, &job.lens))
         return cli_usage(call->command, "--lens %s: give polynomial, rational or fisheye",
                          lens_option);
+    if (corners_option && !(job.base.corners = cli_output(corners_option, "corners", error)))
+        return CLI_FAILED;
     job.pictures = g_array_new(FALSE, FALSE, sizeof(struct cameras_picture));
     const int code = calibrate_run(call, &method, &job.base, error);
+    output_file_free(job.base.corners);
     cameras_result_free(job.result);
     calibrate_video_free(job.video);
     g_array_unref(job.pictures);
@@ -362,5 +367,6 @@ const struct command calibrate_cameras = {
         "board: one flat on the turntable, others leaning. Without a turntable: one session for "
         "each position of the board, one of them flat.",
     .options = entries,
+    .writes = TRUE,
     .max = 64,
     .run = cli_calibrate_cameras_run};

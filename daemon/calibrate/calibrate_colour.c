@@ -57,6 +57,7 @@ const struct command calibrate_colour = {
                 "rig.calibration\n",
     .help = "Find the colour matrix of the cameras, from a captured and processed colour chart.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_calibrate_colour_run};

@@ -293,6 +293,7 @@ const struct command calibrate_laser = {
     .help = "Find out how the laser sheets lie and sweep, from "
             "sessions of flat plates of different height.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 64,
     .run = cli_calibrate_laser_run};

@@ -549,5 +549,6 @@ const struct command calibrate_lights = {
                 "  mesorig calibrate lights -i photos --ball 150,160,60 -o lights.lp\n",
     .help = "Find out where lamps and the arc's axis are, from a session of posts or of balls.",
     .options = entries,
+    .writes = TRUE,
     .max = 1,
     .run = cli_calibrate_lights_run};

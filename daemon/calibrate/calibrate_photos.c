@@ -37,6 +37,7 @@ struct job {
     int n_mean;
     GArray *lights; /* struct light */
     GPtrArray *rejected;
+    OutputFile *to;
 };
 
 static void clear_light(gpointer data) {
@@ -271,7 +272,7 @@ static gboolean write_lights(const struct job *job, GError **error) {
             text, "%s %s %s %s\n", light->name, g_ascii_formatd(x, sizeof x, "%.6f", d.x),
             g_ascii_formatd(y, sizeof y, "%.6f", d.y), g_ascii_formatd(z, sizeof z, "%.6f", d.z));
     }
-    return g_file_set_contents(calibrate_output, text->str, (gssize)text->len, error);
+    return output_file_put(job->to, text->str, text->len, error);
 }
 
 static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
@@ -372,9 +373,13 @@ int photos_calibrate(const struct call *call, GError **error) {
     job.rejected = g_ptr_array_new_with_free_func(g_free);
     job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
     g_array_set_clear_func(job.lights, clear_light);
-    const gboolean ok = cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
-    if (ok)
+    job.to = cli_output(calibrate_output, NULL, error); /* a list of lights has no comments */
+    const gboolean ok = job.to && cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
+    if (ok) {
         cli_calibrate_photos_tell(call->record, &job);
+        cli_tell_output(call->record, job.to);
+    }
+    output_file_free(job.to);
     g_clear_pointer(&job.names, g_ptr_array_unref);
     g_clear_pointer(&job.mean, picture_free);
     g_ptr_array_unref(job.rejected);

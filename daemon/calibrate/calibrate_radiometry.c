@@ -122,6 +122,7 @@ const struct command calibrate_radiometry = {
     .help = "Find the response of the cameras and the intensity of the lamps, from a session of a "
             "white tile.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_calibrate_radiometry_run};

@@ -397,12 +397,14 @@ static char *page(const struct calibration *calibration, const char *path) {
 static int cli_calibrate_report_run(const struct call *call, GError **error) {
     if (!output_option)
         return cli_usage(call->command, "no page to write is given: give -o FILE.html");
-    g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
+    g_autoptr(OutputFile) to = cli_output(output_option, "calibration report", error);
+    g_autoptr(Calibration) calibration = to ? calibration_read(call->arguments[0], error) : NULL;
     g_autofree char *text = calibration ? page(calibration, call->arguments[0]) : NULL;
-    if (!text || !g_file_set_contents(output_option, text, -1, error))
+    if (!text || !output_file_put(to, text, strlen(text), error))
         return CLI_FAILED;
     record_string(call->record, "file", output_option);
     record_say(call->record, "%s: look at it in a browser\n", output_option);
+    cli_tell_output(call->record, to);
     return CLI_DONE;
 }
 
@@ -412,6 +414,7 @@ const struct command calibrate_report = {
     .examples = "  mesorig calibrate report rig.calibration -o rig.html\n",
     .help = "Draw a calibration file as a page.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_calibrate_report_run};

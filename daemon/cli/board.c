@@ -30,7 +30,9 @@ static int cli_board_run(const struct call *call, GError **error) {
     if (!board_parse(&board, board_option, &bad))
         return cli_usage(call->command, "%s", bad->message);
     const struct board_drawing drawing = {margin_mm, pixels_a_mm};
-    if (!board_draw(&board, path, &drawing, error))
+    g_autoptr(OutputFile) to = cli_output(path, "board", error);
+    const char *written = to ? output_file_path(to, error) : NULL;
+    if (!written || !output_file_end(to, board_draw(&board, written, &drawing, error), error))
         return CLI_FAILED;
     const int corners = board_n_corners(&board);
     double size[2];
@@ -43,6 +45,7 @@ static int cli_board_run(const struct call *call, GError **error) {
                "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
                "measure it, and give what you measured:\n  --board %s\n",
                path, size[0], size[1], corners, spec);
+    cli_tell_output(call->record, to);
     return CLI_DONE;
 }
 
@@ -52,6 +55,7 @@ const struct command cli_board = {
     .examples = "  mesorig board board.pdf --board 8x8,square=9,marker=6.75,thickness=3\n",
     .help = "Draw a calibration board to print.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_board_run};

@@ -9,6 +9,8 @@
 #include "mdf/mdf_views.h"
 #include "session/session.h"
 
+static char *plot_option;
+
 /* Whether the folder holds views: it also exists without any, in a session of sweeps alone. */
 static gboolean check_has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
@@ -17,6 +19,12 @@ static gboolean check_has_views(const char *folder) {
         if (g_str_has_prefix(name, "view_"))
             return TRUE;
     return FALSE;
+}
+
+static gboolean check_draw(const struct check *check, GError **error) {
+    const char *path = output_file_path(check->plot, error);
+    return path &&
+           output_file_end(check->plot, plot_energy(path, check->btf, check->energy, error), error);
 }
 
 gboolean check_session(const struct work *work, gpointer data, GError **error) {
@@ -38,8 +46,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
-        if (!check->energy ||
-            (check->plot && !plot_energy(check->plot, check->btf, check->energy, error)) ||
+        if (!check->energy || (check->plot && !check_draw(check, error)) ||
             !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
         const struct btf_layout *layout = &check->btf->layout;
@@ -182,11 +189,12 @@ static void cli_check_tell(Record *to, const struct check *check) {
     record_strings(to, "suspicions", check->suspicions);
     for (guint i = 0; i < check->suspicions->len; i++)
         record_say(to, "suspect      %s\n", (char *)check->suspicions->pdata[i]);
-    if (check->plot && check->energy)
-        record_say(to, "plot         %s\n", check->plot);
+    if (check->plot && check->energy) {
+        record_say(to, "plot         %s\n", plot_option);
+        cli_tell_output(to, check->plot);
+    }
 }
 
-static char *plot_option;
 static int texel_option = -1;
 static gboolean strict;
 static const GOptionEntry entries[] = {
@@ -199,9 +207,13 @@ static const GOptionEntry entries[] = {
 };
 
 static int cli_check_run(const struct call *call, GError **error) {
-    struct check check = {call->arguments[0], plot_option, texel_option,
+    struct check check = {.path = call->arguments[0],
+                          .texel = texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
-    const gboolean ok = cli_work_run(check_session, &check, NULL, error);
+    g_autoptr(OutputFile) plot = NULL;
+    const gboolean ok =
+        (!plot_option || (plot = check.plot = cli_output(plot_option, "plot", error))) &&
+        cli_work_run(check_session, &check, NULL, error);
     const gboolean suspect = check.suspicions->len > 0;
     if (ok)
         cli_check_tell(call->record, &check);
@@ -217,6 +229,7 @@ const struct command cli_check = {
     .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
             "of views.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_check_run};

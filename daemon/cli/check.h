@@ -1,14 +1,16 @@
 /* Parts of “mesorig check”: its plot, and what may be wrong. */
 #pragma once
 
+#include "base/output_file.h"
 #include "btf/energy.h"
 #include "mdf/mdf_views.h"
 #include "pipeline/prediction_product.h"
 #include "plot.h"
 
 struct check {
-    const char *path, *plot; /* plot: NULL, or the picture to draw */
-    int texel;               /* the texel that is drawn; −1: the central one */
+    const char *path;
+    OutputFile *plot; /* NULL, or the picture to draw */
+    int texel;        /* the texel that is drawn; −1: the central one */
     /* found */
     struct btf_matrix *btf; /* NULL: there is none */
     struct energy *energy;

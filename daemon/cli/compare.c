@@ -14,13 +14,36 @@
 #define SERIES 24 /* characters of the longest name of a model */
 #define LABEL  14 /* and of the label of each size */
 
+static char *plot_option, *curve_option;
+
 struct compare {
-    const char *a, *b, *plot, *curve;
+    const char *a, *b;
+    OutputFile *plot; /* NULL: none */
     /* found */
     Material *of_a, *of_b;
     struct comparison *comparison;
     GArray *points;
 };
+
+static gboolean compare_draw(const struct compare *compare, GError **error) {
+    const char *path = output_file_path(compare->plot, error);
+    return path && output_file_end(compare->plot,
+                                   plot_comparison(path, material_info(compare->of_a),
+                                                   material_info(compare->of_b),
+                                                   compare->comparison, error),
+                                   error);
+}
+
+static gboolean compare_draw_curve(const struct compare *compare, const char *name,
+                                   GError **error) {
+    const char *path = output_file_path(compare->plot, error);
+    return path &&
+           output_file_end(compare->plot,
+                           plot_curve(path, name, (double)material_info(compare->of_a)->bytes,
+                                      &g_array_index(compare->points, struct plot_point, 0),
+                                      (int)compare->points->len, error),
+                           error);
+}
 
 static gboolean work_compare(const struct work *work, gpointer data, GError **error) {
     struct compare *compare = data;
@@ -29,10 +52,7 @@ static gboolean work_compare(const struct work *work, gpointer data, GError **er
     if (!compare->of_b)
         return FALSE;
     compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
-    return compare->comparison &&
-           (!compare->plot ||
-            plot_comparison(compare->plot, material_info(compare->of_a),
-                            material_info(compare->of_b), compare->comparison, error));
+    return compare->comparison && (!compare->plot || compare_draw(compare, error));
 }
 
 static gboolean work_curve(const struct work *work, gpointer data, GError **error) {
@@ -47,10 +67,7 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
         return FALSE;
     }
     compare->points = curve_measure(btf, work, error);
-    return compare->points &&
-           plot_curve(compare->curve, btf->name, (double)material_info(compare->of_a)->bytes,
-                      &g_array_index(compare->points, struct plot_point, 0),
-                      (int)compare->points->len, error);
+    return compare->points && compare_draw_curve(compare, btf->name, error);
 }
 
 static void cli_compare_add_sums(Record *to, const struct compare_sums *sums) {
@@ -151,13 +168,15 @@ static void cli_compare_tell(Record *to, const struct compare *compare) {
                                 c->views, c->n_views);
     cli_compare_tell_directions(to, "light", a->layout->lights.theta_deg, a->layout->lights.phi_deg,
                                 c->lights, c->n_lights);
-    if (compare->plot)
-        record_say(to, "\nplot       %s\n", compare->plot);
+    if (compare->plot) {
+        record_say(to, "\nplot       %s\n", plot_option);
+        cli_tell_output(to, compare->plot);
+    }
 }
 
 static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
     const double raw = (double)material_info(compare->of_a)->bytes;
-    record_string(to, "plot", compare->curve);
+    record_string(to, "plot", curve_option);
     record_begin_list(to, "points");
     for (guint i = 0; i < compare->points->len; i++) {
         const struct plot_point *point = &g_array_index(compare->points, struct plot_point, i);
@@ -176,7 +195,8 @@ static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
                    100 * point->error);
     }
     record_end(to);
-    record_say(to, "plot %s\n", compare->curve);
+    record_say(to, "plot %s\n", curve_option);
+    cli_tell_output(to, compare->plot);
 }
 
 /* Renderings of two materials. */
@@ -199,7 +219,6 @@ static int cli_compare_run_pictures(Record *to, const char *a, const char *b, GE
     return CLI_DONE;
 }
 
-static char *plot_option, *curve_option;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
      "Draw errors of views and lights into this .svg or .png", "FILE"},
@@ -219,7 +238,11 @@ static int cli_compare_run(const struct call *call, GError **error) {
                              "--plot draws the errors of materials; leave it out for pictures");
         return cli_compare_run_pictures(call->record, a, b, error);
     }
-    struct compare compare = {a, b, plot_option, curve_option};
+    const char *drawn = curve_option ? curve_option : plot_option;
+    g_autoptr(OutputFile) plot = NULL;
+    if (drawn && !(plot = cli_output(drawn, "plot", error)))
+        return CLI_FAILED;
+    struct compare compare = {a, b, plot};
     const gboolean ok =
         cli_work_run(curve_option ? work_curve : work_compare, &compare, NULL, error);
     if (ok)
@@ -238,6 +261,7 @@ const struct command cli_compare = {
                 "  mesorig compare weave.session --curve curve.svg\n",
     .help = "Compare two materials, or all models of one.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 2,
     .run = cli_compare_run};

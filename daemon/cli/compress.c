@@ -1,8 +1,6 @@
 /* compress: a BTF, encoded by one of the codecs. */
 #include "compress.h"
 
-#include "base/file_lock.h"
-#include "base/new_file.h"
 #include "btf/btf_checkpoint.h"
 #include "command/work.h"
 #include "plan/report.h"
@@ -16,9 +14,9 @@ struct compress {
     /* found */
     struct codec_result result;
     char *written;
+    OutputFile *to; /* of that name */
     int texels, views, lights;
     gint64 holes, bounds, raw_bytes, bytes, file_bytes;
-    gboolean replaces; /* a file that was there */
 };
 
 static gboolean cli_compress_encode(struct compress *compress, const struct btf_matrix *btf,
@@ -31,16 +29,20 @@ static gboolean cli_compress_encode(struct compress *compress, const struct btf_
                                   .options = asked->options,
                                   .memory = asked->memory,
                                   .work = work,
-                                  .checkpoint = codec->resumable ? checkpoint : NULL};
+                                  .checkpoint = checkpoint};
     GStatBuf status;
+    const char *path = NULL;
     if (!codec->encode(codec, &job, result, error) ||
-        !codec->write(compress->written, result->levels->pdata, (int)result->levels->len, error))
+        !(path = output_file_path(compress->to, error)))
         return FALSE;
+    const gboolean written =
+        codec->write(path, result->levels->pdata, (int)result->levels->len, error);
     for (guint i = 0; i < result->levels->len; i++)
         compress->bytes += codec->bytes(result->levels->pdata[i]);
-    if (g_stat(compress->written, &status) == 0)
+    if (written && g_stat(path, &status) == 0)
         compress->file_bytes = status.st_size;
-    return session_add_product_file(compress->written, asked->made_by, error);
+    return output_file_end(compress->to, written, error) &&
+           session_add_product_file(compress->written, asked->made_by, error);
 }
 
 /* The result, its figures and its file. */
@@ -62,12 +64,14 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     btf_checkpoint_begin(checkpoint, btf, inputs);
     if (checkpoint_note(checkpoint))
         g_printerr("%s\n", checkpoint_note(checkpoint));
-    const gboolean ok = cli_compress_encode(compress, btf, work, checkpoint, error);
+    const gboolean resumable = asked->method.codec->resumable && !output_file_streams(compress->to);
+    const gboolean ok =
+        cli_compress_encode(compress, btf, work, resumable ? checkpoint : NULL, error);
     if (ok)
         checkpoint_remove(checkpoint);
     else if (!g_cancellable_is_cancelled(work->cancellable))
         checkpoint_discard(checkpoint);
-    else if (asked->method.codec->resumable)
+    else if (resumable)
         g_prefix_error(error, "%s keeps the work done so far: ", path);
     btf_matrix_free(btf);
     return ok;
@@ -75,14 +79,8 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
 
 /* The file to write; NULL with an error if that cannot be written. */
 static char *cli_compress_output(const struct compress_asked *asked, GError **error) {
-    if (asked->output) {
-        g_autofree char *folder = g_path_get_dirname(asked->output);
-        if (g_access(folder, W_OK) == 0)
-            return g_strdup(asked->output);
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: files cannot be written into that folder",
-                    folder);
-        return NULL;
-    }
+    if (asked->output)
+        return g_strdup(asked->output);
     g_autofree char *directory = btf_matrix_session(asked->path);
     g_autofree char *name = g_strdup_printf("%s.exr", asked->method.name);
     g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
@@ -91,14 +89,11 @@ static char *cli_compress_output(const struct compress_asked *asked, GError **er
 
 static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
-    g_autofree char *lock_path = NULL;
     compress->written = cli_compress_output(compress->asked, error);
-    compress->replaces = compress->written && g_file_test(compress->written, G_FILE_TEST_EXISTS);
-    const int lock =
-        compress->written ? file_lock_take_output(compress->written, &lock_path, error) : -1;
-    const gboolean ok = lock >= 0 && compress_btf(compress, work, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    compress->to = compress->written
+                       ? cli_output_locked(compress->written, compress->asked->method.name, error)
+                       : NULL;
+    return compress->to && compress_btf(compress, work, error);
 }
 
 static void cli_compress_add_values(Record *to, const struct compress *compress, double seconds) {
@@ -144,8 +139,7 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
                    "disk\n",
                    100 * result->exact_error, result->grid ? "the grid and " : "", size,
                    (double)compress->raw_bytes / (double)compress->bytes, file);
-    if (compress->replaces)
-        record_say(to, "it replaces the file of that name; -o FILE keeps both\n");
+    cli_tell_output(to, compress->to);
     if (compress->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
@@ -175,6 +169,7 @@ static int cli_compress_run(const struct call *call, GError **error) {
     }
     g_clear_pointer(&compress.result.levels, g_ptr_array_unref);
     g_free(compress.written);
+    output_file_free(compress.to);
     compress_clear(&asked);
     return code;
 }
@@ -185,6 +180,7 @@ const struct command cli_compress = {.name = "compress",
                                                  "  mesorig compress weave.session -m ptm\n",
                                      .help = "Compress the BTF of a session, or its MDF.",
                                      .list_options = compress_entries,
+                                     .writes = TRUE,
                                      .streams = TRUE,
                                      .min = 1,
                                      .max = 1,

@@ -1,5 +1,4 @@
 /* compress --method=mdf: the distances of a session in fewer bytes. */
-#include "base/file_lock.h"
 #include "command/work.h"
 #include "compress.h"
 #include "plan/report.h"
@@ -10,6 +9,7 @@
 struct job {
     const struct compress_asked *asked;
     char *from;
+    OutputFile *to;
     /* found */
     struct mdf_codec_result result;
     char *what;
@@ -23,10 +23,13 @@ static gboolean cli_compress_mdf_work(const struct work *work, gpointer data, GE
     const struct compress_asked *asked = job->asked;
     struct mdf_table *table =
         session_check_product(job->from, error) ? mdf_table_read(job->from, error) : NULL;
-    if (!table)
+    const char *to = table ? output_file_path(job->to, error) : NULL;
+    if (!to) {
+        mdf_table_free(table);
         return FALSE;
+    }
     const struct mdf_codec_job encode = {.from = job->from,
-                                         .to = asked->output,
+                                         .to = to,
                                          .table = table,
                                          .n_measured = table->n_views,
                                          .options = asked->options,
@@ -35,11 +38,12 @@ static gboolean cli_compress_mdf_work(const struct work *work, gpointer data, GE
     job->height = table->height;
     job->n_measured = table->n_views;
     job->texel_mm = table->texel_mm;
-    const gboolean ok = asked->method.mdf->encode(&encode, &job->result, error) &&
-                        session_add_product_file(asked->output, asked->made_by, error);
+    const gboolean encoded = asked->method.mdf->encode(&encode, &job->result, error);
     GStatBuf status;
-    if (ok && g_stat(asked->output, &status) == 0)
+    if (encoded && g_stat(to, &status) == 0)
         job->file_bytes = status.st_size;
+    const gboolean ok = output_file_end(job->to, encoded, error) &&
+                        session_add_product_file(asked->output, asked->made_by, error);
     if (ok)
         job->what = asked->method.mdf->describe(&encode, &job->result);
     mdf_table_free(table);
@@ -73,6 +77,7 @@ static void cli_compress_mdf_tell(Record *to, const struct job *job, double seco
                job->asked->output, time, job->what, result->error_mm,
                result->error_mm / job->texel_mm, result->most_mm, size,
                (double)raw_bytes / (double)result->bytes, file);
+    cli_tell_output(to, job->to);
 }
 
 int compress_mdf(const struct compress_asked *asked, Record *to, GError **error) {
@@ -81,12 +86,11 @@ int compress_mdf(const struct compress_asked *asked, Record *to, GError **error)
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
-    g_autofree char *lock_path = NULL;
-    const int lock = file_lock_take_output(asked->output, &lock_path, error);
-    const gboolean ok = lock >= 0 && cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
-    file_lock_give(lock, lock_path);
+    job.to = cli_output_locked(asked->output, asked->method.mdf->kind, error);
+    const gboolean ok = job.to && cli_work_run(cli_compress_mdf_work, &job, &seconds, error);
     if (ok)
         cli_compress_mdf_tell(to, &job, seconds);
+    output_file_free(job.to);
     g_free(job.from);
     g_free(job.what);
     return ok ? CLI_DONE : CLI_FAILED;

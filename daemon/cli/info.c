@@ -429,18 +429,27 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
+static gboolean draw_history(const char *path, OutputFile *to, GError **error) {
+    g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    const char *written = session ? output_file_path(to, error) : NULL;
+    return written && output_file_end(to, history_draw(session, written, error), error);
+}
+
 static int cli_info_run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
         return cli_usage(call->command, "--history draws a session, and %s is none",
                          call->arguments[0]);
-    if (history_option) {
-        g_autoptr(Session) opened = session_open(path, SESSION_READ, error);
-        if (!opened || !history_draw(opened, history_option, error))
-            return CLI_FAILED;
-    }
-    return (session ? info_session : info_exr)(path, call->record, error) ? CLI_DONE : CLI_FAILED;
+    g_autoptr(OutputFile) drawing = NULL;
+    if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||
+                           !draw_history(path, drawing, error)))
+        return CLI_FAILED;
+    if (!(session ? info_session : info_exr)(path, call->record, error))
+        return CLI_FAILED;
+    if (drawing)
+        cli_tell_output(call->record, drawing);
+    return CLI_DONE;
 }
 
 const struct command cli_info = {.name = "info",
@@ -449,6 +458,7 @@ const struct command cli_info = {.name = "info",
                                              "  mesorig info weave.session --history course.svg\n",
                                  .help = "Show the contents of a session or an EXR.",
                                  .options = entries,
+                                 .writes = TRUE,
                                  .min = 1,
                                  .max = 1,
                                  .run = cli_info_run};

@@ -1,11 +1,10 @@
 /* mesorig: the command line. */
+#include "base/program.h"
 #include "bus/bus_errors.h"
 #include "commands.h"
 
-#include <locale.h>
-
 int main(int argc, char **argv) {
-    setlocale(LC_CTYPE, "");
+    program_set_locale();
     cli_print_readably();
     cli_check_output_at_exit();
     bus_errors_register();

@@ -97,8 +97,8 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
 }
 
 /* Draws --curve. */
-static gboolean plan_draw_curve(Record *to, const char *rig_path, const char *session,
-                                GError **error) {
+static gboolean plan_draw_curve(Record *to, OutputFile *file, const char *rig_path,
+                                const char *session, GError **error) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
@@ -140,11 +140,15 @@ static gboolean plan_draw_curve(Record *to, const char *rig_path, const char *se
              : g_strdup_printf("relative RMS error of all pictures, %d shots of lamps; no "
                                "particular material",
                                n);
-    if (!plot_times(curve, title, text, all_s / 60, drawn, (int)points->len, error))
+    const char *path = output_file_path(file, error);
+    if (!path ||
+        !output_file_end(
+            file, plot_times(path, title, text, all_s / 60, drawn, (int)points->len, error), error))
         return FALSE;
     record_string(to, "curve_file", curve);
     record_double(to, "all_lamps_s", all_s);
     record_say(to, "curve           %s\n", curve);
+    cli_tell_output(to, file);
     return TRUE;
 }
 
@@ -163,7 +167,9 @@ static int run_plan(const struct call *call, GError **error) {
                     "--like %s has an effect with --curve FILE only: give that, too", like);
         return CLI_FAILED;
     }
-    if (!plan_check_order(rig, session, error))
+    g_autoptr(OutputFile) drawing = NULL;
+    if ((curve && !(drawing = cli_output(curve, "plot", error))) ||
+        !plan_check_order(rig, session, error))
         return CLI_FAILED;
     g_autoptr(Link) link = offline ? NULL : link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
@@ -182,7 +188,8 @@ static int run_plan(const struct call *call, GError **error) {
     record_variants(call->record, report);
     record_string(call->record, "calibration", line);
     record_say(call->record, "%scalibration     %s\n", text, line);
-    return !curve || plan_draw_curve(call->record, rig, session, error) ? CLI_DONE : CLI_FAILED;
+    return !drawing || plan_draw_curve(call->record, drawing, rig, session, error) ? CLI_DONE
+                                                                                   : CLI_FAILED;
 }
 
 static int run_drivers(const struct call *call, GError **error) {
@@ -212,6 +219,7 @@ const struct command cli_plan = {.name = "plan",
                                  .help = "Check a session, and predict its order and time.",
                                  .options = entries,
                                  .daemon = TRUE,
+                                 .writes = TRUE,
                                  .min = 2,
                                  .max = 2,
                                  .run = run_plan};

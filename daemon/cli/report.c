@@ -7,6 +7,7 @@
 #include "history.h"
 
 #include <glib/gstdio.h>
+#include <string.h>
 #include <unistd.h>
 
 #define ASYMMETRY_WARN 0.05 /* RMS, of the mean over texels */
@@ -25,7 +26,8 @@ static const GOptionEntry entries[] = {
 
 struct report {
     const char *path;
-    struct archive *archive; /* found */
+    OutputFile *page, *crate; /* NULL: not asked for */
+    struct archive *archive;  /* found */
 };
 
 /* What `mesorig check` finds. */
@@ -96,28 +98,39 @@ static char *history(const char *path, GError **error) {
     return ret;
 }
 
-static gboolean write_files(const struct archive *archive, GError **error) {
-    if (output_option) {
+/* Refuses outputs before the work. */
+static gboolean choose_files(struct report *report, GError **error) {
+    g_autofree char *path = g_build_filename(report->path, "ro-crate-metadata.json", NULL);
+    if (output_option && !(report->page = cli_output(output_option, "report", error)))
+        return FALSE;
+    return !crate_option || (report->crate = cli_output(path, "crate", error));
+}
+
+static gboolean write_files(const struct report *report, GError **error) {
+    const struct archive *archive = report->archive;
+    if (report->page) {
         /* Imported sessions have no history. */
         g_autofree char *drawing = history(archive->path, NULL);
         g_autofree char *page = archive_page(archive, drawing);
-        if (!g_file_set_contents(output_option, page, -1, error))
+        if (!output_file_put(report->page, page, strlen(page), error))
             return FALSE;
     }
-    if (!crate_option)
+    if (!report->crate)
         return TRUE;
     g_autofree char *crate = archive_crate(archive);
-    g_autofree char *path = g_build_filename(archive->path, "ro-crate-metadata.json", NULL);
-    return g_file_set_contents(path, crate, -1, error);
+    return output_file_put(report->crate, crate, strlen(crate), error);
 }
 
 static int cli_report_run(const struct call *call, GError **error) {
     struct report report = {.path = call->arguments[0]};
     if (!output_option && !crate_option)
         return cli_usage(call->command, "there is nothing to write: give -o FILE.html or --crate");
-    const gboolean ok = cli_work_run(cli_report_work, &report, NULL, error);
+    const gboolean ok = choose_files(&report, error) &&
+                        cli_work_run(cli_report_work, &report, NULL, error) &&
+                        write_files(&report, error);
+    g_autoptr(OutputFile) page_file = report.page, crate_file = report.crate;
     g_autoptr(Archive) archive = report.archive;
-    if (!ok || !write_files(archive, error))
+    if (!ok)
         return CLI_FAILED;
     Record *to = call->record;
     const char *verdict = archive_verdict_name(archive_verdict(archive));
@@ -140,9 +153,11 @@ static int cli_report_run(const struct call *call, GError **error) {
     record_end(to);
     record_say(to, "%s: %u checks, all together: %s\n", archive->name, archive->checks->len,
                verdict);
-    if (output_option)
+    if (page_file) {
         record_say(to, "%s: look at it in a browser\n", output_option);
-    if (crate_option)
+        cli_tell_output(to, page_file);
+    }
+    if (crate_file)
         record_say(to, "%s/ro-crate-metadata.json: the folder can go to a repository of data\n",
                    archive->path);
     return CLI_DONE;
@@ -154,6 +169,7 @@ const struct command cli_report = {
     .examples = "  mesorig report weave.session -o weave.html\n",
     .help = "Write a session's report: a page to read, metadata for an archive.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = cli_report_run};

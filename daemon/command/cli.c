@@ -21,7 +21,7 @@ static const GOptionEntry json_entries[] = {
 
 static const GOptionEntry force_entries[] = {
     {"force", 0, 0, G_OPTION_ARG_NONE, &cli_force,
-     "Replace the output if it exists; other files of a folder stay", NULL},
+     "Replace an output that exists, whatever it is; other files of a folder stay", NULL},
     {NULL},
 };
 
@@ -50,7 +50,7 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
         ret[n++] = own;
     if (command->daemon)
         ret[n++] = link_entries;
-    if (command->exports)
+    if (command->writes)
         ret[n++] = force_entries;
     ret[n++] = json_entries;
     ret[n] = NULL;
@@ -174,12 +174,30 @@ static void put_err(const char *text) {
     cli_put(stderr, text);
 }
 
-gboolean cli_check_target(const char *path, GError **error) {
+OutputFile *cli_output(const char *path, const char *kind, GError **error) {
+    return output_file_new(path, kind, cli_force, error);
+}
+
+OutputFile *cli_output_locked(const char *path, const char *kind, GError **error) {
+    return output_file_new_locked(path, kind, cli_force, error);
+}
+
+void cli_tell_output(Record *to, const OutputFile *file) {
+    record_boolean(to, "replaced", output_file_note(file) != NULL);
+    if (output_file_note(file))
+        record_say(to, "%s\n", output_file_note(file));
+}
+
+gboolean cli_check_folder(const char *path, GError **error) {
     struct stat status;
-    if (cli_force || g_lstat(path, &status) != 0)
+    if (g_lstat(path, &status) != 0 || (cli_force && S_ISDIR(status.st_mode)))
         return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                "%s exists already: give another name with -o, or --force to replace it", path);
+    if (S_ISDIR(status.st_mode))
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                    "%s exists already: give another name, or --force to replace it", path);
+    else
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                    "%s exists already and is not a folder: give another name", path);
     return FALSE;
 }
 

@@ -1,6 +1,7 @@
 /* Options, errors, exit codes and JSON output, for all commands of the command line. */
 #pragma once
 
+#include "base/output_file.h"
 #include "record.h"
 
 enum { CLI_DONE = 0, CLI_FAILED = 1, CLI_USAGE = 2 };
@@ -22,9 +23,8 @@ struct command {
         void);        /* in place of options: made when they are asked for */
     gboolean daemon;  /* --address and --bus, too */
     gboolean streams; /* --json prints progress, too: an object a line, the result last */
-    gboolean
-        exports;  /* --force, too: cli_check_target() refuses an output that exists without it */
-    int min, max; /* number of positional arguments */
+    gboolean writes;  /* it writes a file that the user names, and has --force */
+    int min, max;     /* number of positional arguments */
 
     /* Returns an exit code and fills call->record. With an error set, cli_run() prints it, and the
      * exit code is CLI_FAILED. */
@@ -51,12 +51,18 @@ int cli_run_child(const struct command *parent, int argc, char **argv);
 
 extern gboolean cli_json;    /* --json was given */
 extern gboolean cli_streams; /* of the command that runs */
-extern gboolean cli_force;   /* --force was given: what is exported may replace what is there */
+extern gboolean cli_force;   /* --force was given: an output may replace what is there */
 
-/* Checks, before long work, that the output may be written. FALSE, with DATA_ERROR_EXISTS:
- * something already has its name, even if only a link that leads nowhere, and --force was not
- * given. */
-gboolean cli_check_target(const char *path, GError **error);
+/* output_file_new() with --force: call it before long work. */
+OutputFile *cli_output(const char *path, const char *kind, GError **error);
+/* The same with a lock: output_file_new_locked(). */
+OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
+/* Says whether the output has replaced a file. */
+void cli_tell_output(Record *to, const OutputFile *file);
+
+/* The same decision for a folder of several files: FALSE, with DATA_ERROR_EXISTS, if something has
+ * its name, even if only a link that leads nowhere, unless it is a folder and --force was given. */
+gboolean cli_check_folder(const char *path, GError **error);
 
 /* --address and --bus, for commands that talk to a daemon. */
 extern char *cli_address, *cli_bus;

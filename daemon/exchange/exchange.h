@@ -17,11 +17,20 @@ extern const struct command exchange_btf, exchange_points, exchange_height, exch
     exchange_web, exchange_maps, exchange_gltf, exchange_materialx, exchange_blender, exchange_bsdf,
     exchange_merl, exchange_ptm, exchange_relight;
 
-/* Checks -o: FALSE if it is missing, does not end as files of its format do, or exists without
- * --force. what: the plural of what is written, for instance "BTFs"; format: as in "Bonn's format";
- * end: with the dot; NULL: any. */
-gboolean exchange_check_output(const char *output, const char *what, const char *format,
-                               const char *end, GError **error);
+/* What an export writes. */
+struct exchange_format {
+    const char *what;   /* the plural of the product, for instance "BTFs" */
+    const char *format; /* as in "Bonn's format" */
+    const char *end;    /* of the file's name, with the dot; NULL: any */
+    const char *kind;   /* of output_file.h; NULL: the format has no room for it */
+};
+
+/* Checks -o: NULL if it is missing, does not end as files of its format do, or exists and may not
+ * be replaced (output_file.h). */
+OutputFile *exchange_output(const char *output, const struct exchange_format *format,
+                            GError **error);
+/* The same for a folder of several files; see cli_check_folder(). */
+gboolean exchange_check_folder(const char *output, GError **error);
 
 /* Reads --region: FALSE if the text is not X,Y,WIDTH,HEIGHT. */
 gboolean exchange_parse_region(const char *text, struct import_region *ret);

@@ -30,13 +30,18 @@ static const GOptionEntry merl_entries[] = {
 
 struct job {
     const char *material;
+    OutputFile *to;
     struct export_brdf_options options;
     struct export_brdf_result result;
 };
 
 static gboolean export_brdf_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return export_brdf(job->material, output, &job->options, work, &job->result, error);
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(
+               job->to, export_brdf(job->material, path, &job->options, work, &job->result, error),
+               error);
 }
 
 static gboolean export_brdf_texel(struct import_region *ret) {
@@ -58,10 +63,11 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
     if (texel && !export_brdf_texel(&job.options.region))
         return cli_usage(command, "--texel=%s: give X,Y, counted from 0", texel);
-    if (!exchange_check_output(output, "BRDFs",
-                               kind == BRDF_MERL ? "MERL's format" : "RGL's format",
-                               kind == BRDF_MERL ? ".binary" : ".bsdf", error) ||
-        !cli_work_run(export_brdf_work, &job, &seconds, error))
+    const struct exchange_format format = {"BRDFs",
+                                           kind == BRDF_MERL ? "MERL's format" : "RGL's format",
+                                           kind == BRDF_MERL ? ".binary" : ".bsdf", NULL};
+    g_autoptr(OutputFile) file = job.to = exchange_output(output, &format, error);
+    if (!file || !cli_work_run(export_brdf_work, &job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
     record_string(to, "file", output);
@@ -93,6 +99,7 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
     if (result->filled > 0)
         record_say(to, "%d pairs of view and light have no value and got the nearest light's\n",
                    result->filled);
+    cli_tell_output(to, file);
     return CLI_DONE;
 }
 
@@ -111,7 +118,7 @@ const struct command exchange_bsdf = {
     .options = bsdf_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_bsdf_run};
 const struct command exchange_merl = {
     .name = "export merl",
@@ -121,5 +128,5 @@ const struct command exchange_merl = {
     .options = merl_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_merl_run};

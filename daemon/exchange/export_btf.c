@@ -22,14 +22,19 @@ static const GOptionEntry entries[] = {
 
 struct job {
     const char *session;
+    OutputFile *to;
     enum bonn_kind kind;
     struct export_bonn_result result;
 };
 
 static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return export_bonn(job->session, output, job->kind, components ? components : COMPONENTS, work,
-                       &job->result, error);
+    const char *path = output_file_path(job->to, error);
+    return path && output_file_end(job->to,
+                                   export_bonn(job->session, path, job->kind,
+                                               components ? components : COMPONENTS, work,
+                                               &job->result, error),
+                                   error);
 }
 
 static int export_btf_run(const struct call *call, GError **error) {
@@ -43,8 +48,9 @@ static int export_btf_run(const struct call *call, GError **error) {
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
         return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
                          LPCA_MAX_COMPONENTS);
-    if (!exchange_check_output(output, "BTFs", "Bonn's format", ".btf", error) ||
-        !cli_work_run(work_btf, &job, &seconds, error))
+    static const struct exchange_format file_format = {"BTFs", "Bonn's format", ".btf", NULL};
+    g_autoptr(OutputFile) file = job.to = exchange_output(output, &file_format, error);
+    if (!file || !cli_work_run(work_btf, &job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
     record_string(to, "file", output);
@@ -60,6 +66,7 @@ static int export_btf_run(const struct call *call, GError **error) {
     if (result->error > 0)
         record_say(to, ", with an error of %.2f %%", 100 * result->error);
     record_say(to, "\n");
+    cli_tell_output(to, file);
     return CLI_DONE;
 }
 
@@ -71,5 +78,5 @@ const struct command exchange_btf = {.name = "export btf",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,
-                                     .exports = TRUE,
+                                     .writes = TRUE,
                                      .run = export_btf_run};

@@ -152,7 +152,9 @@ static int export_maps_job(const struct call *call, struct job *job, GError **er
         return CLI_FAILED;
     }
     const gboolean ok =
-        cli_check_target(output, error) && cli_work_run(work_maps, job, &seconds, error);
+        (job->kind == EXPORT_GLTF ? output_file_check(output, NULL, cli_force, error)
+                                  : cli_check_folder(output, error)) &&
+        cli_work_run(work_maps, job, &seconds, error);
     if (ok)
         export_maps_tell(job, seconds, call->record);
     maps_free(job->maps);
@@ -179,7 +181,9 @@ static int export_gltf_run(const struct call *call, GError **error) {
                          shape);
     g_autofree char *lower = output ? g_ascii_strdown(output, -1) : NULL;
     job.text = lower && g_str_has_suffix(lower, ".gltf");
-    if (output && !job.text && !exchange_check_output(output, "scenes", "glTF", ".glb", error))
+    static const struct exchange_format glb = {"scenes", "glTF", ".glb", NULL};
+    g_autoptr(OutputFile) file = NULL;
+    if (output && !job.text && !(file = exchange_output(output, &glb, error)))
         return CLI_FAILED;
     return export_maps_job(call, &job, error);
 }
@@ -202,7 +206,7 @@ const struct command exchange_maps = {
     .options = map_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_maps_run};
 const struct command exchange_gltf = {
     .name = "export gltf",
@@ -213,7 +217,7 @@ const struct command exchange_gltf = {
     .options = gltf_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_gltf_run};
 const struct command exchange_materialx = {
     .name = "export materialx",
@@ -223,7 +227,7 @@ const struct command exchange_materialx = {
     .options = folder_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_materialx_run};
 const struct command exchange_blender = {
     .name = "export blender",
@@ -233,5 +237,5 @@ const struct command exchange_blender = {
     .options = folder_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_blender_run};

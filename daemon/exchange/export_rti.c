@@ -28,13 +28,17 @@ static const GOptionEntry relight_entries[] = {
 
 struct job {
     const char *session;
+    OutputFile *to; /* NULL: a folder */
     struct export_rti_options options;
     struct export_rti_result result;
 };
 
 static gboolean export_rti_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return export_rti(job->session, output, &job->options, work, &job->result, error);
+    const char *path = job->to ? output_file_path(job->to, error) : output;
+    const gboolean ok =
+        path && export_rti(job->session, path, &job->options, work, &job->result, error);
+    return path && (job->to ? output_file_end(job->to, ok, error) : ok);
 }
 
 static int export_rti_run(const struct call *call, enum export_rti_kind kind, GError **error) {
@@ -50,8 +54,10 @@ static int export_rti_run(const struct call *call, enum export_rti_kind kind, GE
         return cli_usage(call->command, "there is no --format=%s; choose from: lrgb, rgb", format);
     if (view < -1)
         return cli_usage(call->command, "--view=%d is out of range: 0 or more", view);
-    if (!exchange_check_output(output, "PTMs", "their own format",
-                               kind == EXPORT_PTM ? ".ptm" : NULL, error) ||
+    static const struct exchange_format ptm = {"PTMs", "their own format", ".ptm", NULL};
+    g_autoptr(OutputFile) file = NULL;
+    if (!(kind == EXPORT_PTM ? (file = job.to = exchange_output(output, &ptm, error)) != NULL
+                             : exchange_check_folder(output, error)) ||
         !cli_work_run(export_rti_work, &job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
@@ -73,6 +79,8 @@ static int export_rti_run(const struct call *call, enum export_rti_kind kind, GE
     if (result->clipped > 0)
         record_say(to, "%" G_GINT64_FORMAT " values are brighter than white, which viewers clip\n",
                    result->clipped);
+    if (file)
+        cli_tell_output(to, file);
     return CLI_DONE;
 }
 
@@ -91,7 +99,7 @@ const struct command exchange_ptm = {
     .options = ptm_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_ptm_run};
 const struct command exchange_relight = {
     .name = "export relight",
@@ -101,5 +109,5 @@ const struct command exchange_relight = {
     .options = relight_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_relight_run};

@@ -26,6 +26,7 @@ static const GOptionEntry map_entries[] = {
 
 struct job {
     const char *session;
+    OutputFile *to;
     struct export_surface_options options;
     struct export_surface_result surface;
     struct fit_normals_result fit;
@@ -33,13 +34,22 @@ struct job {
 
 static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return export_surface(job->session, output, &job->options, work, &job->surface, error);
+    const char *path = output_file_path(job->to, error);
+    return path && output_file_end(job->to,
+                                   export_surface(job->session, path, &job->options, work,
+                                                  &job->surface, error),
+                                   error);
 }
 
 static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return fit_normals(job->session, output, job->options.what == EXPORT_HEIGHT,
-                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work, &job->fit, error);
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(job->to,
+                           fit_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
+                                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work,
+                                       &job->fit, error),
+                           error);
 }
 
 /* Exports the surface from how brightness depends on the light, if no laser has measured it. */
@@ -70,19 +80,26 @@ static int export_by_fit(const struct call *call, struct job *job, GError **erro
                    "; %d are in shadow or shine under more than a quarter of the lights they "
                    "face, and are less certain\n",
                    result->shadowed);
+    cli_tell_output(to, job->to);
     return CLI_DONE;
 }
+
+/* In the order of enum export_surface. */
+static const struct exchange_format formats[] = {{"points", "PLY", ".ply", "points"},
+                                                 {"maps", "OpenEXR", ".exr", "height"},
+                                                 {"maps", "OpenEXR", ".exr", "normals"}};
 
 static int export_shape(const struct call *call, enum export_surface what, GError **error) {
     struct job job = {.session = call->arguments[0]};
     const struct export_surface_result *result = &job.surface;
-    Record *to = call->record;
+    Record *record = call->record;
     double seconds = 0;
     if (least_views < 0 || least_views > 255)
         return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
-    if (!(what == EXPORT_POINTS ? exchange_check_output(output, "points", "PLY", ".ply", error)
-                                : exchange_check_output(output, "maps", "OpenEXR", ".exr", error)))
+    g_autoptr(OutputFile) to = exchange_output(output, &formats[what], error);
+    if (!to)
         return CLI_FAILED;
+    job.to = to;
     job.options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
     if (what != EXPORT_POINTS && fit_normals_applies(job.session))
@@ -94,24 +111,25 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
                          job.session);
     if (!cli_work_run(work_surface, &job, &seconds, error))
         return CLI_FAILED;
-    record_string(to, "file", output);
-    record_int(to, "views", result->n_views);
-    record_int(to, "seen", result->seen);
-    record_int(to, "points", result->points);
-    record_int(to, "holes", result->holes);
-    record_int(to, "stacked", result->stacked);
-    record_double(to, "real_s", seconds);
+    record_string(record, "file", output);
+    record_int(record, "views", result->n_views);
+    record_int(record, "seen", result->seen);
+    record_int(record, "points", result->points);
+    record_int(record, "holes", result->holes);
+    record_int(record, "stacked", result->stacked);
+    record_double(record, "real_s", seconds);
     if (what == EXPORT_POINTS)
-        record_say(to,
+        record_say(record,
                    "%s: %" G_GINT64_FORMAT " points; %d views saw %" G_GINT64_FORMAT
                    ", and points that several views saw were merged into one\n",
                    output, result->points, result->n_views, result->seen);
     else
-        record_say(to,
+        record_say(record,
                    "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "
                    "structure below structure\n",
                    output, result->points, result->texels, result->n_views, result->holes,
                    result->stacked);
+    cli_tell_output(record, to);
     return CLI_DONE;
 }
 
@@ -135,7 +153,7 @@ const struct command exchange_points = {
     .options = point_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_points_run};
 const struct command exchange_height = {
     .name = "export height",
@@ -146,7 +164,7 @@ const struct command exchange_height = {
     .options = map_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_height_run};
 const struct command exchange_normals = {
     .name = "export normals",
@@ -157,5 +175,5 @@ const struct command exchange_normals = {
     .options = map_entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_normals_run};

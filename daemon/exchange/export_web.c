@@ -22,34 +22,35 @@ static const struct option bytes = {
 
 struct job {
     struct webgl_export asked;
+    OutputFile *to;
     struct webgl_export_result result;
 };
 
 static gboolean work_web(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return webgl_export(&job->asked, work, &job->result, error);
+    job->asked.output = output_file_path(job->to, error);
+    return job->asked.output &&
+           output_file_end(job->to, webgl_export(&job->asked, work, &job->result, error), error);
 }
 
-static gboolean export_web_is_named(const char *name, GError **error) {
+static OutputFile *export_web_output(const char *name, GError **error) {
     g_autofree char *lower = name ? g_ascii_strdown(name, -1) : NULL;
-    return exchange_check_output(name, "pages", "HTML and materials for three.js as .mesoweb",
-                                 lower && g_str_has_suffix(lower, ".mesoweb") ? NULL : ".html",
-                                 error);
+    const gboolean page = !lower || !g_str_has_suffix(lower, ".mesoweb");
+    const struct exchange_format format = {"pages", "HTML and materials for three.js as .mesoweb",
+                                           page ? ".html" : NULL, page ? "material" : NULL};
+    return exchange_output(name, &format, error);
 }
 
 static int export_web_run(const struct call *call, GError **error) {
-    struct job job = {.asked = {.path = call->arguments[0],
-                                .mdf = mdf,
-                                .output = output,
-                                .replace = cli_force,
-                                .size = WEBGL_EXPORT_SIZE}};
+    struct job job = {.asked = {.path = call->arguments[0], .mdf = mdf, .size = WEBGL_EXPORT_SIZE}};
     const struct webgl_export_result *result = &job.result;
     Record *to = call->record;
     double seconds = 0;
     g_autoptr(GError) unfit = NULL;
     if (size && !options_set(&bytes, size, &job.asked, &unfit))
         return cli_usage(call->command, "--size: %s", unfit->message);
-    if (!export_web_is_named(output, error) || !cli_work_run(work_web, &job, &seconds, error))
+    g_autoptr(OutputFile) file = job.to = export_web_output(output, error);
+    if (!file || !cli_work_run(work_web, &job, &seconds, error))
         return CLI_FAILED;
     g_autofree char *time = report_duration(seconds);
     g_autofree char *taken = g_format_size((guint64)result->bytes);
@@ -69,6 +70,7 @@ static int export_web_run(const struct call *call, GError **error) {
                PLURAL(result->components, "component"), result->grid, taken, time);
     if (result->mdf_terms == 0)
         record_say(to, "There is no mdf.exr: the page is without silhouettes of the structure.\n");
+    cli_tell_output(to, file);
     return CLI_DONE;
 }
 
@@ -80,5 +82,5 @@ const struct command exchange_web = {
     .options = entries,
     .min = 1,
     .max = 1,
-    .exports = TRUE,
+    .writes = TRUE,
     .run = export_web_run};

@@ -1,19 +1,28 @@
 /* export: the products of a session, for other programs. */
 #include "exchange.h"
 
-gboolean exchange_check_output(const char *output, const char *what, const char *format,
-                               const char *end, GError **error) {
-    if (output == NULL) {
+static gboolean exchange_has_output(const char *output, GError **error) {
+    if (output == NULL)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                     "no file to write is given: give -o FILE");
-        return FALSE;
-    }
+    return output != NULL;
+}
+
+OutputFile *exchange_output(const char *output, const struct exchange_format *format,
+                            GError **error) {
+    if (!exchange_has_output(output, error))
+        return NULL;
     g_autofree char *lower = g_ascii_strdown(output, -1);
-    if (end == NULL || g_str_has_suffix(lower, end))
-        return cli_check_target(output, error);
+    if (format->end == NULL || g_str_has_suffix(lower, format->end))
+        return cli_output(output, format->kind, error);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_FILENAME,
-                "%s: %s are written as %s; give a name that ends in %s", output, what, format, end);
-    return FALSE;
+                "%s: %s are written as %s; give a name that ends in %s", output, format->what,
+                format->format, format->end);
+    return NULL;
+}
+
+gboolean exchange_check_folder(const char *output, GError **error) {
+    return exchange_has_output(output, error) && cli_check_folder(output, error);
 }
 
 static const struct command *const commands[] = {&exchange_btf,     &exchange_points,

@@ -87,15 +87,10 @@ static gboolean parse_grid(struct session_grid *ret) {
 
 /* Writes the file of nominal values that -o names, which must not exist. */
 static int write_template(const struct call *call, GError **error) {
-    g_autofree char *text = nominal_template(call->arguments[0], error);
-    if (!text)
-        return CLI_FAILED;
-    if (g_file_test(output, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_EXIST,
-                    "%s: exists already; take another name", output);
-        return CLI_FAILED;
-    }
-    if (!g_file_set_contents(output, text, -1, error))
+    /* An existing file may have values that somebody has filled in. */
+    g_autoptr(OutputFile) to = cli_output(output, NULL, error);
+    g_autofree char *text = to ? nominal_template(call->arguments[0], error) : NULL;
+    if (!text || !output_file_put(to, text, strlen(text), error))
         return CLI_FAILED;
     record_string(call->record, "file", output);
     record_say(call->record,
@@ -149,6 +144,7 @@ const struct command exchange_import_poses = {
     .examples = "  mesorig import poses poses.csv -c nominal.conf -s 36x36 -o print.session\n",
     .help = "Make a session of pictures with a table of poses.",
     .options = entries,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = import_poses_run};

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "base/output_file.h"
 #include "base/png_bytes.h"
 #include "capture/thumbnail.h"
 #include "exr/exr.h"
@@ -94,7 +95,7 @@ static gboolean write_png(const char *path, const Frame *frame, GError **error) 
     thumbnail_make_sized(frame, G_MAXINT16, &width, &height, &rgb);
     g_autoptr(GBytes) png = png_bytes(rgb, width, height, error);
     const char *bytes = png ? g_bytes_get_data(png, &length) : NULL;
-    return png && g_file_set_contents(path, bytes, (gssize)length, error);
+    return png && output_file_write(path, bytes, length, error);
 }
 
 static gboolean write_exr(const char *path, const char *camera, const Frame *frame,
@@ -102,6 +103,7 @@ static gboolean write_exr(const char *path, const char *camera, const Frame *fra
     static const char *const channels[] = {"Y", NULL};
     struct exr_part *part = exr_part_new("frame", frame->width, frame->height, channels, EXR_FLOAT);
     g_autoptr(ExrFile) file = exr_file_new();
+    exr_set_string(part, "mesorig.kind", "snap");
     exr_set_string(part, "mesorig.camera", camera);
     exr_set_string(part, "mesorig.cfa", cfa_name(frame->cfa));
     exr_set_double(part, "mesorig.exposure_us", (double)frame->exposure_us);

@@ -68,14 +68,21 @@ static void show(const Frame *frame, enum picture_way way) {
     fputs(text, stdout); /* past g_print(), which replaces control characters */
 }
 
+static gboolean snap_write(OutputFile *to, const char *camera, const Frame *frame, GError **error) {
+    const char *path = output_file_path(to, error);
+    return path && output_file_end(to, picture_write(path, camera, frame, error), error);
+}
+
 static int run_snap(const struct call *call, GError **error) {
     const char *camera = call->arguments[0];
+    g_autoptr(OutputFile) to = NULL;
+    if (output && !(to = cli_output(output, "snap", error)))
+        return CLI_FAILED;
     g_autoptr(Link) link = look_begin(call, error);
     if (!link)
         return error && *error ? CLI_FAILED : CLI_USAGE;
     g_autoptr(Frame) frame = hand_snap(link, camera, exposure_us, 0, error);
-    if (!frame || !set_lights(link, FALSE, error) ||
-        (output && !picture_write(output, camera, frame, error)))
+    if (!frame || !set_lights(link, FALSE, error) || (to && !snap_write(to, camera, frame, error)))
         return CLI_FAILED;
     const struct picture_report report = picture_report(frame);
     if (!cli_json)
@@ -88,6 +95,7 @@ static int run_snap(const struct call *call, GError **error) {
         record_string(call->record, "file", output);
         record_say(call->record, "%s%s\n", output,
                    halved ? ": a pixel for each 2 × 2 of the colour filter" : "");
+        cli_tell_output(call->record, to);
     }
     return CLI_DONE;
 }
@@ -146,6 +154,7 @@ const struct command hands_snap = {
         "sharp it is. Nothing may be captured meanwhile.",
     .options = snap_entries,
     .daemon = TRUE,
+    .writes = TRUE,
     .min = 1,
     .max = 1,
     .run = run_snap};

@@ -1,14 +1,12 @@
 /* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
  */
-#include "base/data_error.h"
-#include "base/file_lock.h"
 #include "base/json.h"
 #include "base/nearest.h"
+#include "base/output_file.h"
 #include "lpca/lpca.h"
 #include "session/session.h"
 #include "team.h"
 
-#include <glib/gstdio.h>
 #include <mpi.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,7 +14,7 @@
 
 static int clusters = 32, components = 8, threads;
 static char *quantise_option, *colours_option, *output;
-static gboolean json, help, version;
+static gboolean json, help, version, force;
 static const GOptionEntry entries[] = {
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters of texels: 1 … 1024 (32)", "K"},
     {"components", 0, 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
@@ -28,6 +26,8 @@ static const GOptionEntry entries[] = {
      "rgb|log"},
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
+     NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {"help", 'h', 0, G_OPTION_ARG_NONE, &help, "Show help options", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
@@ -76,7 +76,17 @@ static void mpi_compress_report(const struct lpca *lpca, const struct team *team
     printf("%s\n", text);
 }
 
-static gboolean mpi_compress_compress(const char *path, const struct team *team,
+static gboolean mpi_compress_write(OutputFile *to, const struct lpca *lpca, GError **error) {
+    const char *path = output_file_path(to, error);
+    if (!path || !output_file_end(to, lpca_write(path, lpca, error), error) ||
+        !session_add_product_file(output, "compress", error))
+        return FALSE;
+    output_file_say(to, "mesorig-compress-mpi");
+    return TRUE;
+}
+
+/* to: of the first rank. */
+static gboolean mpi_compress_compress(const char *path, const struct team *team, OutputFile *to,
                                       enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
     struct lpca_options options = {
@@ -93,8 +103,7 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         const double exact = lpca->error;
         lpca_quantise(lpca, quantise);
         ok = lpca_error_shared(lpca, btf, &options, error) &&
-             (team->rank != 0 || (lpca_write(output, lpca, error) &&
-                                  session_add_product_file(output, "compress", error)));
+             (team->rank != 0 || mpi_compress_write(to, lpca, error));
         if (ok && team->rank == 0)
             mpi_compress_report(lpca, team, exact, MPI_Wtime() - begun);
     }
@@ -106,18 +115,10 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
  * of them; the kernel gives its lock back. */
 static gboolean mpi_compress_locked(const char *path, const struct team *team,
                                     enum lpca_quantise quantise, GError **error) {
-    g_autofree char *directory = g_path_get_dirname(output), *lock_path = NULL;
-    int lock = -1;
-    if (team->rank == 0) {
-        if (g_access(directory, W_OK) != 0)
-            return data_error_fail(directory, 0, error, "files cannot be written into that folder");
-        lock = file_lock_take_output(output, &lock_path, error);
-        if (lock < 0)
-            return FALSE;
-    }
-    const gboolean ok = mpi_compress_compress(path, team, quantise, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    g_autoptr(OutputFile) to = NULL;
+    if (team->rank == 0 && !(to = output_file_new_locked(output, "lpca", force, error)))
+        return FALSE;
+    return mpi_compress_compress(path, team, to, quantise, error);
 }
 
 /* The launcher gives each process its rank in the environment; -1 if there is none. */

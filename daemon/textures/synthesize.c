@@ -3,7 +3,6 @@
 
 #include <stdio.h>
 
-#include "base/file_lock.h"
 #include "command/work.h"
 #include "plan/report.h"
 #include "session/session.h"
@@ -34,6 +33,7 @@ struct job {
     struct synthesis_options options;
     struct synthesis_result result;
     struct index_map *map;
+    OutputFile *to; /* written */
 };
 
 /* The file to write: with the session's lock, if it is among its products. */
@@ -51,7 +51,8 @@ static gboolean synthesize_write(struct job *job, const struct work *work, GErro
         g_strdup_printf("synthesize --size %dx%d --method %s --seed %u", o->width, o->height,
                         synthesis_names[o->method], o->seed);
     job->map = synthesis_of_session(job->session, MEMORY, o, work, &job->result, error);
-    return job->map && index_map_write(job->written, job->map, error) &&
+    const char *path = job->map ? output_file_path(job->to, error) : NULL;
+    return path && output_file_end(job->to, index_map_write(path, job->map, error), error) &&
            session_add_product_file(
                job->written, o->method == SYNTHESIS_TILEABLE ? "synthesize --tileable" : made_by,
                error);
@@ -59,12 +60,9 @@ static gboolean synthesize_write(struct job *job, const struct work *work, GErro
 
 static gboolean synthesize_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    g_autofree char *lock_path = NULL;
     job->written = synthesize_output(job->session, error);
-    const int lock = job->written ? file_lock_take_output(job->written, &lock_path, error) : -1;
-    const gboolean ok = lock >= 0 && synthesize_write(job, work, error);
-    file_lock_give(lock, lock_path);
-    return ok;
+    job->to = job->written ? cli_output_locked(job->written, "index", error) : NULL;
+    return job->to && synthesize_write(job, work, error);
 }
 
 static void synthesize_tell(Record *to, const struct job *job, double seconds) {
@@ -104,6 +102,7 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
             "neighbours in the sample\n",
             100.0 * seams->seams / seams->pairs, seams->seam / seams->inside);
     record_double(to, "real_s", seconds);
+    cli_tell_output(to, job->to);
 }
 
 /* FALSE: *ret_code. */
@@ -150,6 +149,7 @@ static int synthesize_run(const struct call *call, GError **error) {
         synthesize_tell(call->record, &job, seconds);
     index_map_free(job.map);
     g_free(job.written);
+    output_file_free(job.to);
     return code;
 }
 
@@ -160,6 +160,7 @@ const struct command textures_synthesize = {
                 "  mesorig synthesize weave.session --tileable -o tile.exr\n",
     .help = "Make a larger material from a sample, as a map of its texels.",
     .options = entries,
+    .writes = TRUE,
     .streams = TRUE,
     .min = 1,
     .max = 1,

@@ -88,8 +88,7 @@ static gboolean put_chunks(BonnWriter *writer, GError **error) {
     const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
     const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
-    errno = posix_fallocate(writer->output.file.fd, 0, (off_t)size);
-    if (errno != 0)
+    if (!new_file_reserve(&writer->output.file, size))
         return bonn_write_fail_errno(writer->output.path, error);
     for (gsize i = 0; i < n_chunks; i++) {
         const gsize n = MIN(writer->per_chunk, stored - i * writer->per_chunk);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/output_file.h"
 #include "exr/exr.h"
 #include "surface_points.h"
 
@@ -104,14 +105,16 @@ static gboolean write_points(const struct surface *surface, const char *file, in
         ret->points++;
     }
     g_autofree char *head = g_strdup_printf(
-        "ply\nformat binary_little_endian 1.0\ncomment mesorig " MESORIG_VERSION
-        ", mm, z from the turntable\nelement vertex %" G_GINT64_FORMAT
-        "\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
-        "property float ny\nproperty float nz\nproperty float spread\nproperty uchar views\n"
-        "end_header\n",
+        "ply\nformat binary_little_endian 1.0\ncomment " OUTPUT_FILE_TEXT(
+            "points") "\ncomment mesorig " MESORIG_VERSION
+                      ", mm, z from the turntable\nelement vertex %" G_GINT64_FORMAT
+                      "\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+                      "property float ny\nproperty float nz\nproperty float spread\nproperty uchar "
+                      "views\n"
+                      "end_header\n",
         ret->points);
     g_byte_array_prepend(body, (const guint8 *)head, (guint)strlen(head));
-    return g_file_set_contents(file, (const char *)body->data, (gssize)body->len, error);
+    return output_file_write(file, body->data, body->len, error);
 }
 
 /* The points above one texel. */

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/output_file.h"
 #include "btf/btf.h"
 #include "eigenmaps/eigenmaps.h"
 #include "exr/exr.h"
@@ -60,8 +61,11 @@ static void remove_tree(const char *path) {
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error) {
     session_close(session);
-    if (good && renameat2(AT_FDCWD, place->session, AT_FDCWD, place->path, RENAME_NOREPLACE) != 0)
-        good = import_fail_errno(place->path, error);
+    if (good && !output_file_move_folder(place->session, place->path, error)) {
+        g_rmdir(place->folder); /* unless the session had to stay there */
+        g_clear_pointer(&place->folder, g_free);
+        good = FALSE;
+    }
     if (place->folder)
         remove_tree(place->folder);
     g_free(place->folder);

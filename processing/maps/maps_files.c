@@ -8,6 +8,7 @@
 
 #include "base/data_error.h"
 #include "base/new_file.h"
+#include "base/output_file.h"
 
 struct maps_file {
     char *name;
@@ -41,7 +42,7 @@ void maps_files_take_text(MapsFiles *files, char *name, GString *text) {
 
 static gboolean maps_files_exists(const char *path, GError **error) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                "%s exists already: give another name with -o, or --force", path);
+                "%s exists already: give another name, or --force to replace it", path);
     return FALSE;
 }
 
@@ -78,6 +79,16 @@ static gboolean maps_files_write_one(const struct maps_file *file, const char *f
     return FALSE;
 }
 
+/* A file in a folder of the user's. */
+static gboolean maps_files_write_output(const struct maps_file *file, const char *folder,
+                                        gboolean replace, GError **error) {
+    g_autofree char *path = g_build_filename(folder, file->name, NULL);
+    g_autoptr(OutputFile) to = output_file_new(path, NULL, replace, error);
+    gsize size;
+    const void *data = g_bytes_get_data(file->bytes, &size);
+    return to && output_file_put(to, data, size, error);
+}
+
 static void maps_files_remove(const MapsFiles *files, guint first, const char *folder) {
     for (guint i = first; i < files->len; i++) {
         const struct maps_file *file = files->pdata[i];
@@ -89,8 +100,8 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
 /* Into a folder that is there; without one, errno is set. */
 static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
     for (guint i = 0; i < files->len; i++)
-        if (!maps_files_write_one(files->pdata[i], path))
-            return maps_files_io(path, errno ? errno : EIO, error);
+        if (!maps_files_write_output(files->pdata[i], path, TRUE, error))
+            return FALSE;
     return TRUE;
 }
 
@@ -108,13 +119,11 @@ gboolean maps_files_write_folder(const MapsFiles *files, const char *path, gbool
     for (guint i = 0; i < files->len && !number; i++)
         if (!maps_files_write_one(files->pdata[i], hidden))
             number = errno ? errno : EIO;
-    if (!number && renameat2(AT_FDCWD, hidden, AT_FDCWD, path, RENAME_NOREPLACE) != 0)
-        number = errno;
     if (!number)
-        return TRUE;
+        return output_file_move_folder(hidden, path, error);
     maps_files_remove(files, 0, hidden);
     g_rmdir(hidden);
-    return number == EEXIST ? maps_files_exists(path, error) : maps_files_io(path, number, error);
+    return maps_files_io(path, number, error);
 }
 
 gboolean maps_files_write_beside(const MapsFiles *files, const char *path, gboolean replace,
@@ -123,16 +132,15 @@ gboolean maps_files_write_beside(const MapsFiles *files, const char *path, gbool
     for (guint i = 0; i < files->len; i++) {
         const struct maps_file *file = files->pdata[i];
         g_autofree char *one = g_build_filename(folder, file->name, NULL);
-        if (!maps_files_check(one, replace, error))
+        if (!output_file_check(one, NULL, replace, error))
             return FALSE;
     }
     for (guint i = files->len; i-- > 0;) {
-        if (maps_files_write_one(files->pdata[i], folder))
+        if (maps_files_write_output(files->pdata[i], folder, replace, error))
             continue;
-        const int number = errno ? errno : EIO;
         if (!replace)
             maps_files_remove(files, i + 1, folder);
-        return maps_files_io(path, number, error);
+        return FALSE;
     }
     return TRUE;
 }

@@ -118,7 +118,7 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
     if (!g_mkdtemp_full(beside, 0777))
         return rti_fail_folder(folder, error);
     GError *failed = NULL;
-    gboolean ok = rti_write_files(beside, rti, lights, n, texel_mm, &failed);
+    const gboolean ok = rti_write_files(beside, rti, lights, n, texel_mm, &failed);
     if (failed) { /* in a folder that is about to go: of interest is the one that it was to become
                    */
         g_auto(GStrv) parts = g_strsplit(failed->message, beside, -1);
@@ -126,9 +126,8 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
         g_set_error_literal(error, failed->domain, failed->code, message);
         g_error_free(failed);
     }
-    if (ok && renameat2(AT_FDCWD, beside, AT_FDCWD, absolute, RENAME_NOREPLACE) != 0)
-        ok = rti_fail_folder(folder, error);
-    if (!ok)
-        rti_remove_folder(beside);
-    return ok;
+    if (ok)
+        return output_file_move_folder(beside, absolute, error);
+    rti_remove_folder(beside);
+    return FALSE;
 }

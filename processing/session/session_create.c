@@ -2,6 +2,8 @@
 #include "session_private.h"
 #include "session_schema.h"
 
+#include "base/output_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <gio/gio.h>
@@ -173,11 +175,7 @@ static void remove_all(const char *path) {
 
 /* Renames without ever replacing something, not even an empty directory. */
 static gboolean move_in_place(const char *from, const char *to, GError **error) {
-    int rc = renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE);
-
-    if (rc != 0 && errno == EINVAL) /* the file system lacks RENAME_NOREPLACE */
-        rc = g_file_test(to, G_FILE_TEST_EXISTS) ? (errno = EEXIST, -1) : rename(from, to);
-    return rc == 0 || session_create_fail_errno(to, errno, error);
+    return output_file_move(from, to) || session_create_fail_errno(to, errno, error);
 }
 
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,

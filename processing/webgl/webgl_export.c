@@ -6,8 +6,6 @@
 #include "webgl_page.h"
 #include "webgl_source.h"
 
-#include <glib/gstdio.h>
-
 #define HEADER 4096 /* of a material's file, at most */
 
 static gboolean webgl_export_is_page(const char *output) {
@@ -68,23 +66,8 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
                              g_bytes_get_size(output), error);
 }
 
-/* Before anything is computed. */
-static gboolean webgl_export_check_output(const char *output, gboolean replace, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(output);
-    if (!replace &&
-        (g_file_test(output, G_FILE_TEST_EXISTS) || g_file_test(output, G_FILE_TEST_IS_SYMLINK))) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "%s exists already; give another name, or --force", output);
-        return FALSE;
-    }
-    return g_access(folder, W_OK) == 0 ||
-           data_error_fail(output, 0, error, "cannot be written: %s", g_strerror(errno));
-}
-
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error) {
-    if (!webgl_export_check_output(asked->output, asked->replace, error))
-        return FALSE;
     struct webgl_source source;
     const gboolean ok = webgl_source_open(&source, asked->path, asked->mdf, work, error) &&
                         webgl_export_source(asked, &source, work, ret, error);

@@ -9,7 +9,6 @@ struct webgl_export {
     const char *path;   /* a session or a compressed material, see webgl_source.h */
     const char *mdf;    /* NULL: the mdf.exr beside it, if there is one */
     const char *output; /* NAME.html: a page; NAME.mesoweb: the material alone */
-    gboolean replace;   /* an output that exists */
     gint64 size;        /* of the output, at most */
 };
 
@@ -20,8 +19,8 @@ struct webgl_export_result {
     gint64 bytes;
 };
 
-/* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. An existing
- * output is not replaced unless asked->replace allows it: DATA_ERROR_EXISTS. The output appears
- * complete or not at all. Stages of webgl_source.h and webgl_pack.h. */
+/* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. Replaces an
+ * existing output; callers with the name of a user's file go through base/output_file.h. The output
+ * appears complete or not at all. Stages of webgl_source.h and webgl_pack.h. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

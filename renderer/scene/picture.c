@@ -1,10 +1,8 @@
 #include "picture.h"
 
-#include <errno.h>
-#include <glib/gstdio.h>
 #include <png.h>
-#include <stdio.h>
 
+#include "base/output_file.h"
 #include "exr/exr.h"
 #include "formats/compare_pictures.h"
 
@@ -19,12 +17,16 @@ static void on_error(png_structp png, png_const_charp text) {
 static void picture_on_warning(png_structp png, png_const_charp text) {
 }
 
+static void picture_on_bytes(png_structp png, png_bytep bytes, size_t n) {
+    g_byte_array_append(png_get_io_ptr(png), bytes, (guint)n);
+}
+
 /* Everything between setjmp and a longjmp; no variable of it is used after. */
-static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8 *rgb, int width,
-                       int height, const char *const *texts) {
+static gboolean encode(png_structp png, png_infop info, GByteArray *to, const guint8 *rgb,
+                       int width, int height, const char *const *texts) {
     if (setjmp(png_jmpbuf(png)))
         return FALSE;
-    png_init_io(png, file);
+    png_set_write_fn(png, to, picture_on_bytes, NULL);
     png_set_user_limits(png, 0x7fffffff, 0x7fffffff);
     png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
@@ -48,27 +50,17 @@ static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8
 
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error) {
-    g_autofree char *partial = g_strconcat(path, ".part", NULL);
     g_autofree char *message = NULL;
-    gboolean good = FALSE;
-    FILE *file = g_fopen(partial, "wb");
-    if (file != NULL) {
-        errno = 0;
-        png_structp png =
-            png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_error, picture_on_warning);
-        png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
-        good = info != NULL && encode(png, info, file, rgb, width, height, texts);
-        png_destroy_write_struct(&png, &info);
-        good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
-    }
+    g_autoptr(GByteArray) bytes = g_byte_array_new();
+    png_structp png =
+        png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_error, picture_on_warning);
+    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
+    const gboolean good = info != NULL && encode(png, info, bytes, rgb, width, height, texts);
+    png_destroy_write_struct(&png, &info);
     if (good)
-        return TRUE;
+        return output_file_write(path, bytes->data, bytes->len, error);
     g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
-                errno != 0        ? g_strerror(errno)
-                : message != NULL ? message
-                                  : "PNG error");
-    if (file != NULL)
-        g_unlink(partial);
+                message != NULL ? message : "PNG error");
     return FALSE;
 }
 

@@ -4,12 +4,15 @@
 #include <glib.h>
 #include <locale.h>
 
+#define PICTURE_KIND "picture" /* of output_file.h */
+
 #define PICTURE_ERROR picture_error_quark()
 GQuark picture_error_quark(void);
 enum picture_error { PICTURE_ERROR_IO };
 
 /* rgb: width × height × 3 bytes, sRGB, top row first. texts: key, value, key, value, …, NULL; kept
- * in the file as text chunks (UTF-8). The file appears under its name when it is whole. */
+ * in the file as text chunks (UTF-8). The file appears under its
+ * name when it is whole; of a user's name, path is that of output_file_path(). */
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error);
 

@@ -2,10 +2,11 @@
 #include "trace_output.h"
 
 #include "base/nearest.h"
+#include "base/output_file.h"
+#include "base/program.h"
 #include "scene/environment.h"
 #include "shapes/scene_parts.h"
 
-#include <locale.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -16,7 +17,7 @@
 
 static char *png_path, *exr_path, **materials, **reliefs, *environment_name, **lamps, *size;
 static char *camera;
-static gboolean json, version, evenly;
+static gboolean json, version, evenly, force;
 static double turn_deg, exposure_ev;
 static int samples = 64, depth = 16, threads;
 static gint64 seed = 1;
@@ -51,6 +52,8 @@ static const GOptionEntry entries[] = {
     {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Default: one a processor", "N"},
     {"even", 0, 0, G_OPTION_ARG_NONE, &evenly,
      "Draw directions evenly instead of by what the materials reflect, to compare noise", NULL},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
+     NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what was made", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
@@ -204,15 +207,6 @@ static gboolean trace_main_options(struct trace_options *ret, GError **error) {
     return trace_options_check(ret, error);
 }
 
-/* Checks that the output folders exist before hours of work. */
-static gboolean trace_main_check_folder(const char *path, GError **error) {
-    g_autofree char *folder = path != NULL ? g_path_get_dirname(path) : NULL;
-    if (folder == NULL || access(folder, W_OK | X_OK) == 0)
-        return TRUE;
-    return trace_main_fail(error, "%s: its folder is not there or cannot be written to; make it",
-                           path);
-}
-
 static double trace_main_mean(const float *values, gsize n) {
     double sum = 0.0;
     for (gsize k = 0; k < n; k++)
@@ -249,13 +243,29 @@ static void trace_main_warn(const char *path, const TraceScene *scene) {
     }
 }
 
+/* An EXR if options are given, else a PNG. */
+static gboolean trace_main_write(OutputFile *to, const TracePicture *picture,
+                                 const struct trace_options *options, GError **error) {
+    const char *path = output_file_path(to, error);
+    if (path == NULL ||
+        !output_file_end(to,
+                         options != NULL ? trace_write_exr(picture, options, path, error)
+                                         : trace_write_png(picture, exposure_ev, path, error),
+                         error))
+        return FALSE;
+    output_file_say(to, "mesorig-trace");
+    return TRUE;
+}
+
 static gboolean trace_main_run(const char *path, GError **error) {
     struct trace_options options;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const struct work work = {threads, trace_main_tell, cancellable, cancellable};
     const gint64 begun_us = g_get_monotonic_time();
-    if (!trace_main_options(&options, error) || !trace_main_check_folder(png_path, error) ||
-        !trace_main_check_folder(exr_path, error))
+    g_autoptr(OutputFile) png = NULL, exr = NULL; /* refused before hours of work */
+    if (!trace_main_options(&options, error) ||
+        (png_path != NULL && !(png = output_file_new(png_path, "trace", force, error))) ||
+        (exr_path != NULL && !(exr = output_file_new(exr_path, "trace", force, error))))
         return FALSE;
     g_autoptr(TraceScene) scene = trace_scene_read(path, error);
     if (scene == NULL)
@@ -271,16 +281,15 @@ static gboolean trace_main_run(const char *path, GError **error) {
         !trace_main_set_camera(scene, error))
         return FALSE;
     g_autoptr(TracePicture) picture = trace_render(scene, &options, &work, error);
-    if (picture == NULL ||
-        (exr_path != NULL && !trace_write_exr(picture, &options, exr_path, error)) ||
-        (png_path != NULL && !trace_write_png(picture, exposure_ev, png_path, error)))
+    if (picture == NULL || (exr != NULL && !trace_main_write(exr, picture, &options, error)) ||
+        (png != NULL && !trace_main_write(png, picture, NULL, error)))
         return FALSE;
     trace_main_say(scene, picture, &options, (double)(g_get_monotonic_time() - begun_us) / 1e6);
     return TRUE;
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_ALL, "");
+    program_set_locale();
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new("SCENE.gltf");
     g_option_context_set_summary(

@@ -1,5 +1,6 @@
 #include "trace_output.h"
 
+#include "base/output_file.h"
 #include "base/png_bytes.h"
 #include "exr/exr.h"
 
@@ -45,5 +46,5 @@ gboolean trace_write_png(const TracePicture *picture, double exposure_ev, const 
     g_autoptr(GBytes) png = png_bytes(rgb, picture->width, picture->height, error);
     gsize size;
     const char *bytes = png != NULL ? g_bytes_get_data(png, &size) : NULL;
-    return bytes != NULL && g_file_set_contents(path, bytes, (gssize)size, error);
+    return bytes != NULL && output_file_write(path, bytes, size, error);
 }

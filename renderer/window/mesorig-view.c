@@ -1,6 +1,8 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
 #include "base/json.h"
 #include "base/nearest.h"
+#include "base/output_file.h"
+#include "base/program.h"
 #include "desktop/notice.h"
 #include "gl/gpu.h"
 #include "live.h"
@@ -14,7 +16,6 @@
 #include "viewer_options.h"
 #include "window.h"
 
-#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -34,6 +35,7 @@ struct studio {
     guint8 *sheet; /* of o->sheet columns; NULL: a file per frame */
     struct window_result drawn;
     GPtrArray *files;       /* paths that were written */
+    int n_replaced;         /* of them, files that existed */
     double error;           /* of the last frame against its reference */
     int n_views, n_planned; /* of a live session */
     struct measured measured;
@@ -51,6 +53,22 @@ static char *frame_path(const struct viewer_options *o, int frame) {
                            end);
 }
 
+static void studio_add(struct studio *studio, const char *path, const OutputFile *to) {
+    g_ptr_array_add(studio->files, g_strdup(path));
+    studio->n_replaced += output_file_note(to) != NULL;
+}
+
+/* Refuses pictures that may not be replaced before any is drawn. */
+static gboolean viewer_main_check_outputs(const struct viewer_options *o, GError **error) {
+    const int n = o->sheet > 0 ? 1 : MAX(1, o->n_series > 0 ? o->n_series : o->frames);
+    for (int k = 0; o->render != NULL && k < n; k++) {
+        g_autofree char *path = frame_path(o, k);
+        if (!output_file_check(path, PICTURE_KIND, o->force, error))
+            return FALSE;
+    }
+    return o->screenshot == NULL || output_file_check(o->screenshot, PICTURE_KIND, o->force, error);
+}
+
 /* rgb, or light: the other is NULL. */
 static gboolean studio_write(struct studio *studio, const char *path,
                              const struct viewer_settings *s, const guint8 *rgb, const float *light,
@@ -66,8 +84,14 @@ static gboolean studio_write(struct studio *studio, const char *path,
                                       .options = o,
                                       .n_views = studio->n_views,
                                       .n_planned = studio->n_planned};
-    g_ptr_array_add(studio->files, g_strdup(path));
-    return snapshot_write(path, &snapshot, rgb, light, width, height, error);
+    g_autoptr(OutputFile) to = output_file_new(path, PICTURE_KIND, o->force, error);
+    const char *written = to != NULL ? output_file_path(to, error) : NULL;
+    if (written == NULL ||
+        !output_file_end(to, snapshot_write(written, &snapshot, rgb, light, width, height, error),
+                         error))
+        return FALSE;
+    studio_add(studio, path, to);
+    return TRUE;
 }
 
 static gboolean render_frame(struct studio *studio, int frame, const struct viewer_settings *s,
@@ -160,8 +184,14 @@ static gboolean render_measured(struct studio *studio, GError **error) {
     const char *texts[] = {
         "Software", "mesorig-view " MESORIG_VERSION, "Frame", frame, "Source", o->method->title,
         NULL};
-    g_ptr_array_add(studio->files, g_strdup(o->render));
-    return picture_write_png(o->render, m->rgb, m->width, m->height, texts, error);
+    g_autoptr(OutputFile) to = output_file_new(o->render, PICTURE_KIND, o->force, error);
+    const char *path = to != NULL ? output_file_path(to, error) : NULL;
+    if (path == NULL ||
+        !output_file_end(to, picture_write_png(path, m->rgb, m->width, m->height, texts, error),
+                         error))
+        return FALSE;
+    studio_add(studio, o->render, to);
+    return TRUE;
 }
 
 static Viewer *open_viewer(struct studio *studio, const struct method *method, GError **error) {
@@ -251,8 +281,9 @@ static void viewer_main_report(const struct studio *studio) {
         g_string_append(json, k > 0 ? ", " : "");
         json_append_string(json, studio->files->pdata[k]);
     }
+    g_string_append_printf(json, "], \"replaced\": %d", studio->n_replaced);
     g_string_append_printf(json,
-                           "], \"gpu_bytes\": %" G_GINT64_FORMAT
+                           ", \"gpu_bytes\": %" G_GINT64_FORMAT
                            ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT
                            ", \"gpu_bytes_index\": %" G_GINT64_FORMAT,
                            drawn->memory.material, drawn->memory.mdf, drawn->memory.index);
@@ -286,6 +317,9 @@ static void viewer_main_tell(const struct studio *studio) {
                 "%.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
                 (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg,
                 m->light, m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
+    if (studio->n_replaced > 0)
+        g_print("%d of %u %s an existing file\n", studio->n_replaced, files->len,
+                studio->n_replaced == 1 ? "replaces" : "replace");
 }
 
 static int viewer_main_run(struct viewer_options *o) {
@@ -299,10 +333,11 @@ static int viewer_main_run(struct viewer_options *o) {
     gboolean good = TRUE;
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
+    good = viewer_main_check_outputs(o, &error);
     /* The MDF of a material lies beside it. */
     o->mdf_path = o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
     o->index_path = viewer_options_index(o);
-    if (o->render != NULL && o->environment != NULL)
+    if (good && o->render != NULL && o->environment != NULL)
         good = (studio.environment = environment_open(o->environment, &error)) != NULL &&
                environment_light(studio.environment, &o->settings, &error);
     if (good && o->render != NULL) {
@@ -330,7 +365,7 @@ static int viewer_main_run(struct viewer_options *o) {
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_ALL, "");
+    program_set_locale();
     struct viewer_options o;
     viewer_options_init(&o);
     o.started_us = g_get_monotonic_time();

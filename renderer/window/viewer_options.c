@@ -172,6 +172,7 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         OPTION("screenshot", FILENAME, &o->screenshot, "OUT.png",
                "Write the window's last picture when it closes"),
         FLAG("with-panel", &o->with_panel, "Screenshots show the window as it is, with its panel"),
+        FLAG("force", &o->force, "Replace pictures that exist, whatever they are"),
         FLAG("json", &o->json, "Say what was done as JSON"),
         FLAG("version", &o->version, "Print the version"),
         OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),

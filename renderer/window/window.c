@@ -194,7 +194,7 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
         else if (window_must_draw(w) && !window_draw_frame(w, ret, error))
             return FALSE;
     }
-    return w->now.screenshot == NULL || window_save(w, w->now.screenshot, error);
+    return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
 /* The shape that was asked for, or the default one and a sentence. */

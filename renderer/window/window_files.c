@@ -126,7 +126,7 @@ static void files_take(struct window *w, const char *path) {
             return;
         }
         window_show_page(w, WINDOW_NO_PAGE);
-        window_save_named(w, named);
+        window_save_named(w, named, FALSE);
     } else {
         window_open(w, path); /* closes the dialog, or says why not */
     }

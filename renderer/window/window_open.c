@@ -213,7 +213,7 @@ void window_ask_file(struct window *w, enum chooser_what what) {
 
 static void window_take_chosen(struct window *w, const char *path) {
     if (w->chooser_what == CHOOSER_SAVE)
-        window_save_named(w, path);
+        window_save_named(w, path, TRUE); /* the dialog has asked */
     else
         window_open(w, path);
 }

@@ -137,9 +137,11 @@ void window_files_draw(struct window *w, struct ui_box picture);
 void window_files_clear(struct window *w);
 
 /* window_save.c */
-gboolean window_save(struct window *w, const char *path, GError **error);
-void window_save_named(struct window *w, const char *path); /* says how it went */
-void window_screenshot(struct window *w);                   /* under the next free name */
+/* force: the user has agreed that an existing file is replaced. */
+gboolean window_save(struct window *w, const char *path, gboolean force, GError **error);
+/* The same, and says how it went. */
+void window_save_named(struct window *w, const char *path, gboolean force);
+void window_screenshot(struct window *w); /* under the next free name */
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 

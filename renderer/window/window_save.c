@@ -3,6 +3,9 @@
 #include "series.h"
 #include "snapshot.h"
 
+#include "base/output_file.h"
+#include "scene/picture.h"
+
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <string.h>
@@ -10,7 +13,10 @@
 
 #define SAMPLES 3 /* each way of a pixel of a saved picture, at least */
 
-gboolean window_save(struct window *w, const char *path, GError **error) {
+gboolean window_save(struct window *w, const char *path, gboolean force, GError **error) {
+    g_autoptr(OutputFile) to = output_file_new(path, PICTURE_KIND, force, error);
+    if (to == NULL)
+        return FALSE;
     const gboolean capturing = w->live != NULL && w->planned != NULL;
     struct gpu_target window = {.width = w->scene.width, .height = w->scene.height};
     struct viewer_settings settings = w->now.settings;
@@ -35,15 +41,18 @@ gboolean window_save(struct window *w, const char *path, GError **error) {
         .settings = &settings,
         .options = &w->now,
     };
-    return rgb != NULL &&
-           snapshot_write(path, &snapshot, rgb, NULL, window.width, window.height, error);
+    const char *written = rgb != NULL ? output_file_path(to, error) : NULL;
+    return written != NULL && output_file_end(to,
+                                              snapshot_write(written, &snapshot, rgb, NULL,
+                                                             window.width, window.height, error),
+                                              error);
 }
 
-void window_save_named(struct window *w, const char *path) {
+void window_save_named(struct window *w, const char *path, gboolean force) {
     g_autoptr(GError) error = NULL;
     g_autofree char *whole = g_canonicalize_filename(path, NULL);
     g_autofree char *sentence = g_strdup_printf("The picture is in %s.", whole);
-    if (!window_save(w, whole, &error)) {
+    if (!window_save(w, whole, force, &error)) {
         window_say(w, error->message);
         return;
     }
@@ -81,7 +90,7 @@ char *window_picture_name(const struct window *w, char **ret_folder) {
 void window_screenshot(struct window *w) {
     g_autofree char *folder = NULL, *name = window_picture_name(w, &folder);
     g_autofree char *path = g_build_filename(folder, name, NULL);
-    window_save_named(w, path);
+    window_save_named(w, path, FALSE);
 }
 
 void window_copy_command(struct window *w) {

@@ -1,18 +1,21 @@
 /* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+#include "base/data_error.h"
+#include "base/json.h"
 #include "base/nearest.h"
+#include "base/output_file.h"
+#include "base/program.h"
 #include "rig.h"
 #include "virtual/testbed.h"
 
 #include <gio/gunixinputstream.h>
 #include <glib-unix.h>
 #include <glib/gstdio.h>
-#include <locale.h>
 #include <signal.h>
 #include <string.h>
 #include <unistd.h>
 
 static char *virtual_path, *out_path, **usb, **u3v;
-static gboolean json, version;
+static gboolean json, version, force;
 static double loss;
 
 static const GOptionEntry entries[] = {
@@ -26,29 +29,91 @@ static const GOptionEntry entries[] = {
      "This camera is a USB3 Vision camera; all: every one", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
      "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
+     NULL},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. */
-static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **error) {
+/* The rig file behind a line with its kind and its checksum, by which the next run, or the end of
+ * this one, sees whether somebody has changed the file. */
+static char *virtual_rig_main_text(const char *rig) {
+    g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
+    return g_strdup_printf("# " OUTPUT_FILE_TEXT("virtual rig") ", SHA-256 of what follows %s\n%s",
+                           sum, rig);
+}
+
+/* Whether the file is as mesorig-rig has written it. */
+static gboolean virtual_rig_main_is_own(const char *path) {
+    g_autofree char *text = NULL;
+    if (!g_file_test(path, G_FILE_TEST_IS_REGULAR) || !g_file_get_contents(path, &text, NULL, NULL))
+        return FALSE;
+    const char *line = strchr(text, '\n');
+    g_autofree char *own = line ? virtual_rig_main_text(line + 1) : NULL;
+    return g_strcmp0(own, text) == 0;
+}
+
+/* Decides on -o before there are any devices. NULL without an error: standard output. */
+static OutputFile *virtual_rig_main_output(GError **error) {
+    GStatBuf in, out;
+    if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
+        in.st_ino == out.st_ino) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
+                    "-o %s is the rig of --virtual: give another name for the rig file of the "
+                    "virtual devices",
+                    out_path);
+        return NULL;
+    }
+    /* One to which the user has added something is not replaced. */
+    return output_file_new(out_path, virtual_rig_main_is_own(out_path) ? "virtual rig" : NULL,
+                           force, error);
+}
+
+/* The rig file is useless without its devices, but not what the user has written into it. */
+static void virtual_rig_main_remove_file(void) {
+    if (virtual_rig_main_is_own(out_path))
+        g_unlink(out_path);
+    else if (g_file_test(out_path, G_FILE_TEST_IS_REGULAR))
+        g_printerr("mesorig-rig: %s was changed meanwhile, and stays. Its devices are gone: what "
+                   "was added to it is of use in another rig file\n",
+                   out_path);
+}
+
+static void virtual_rig_main_print_json(const struct virtual_rig_device *devices, gsize n,
+                                        const char *environment) {
+    g_autoptr(GString) text = g_string_new("{\"rig\":");
+    json_append_string(text, out_path);
+    g_string_append(text, ",\"devices\":[");
+    for (gsize i = 0; i < n; i++) {
+        g_string_append(text, i ? ",{\"section\":" : "{\"section\":");
+        json_append_string(text, devices[i].section);
+        g_string_append(text, ",\"driver\":");
+        json_append_string(text, devices[i].driver);
+        g_string_append(text, ",\"where\":");
+        json_append_string(text, devices[i].where);
+        g_string_append_c(text, '}');
+    }
+    g_string_append(text, "],\"environment\":");
+    json_append_string(text, environment ? environment : "");
+    g_print("%s}\n", text->str);
+}
+
+/* Writes the rig file, and prints the virtual devices as text or JSON. to: NULL without -o. */
+static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
     g_autofree char *environment = virtual_rig_environment(rig);
-    if (!out_path) {
+    if (!to) {
         g_print("%s", virtual_rig_text(rig));
         return TRUE;
     }
-    if (!g_file_set_contents(out_path, virtual_rig_text(rig), -1, error))
+    g_autofree char *text = virtual_rig_main_text(virtual_rig_text(rig));
+    if (!output_file_put(to, text, strlen(text), error))
         return FALSE;
+    output_file_say(to, "mesorig-rig");
     if (json) {
-        g_autofree char *path = g_strescape(out_path, NULL);
-        g_print("{\"rig\":\"%s\",\"devices\":[", path);
-        for (gsize i = 0; i < n; i++)
-            g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
-                    devices[i].section, devices[i].driver, devices[i].where);
-        g_print("],\"environment\":\"%s\"}\n", environment ? environment : "");
+        virtual_rig_main_print_json(devices, n, environment);
         return TRUE;
     }
     for (gsize i = 0; i < n; i++)
@@ -119,9 +184,15 @@ static GDataInputStream *listen_to_input(VirtualRig *rig) {
 
 static int virtual_rig_main_run(void) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(VirtualRig) rig =
-        virtual_rig_new(virtual_path, (const char *const *)usb, (const char *const *)u3v, &error);
-    if (!rig || !virtual_rig_main_write_file(rig, &error)) {
+    g_autoptr(OutputFile) to = out_path ? virtual_rig_main_output(&error) : NULL;
+    g_autoptr(VirtualRig) rig = error ? NULL
+                                      : virtual_rig_new(virtual_path, (const char *const *)usb,
+                                                        (const char *const *)u3v, &error);
+    /* Whoever has read that the file is there may end this program, which then removes it. */
+    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+    g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
+    g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
+    if (!rig || !virtual_rig_main_write_file(rig, to, &error)) {
         g_printerr("mesorig-rig: %s\n", error->message);
         return 1;
     }
@@ -129,18 +200,15 @@ static int virtual_rig_main_run(void) {
     struct virtual_camera_faults faults = {.loss = loss};
     virtual_rig_fail_cameras(rig, &faults);
     setvbuf(stdout, NULL, _IOLBF, 0);
-    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_autoptr(GDataInputStream) input = listen_to_input(rig);
-    g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
-    g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
     g_main_loop_run(loop);
-    if (out_path)
-        g_unlink(out_path); /* the rig file is useless without its devices */
+    if (to && !output_file_streams(to))
+        virtual_rig_main_remove_file();
     return 0;
 }
 
 int main(int argc, char **argv) {
-    setlocale(LC_ALL, "");
+    program_set_locale();
     g_auto(GStrv) again = g_strdupv(argv);
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) options = g_option_context_new(NULL);
@@ -163,7 +231,7 @@ int main(int argc, char **argv) {
     if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
         g_printerr(
             "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--u3v NAME…] [--loss PART]\n"
-            "       [--json]\n"
+            "       [--force] [--json]\n"
             "--json needs -o; PART is between 0 and 1\n");
         return 2;
     }

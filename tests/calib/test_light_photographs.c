@@ -141,7 +141,7 @@ static char *calibrate(int code, const struct ball *balls, int n, gboolean json)
     g_autofree char *errors = NULL, *out = NULL;
     static const char *const start[] = {MESORIG,  "calibrate",  "lights",    "--images",
                                         "photos", "-o",         "lights.lp", "--radius",
-                                        "30",     "--within=1", NULL};
+                                        "30",     "--within=1", "--force",   NULL};
     g_strv_builder_addv(builder, (const char **)(gpointer)start);
     for (int i = 0; i < n; i++) {
         g_autofree char *ball =

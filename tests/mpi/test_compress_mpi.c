@@ -97,7 +97,7 @@ static void test_damaged(void) {
     g_assert_nonnull(strstr(missing, "/no/such.session"));
     g_clear_pointer(&missing, g_free);
     g_assert_cmpint(run(1, "/no/such.session", "/no/such/lpca.exr", &missing), !=, 0);
-    g_assert_nonnull(strstr(missing, "/no/such: files cannot be written"));
+    g_assert_nonnull(strstr(missing, "there is no folder /no/such; make it first"));
 }
 
 /* While another process makes the file, this one does not begin; then the lock is gone. */

@@ -1,4 +1,5 @@
 /* Pictures against what the formula gives; view_fixture.h says how. */
+#include "base/data_error.h"
 #include "lib/process.h"
 #include "lib/skip.h"
 #include "lib/view_fixture.h"
@@ -288,7 +289,7 @@ static void test_png(void) {
     g_unlink(path);
     g_rmdir(dir);
     g_assert_false(picture_write_png(path, rgb, 5, 3, texts, &folder));
-    g_assert_error(folder, PICTURE_ERROR, PICTURE_ERROR_IO);
+    g_assert_error(folder, DATA_ERROR, DATA_ERROR_IO);
 }
 
 static void check_usage(int status, const char *const *arguments, const char *said) {

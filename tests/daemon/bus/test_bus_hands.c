@@ -4,6 +4,9 @@
 #include "bus/bus_hands.h"
 
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include "lib/bus_peer.h"
 #include "lib/process.h"
@@ -384,6 +387,57 @@ static void test_gone_at_once(void) {
     bus_peer_free(peer);
 }
 
+static void append_call(GString *to, guint32 serial, const char *method, GVariant *parameters) {
+    g_autoptr(GError) error = NULL;
+    gsize size;
+    g_autoptr(GDBusMessage) message =
+        g_dbus_message_new_method_call(NULL, BUS_PATH, BUS_NAME, method);
+    g_dbus_message_set_body(message, parameters);
+    g_dbus_message_set_serial(message, serial);
+    g_autofree guchar *blob =
+        g_dbus_message_to_blob(message, &size, G_DBUS_CAPABILITY_FLAGS_NONE, &error);
+    g_assert_no_error(error);
+    g_string_append_len(to, (const char *)blob, (gssize)size);
+}
+
+/* Sends its name and its calls without waiting for an answer, and closes its side. */
+static int call_and_go(const char *address) {
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    g_autofree char *uid = g_strdup_printf("%u", (guint)getuid());
+    g_autoptr(GString) text = g_string_new_len("", 1);
+    g_string_append(text, "AUTH EXTERNAL ");
+    for (const char *c = uid; *c; c++)
+        g_string_append_printf(text, "%02x", (guint)*c);
+    g_string_append(text, "\r\nBEGIN\r\n");
+    append_call(text, 1, "SetLaser", on("laser30"));
+    append_call(text, 2, "SetLamp", on("lamp30"));
+    g_strlcpy(to.sun_path, address + strlen("unix:path="), sizeof to.sun_path);
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    g_assert_cmpint(connect(fd, (struct sockaddr *)&to, sizeof to), ==, 0);
+    g_assert_cmpint(write(fd, text->str, text->len), ==, (gssize)text->len);
+    shutdown(fd, SHUT_WR);
+    return fd;
+}
+
+/* A client connects, calls and closes while the main loop is busy. GDBus then reports the end of
+ * the connection before it passes the calls on. */
+static void test_gone_before_the_call(void) {
+    static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
+    struct bus_peer *peer = bus_peer_open(real_clock);
+    for (int i = 0; i < 10; i++) {
+        const int fd = call_and_go(peer->address);
+        for (int k = 0; k < 6; k++) { /* a busy loop, in which GDBus's threads come first */
+            g_usleep(20 * 1000);
+            while (g_main_context_iteration(NULL, FALSE))
+                ;
+        }
+        bus_peer_tell(peer, "Snap", picture("cam30", 4000));
+        bus_peer_wait(peer, is_all_off);
+        close(fd);
+    }
+    bus_peer_free(peer);
+}
+
 /* A laser that does not obey: whoever asked is told, and so is everybody. */
 static void test_deaf(void) {
     static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
@@ -463,6 +517,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/bus-hands/lease", test_lease);
     g_test_add_func("/bus-hands/warming", test_warming);
     g_test_add_func("/bus-hands/gone-at-once", test_gone_at_once);
+    g_test_add_func("/bus-hands/gone-before-the-call", test_gone_before_the_call);
     g_test_add_func("/bus-hands/deaf", test_deaf);
     g_test_add_func("/bus-hands/unheard", test_unheard);
     return g_test_run();

@@ -165,9 +165,10 @@ static void test_cameras_usage(void) {
 
 static void test_board(void) {
     g_autofree char *png = in_folder("board.png");
+    g_autofree char *calibration = in_folder("board.calibration");
     g_autofree char *told = RUN(0, "board", png, "--board", "8x8,square=9,marker=6.75", "--json");
     assert_has(told, "\"corners\": 49");
-    g_autofree char *images = RUN(1, "calibrate", "cameras", "--images", folder, "-o", png,
+    g_autofree char *images = RUN(1, "calibrate", "cameras", "--images", folder, "-o", calibration,
                                   "--board", "8x8,square=9,marker=6.75");
     assert_has(images, "found in 1 of 1 pictures; at least 3 are needed");
     g_unlink(png);

@@ -131,57 +131,138 @@ static void check_examples(const struct command *command, gpointer data) {
     }
 }
 
-/* The name of an output as the usage of the command has it: "FILE.glb" of "DIR -o FILE.glb". */
-static char *output_of(const struct command *command) {
-    const char *at = strstr(command->arguments, "-o ");
-    if (!at)
-        g_error("%s has no -o in its usage", command->name);
-    return g_strndup(at + strlen("-o "), strcspn(at + strlen("-o "), " |"));
+/* A call of each command that writes a file which the user names: OUT is that file, NONE an input
+ * that does not exist. An output is refused before an input is looked at. */
+static const struct writer {
+    const char *name, *end, *arguments;
+} writers[] = {
+    {"board", ".svg", "OUT --board 8x8,square=9,marker=6.75"},
+    {"calibrate cameras", "", "NONE --board 8x8,square=9,marker=6.75 -o OUT"},
+    {"calibrate cameras", "", "NONE --board 8x8,square=9,marker=6.75 -o NEW --corners OUT"},
+    {"calibrate colour", "", "NONE --chart NONE -o OUT"},
+    {"calibrate laser", "", "NONE -o OUT"},
+    {"calibrate lights", "", "NONE -o OUT --target " SOURCE_DIR "/etc/demo/poles.conf"},
+    {"calibrate lights", ".lp", "--images NONE --ball 50,50,40 -o OUT"},
+    {"calibrate radiometry", "", "NONE --reflectance 0.9 -o OUT"},
+    {"calibrate report", ".html", "NONE -o OUT"},
+    {"check", ".svg", "NONE --plot OUT"},
+    {"compare", ".svg", "NONE NONE --plot OUT"},
+    {"compare", ".svg", "NONE --curve OUT"},
+    {"compress", ".exr", "NONE -o OUT"},
+    {"compress", ".exr", "NONE -m mdf -o OUT"},
+    {"export blender", "", "NONE -o OUT"},
+    {"export bsdf", ".bsdf", "NONE -o OUT"},
+    {"export btf", ".btf", "NONE -o OUT"},
+    {"export gltf", ".glb", "NONE -o OUT"},
+    {"export height", ".exr", "NONE -o OUT"},
+    {"export maps", "", "NONE -o OUT"},
+    {"export materialx", "", "NONE -o OUT"},
+    {"export merl", ".binary", "NONE -o OUT"},
+    {"export normals", ".exr", "NONE -o OUT"},
+    {"export points", ".ply", "NONE -o OUT"},
+    {"export ptm", ".ptm", "NONE -o OUT"},
+    {"export relight", "", "NONE -o OUT"},
+    {"export web", ".html", "NONE -o OUT"},
+    {"import poses", ".conf", "NONE --template -o OUT"},
+    {"info", ".svg", "FOLDER --history OUT"},
+    {"plan", ".svg", "NONE NONE --curve OUT --offline"},
+    {"report", ".html", "NONE -o OUT"},
+    {"snap", ".png", "cam -o OUT"},
+    {"synthesize", ".exr", "NONE -o OUT"},
+    {"../mesorig-compress-mpi", ".exr", "NONE -o OUT"},
+    {"../mesorig-rig", ".conf", "--virtual NONE -o OUT"},
+    {"../mesorig-trace", ".png", "NONE -o OUT"},
+    {"../mesorig-trace", ".exr", "NONE --exr OUT"},
+    {"../mesorig-view", ".png", "--render OUT"},
+    {"../mesorig-view", ".exr", "--render OUT"},
+    {"../mesorig-view", ".png", "--screenshot OUT --close-after 1"},
+};
+
+/* The words of a call; the folder has the input and the output. */
+static char **call_of(const struct writer *writer, const char *folder, const char *out) {
+    g_autoptr(GPtrArray) words = g_ptr_array_new();
+    const gboolean program = g_str_has_prefix(writer->name, "../");
+    g_auto(GStrv) name = g_strsplit(program ? writer->name + 3 : writer->name, " ", -1);
+    g_auto(GStrv) arguments = g_strsplit(writer->arguments, " ", -1);
+    g_ptr_array_add(words, program ? g_strdup_printf(BUILD_DIR "/bin/%s", name[0])
+                                   : g_strdup(BUILD_DIR "/bin/mesorig"));
+    for (char **word = name + program; *word; word++)
+        g_ptr_array_add(words, g_strdup(*word));
+    for (char **word = arguments; *word; word++)
+        g_ptr_array_add(words, g_str_equal(*word, "OUT")      ? g_strdup(out)
+                               : g_str_equal(*word, "NONE")   ? g_strdup_printf("%s/none", folder)
+                               : g_str_equal(*word, "NEW")    ? g_strdup_printf("%s/new", folder)
+                               : g_str_equal(*word, "FOLDER") ? g_strdup(folder)
+                                                              : g_strdup(*word));
+    g_ptr_array_add(words, NULL);
+    return (char **)g_ptr_array_free(g_steal_pointer(&words), FALSE);
 }
 
-static void assert_kept(const char *path) {
+/* What exists stays as it was, and is refused for that reason. */
+static void check_refuses(const struct writer *writer) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-outputs-XXXXXX", NULL);
+    g_autofree char *path = g_strdup_printf("%s/out%s", folder, writer->end);
+    g_auto(GStrv) call = call_of(writer, folder, path);
+    g_autofree char *expected = g_strdup_printf("%s exists already", path);
+    g_assert_true(g_file_set_contents(path, "precious", -1, NULL));
+    g_autofree char *refused = said_by(1, (const char *const *)call);
+    assert_said(refused, expected);
     g_autofree char *text = NULL;
     g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
     g_assert_cmpstr(text, ==, "precious");
-}
-
-/* Every export refuses an output that exists before it looks at the session, and --force says that
- * it may be replaced: then it is the session that is missing. */
-static void check_refuses(const struct command *command, gpointer data) {
-    g_autofree char *folder = g_dir_make_tmp("mesorig-exports-XXXXXX", NULL);
-    g_autofree char *name = output_of(command);
-    g_autofree char *path = g_build_filename(folder, name, NULL);
-    g_autofree char *none = g_build_filename(folder, "none.session", NULL);
-    const char *kind = command->name + strlen("export ");
-    g_assert_true(command->exports);
-    g_assert_true(g_file_set_contents(path, "precious", -1, NULL));
-    const char *const argv[] = {BUILD_DIR "/bin/mesorig", "export", kind, none, "-o", path, NULL};
-    g_autofree char *refused = said_by(1, argv);
-    g_autofree char *expected = g_strdup_printf(
-        "%s exists already: give another name with -o, or --force to replace it", path);
-    assert_said(refused, expected);
-    const char *const forced[] = {
-        BUILD_DIR "/bin/mesorig", "export", kind, none, "-o", path, "--force", NULL};
-    g_autofree char *missing = said_by(1, forced);
-    assert_said(missing, "none.session");
-    g_assert_null(strstr(missing, "exists already"));
-    assert_kept(path);
     /* A link that leads nowhere counts as well. */
     g_assert_cmpint(g_unlink(path), ==, 0);
     g_assert_cmpint(symlink("/nowhere/at-all", path), ==, 0);
-    g_autofree char *link = said_by(1, argv);
+    g_autofree char *link = said_by(1, (const char *const *)call);
     assert_said(link, expected);
     g_assert_cmpint(g_unlink(path), ==, 0);
-    g_assert_cmpint(g_rmdir(folder), ==, 0);
-    ++*(int *)data;
+    g_assert_cmpint(g_rmdir(folder), ==, 0); /* nothing else was written */
 }
 
-static void test_exports(void) {
-    int n = 0;
-    for (const struct command *const *at = cli_commands(); *at; at++)
-        if (strcmp((*at)->name, "export") == 0)
-            each_command((*at)->children, check_refuses, &n);
-    g_assert_cmpint(n, >=, 13);
+/* With --force an input is what is missing, and still nothing is lost. */
+static void check_forced(const struct writer *writer) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-outputs-XXXXXX", NULL);
+    g_autofree char *path = g_strdup_printf("%s/out%s", folder, writer->end);
+    g_autofree char *arguments = g_strconcat(writer->arguments, " --force", NULL);
+    const struct writer forced = {writer->name, writer->end, arguments};
+    g_auto(GStrv) call = call_of(&forced, folder, path);
+    g_assert_true(g_file_set_contents(path, "precious", -1, NULL));
+    g_autofree char *missing = said_by(1, (const char *const *)call);
+    g_assert_null(strstr(missing, "exists already: give"));
+    assert_said(missing, folder);
+    g_assert_null(strstr(missing, "XXXX.part"));
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    g_assert_cmpstr(text, ==, "precious");
+    g_assert_cmpint(g_unlink(path), ==, 0);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
+}
+
+static void note_writer(const struct command *command, gpointer data) {
+    gboolean *covered = data, found = FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(writers); i++)
+        if (g_str_equal(writers[i].name, command->name))
+            found = covered[i] = TRUE;
+    if (found != command->writes)
+        g_error("%s %s --force, and is %s the list of writers", command->name,
+                command->writes ? "has" : "lacks", found ? "in" : "not in");
+}
+
+static void test_outputs(void) {
+    gboolean covered[G_N_ELEMENTS(writers)] = {FALSE};
+    each_command(cli_commands(), note_writer, covered);
+    for (gsize i = 0; i < G_N_ELEMENTS(writers); i++) {
+        const struct writer *writer = &writers[i];
+        g_assert_true(covered[i] || g_str_has_prefix(writer->name, "../"));
+        check_refuses(writer);
+        /* The others have no input that is missing: a board, a camera, a demonstration, or the
+         * folder that FOLDER is. */
+        if (strstr(writer->arguments, "NONE") && !g_str_has_prefix(writer->name, "export maps") &&
+            !g_str_equal(writer->name, "export relight") &&
+            !g_str_equal(writer->name, "export blender") &&
+            !g_str_equal(writer->name, "export materialx"))
+            check_forced(writer);
+    }
 }
 
 static void test_examples(void) {
@@ -220,7 +301,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/commands/letters", test_letters);
     g_test_add_func("/commands/examples", test_examples);
-    g_test_add_func("/commands/exports", test_exports);
+    g_test_add_func("/commands/outputs", test_outputs);
     g_test_add_func("/commands/programs", test_programs);
     return g_test_run();
 }

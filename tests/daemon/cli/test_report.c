@@ -217,7 +217,7 @@ static void without_lasers(void) {
     operator_does(run, 0, "compress", run->session, "-m", "ptm", NULL);
     g_assert_null(strstr(run->out, "it replaces"));
     operator_does(run, 0, "compress", run->session, "-m", "ptm", NULL);
-    assert_has(run->out, "it replaces the file of that name");
+    assert_has(run->out, "it replaces the “ptm” that Mesorig had written there");
     operator_free(run);
 }
 

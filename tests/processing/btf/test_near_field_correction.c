@@ -338,7 +338,8 @@ static void test_command(void) {
     const char *const again[] = {"resample", from, "-o", to, NULL};
     const char *const compress[] = {"compress",     to,  "-o", packed, "-k", "2",
                                     "--components", "2", NULL};
-    const char *const distances[] = {"compress", to, "-m", "mdf-views", "-o", packed, NULL};
+    const char *const distances[] = {"compress", to,     "-m",      "mdf-views",
+                                     "-o",       packed, "--force", NULL};
     const char *const check[] = {"check", to, NULL};
     const char *const process[] = {"process", to, NULL};
     const char *const info[] = {"info", to, NULL};

@@ -511,7 +511,7 @@ static void test_command(void) {
         assert_has(said, "\"delta_e\": ");
         g_autofree char *again =
             process_mesorig(1, "export %s %s -o %s_%s", kinds[i], session, base, kinds[i]);
-        assert_has(again, "exists already: give another name with -o, or --force to replace it");
+        assert_has(again, "exists already: give another name, or --force to replace it");
         /* With --force the files are made anew, and what else is in the folder stays. */
         g_autofree char *own = g_strdup_printf("%s_%s/own.txt", base, kinds[i]);
         g_autofree char *one = g_strdup_printf("%s_%s/small_Height.png", base, kinds[i]);

@@ -147,7 +147,7 @@ static void test_mistakes(void) {
         {2, "a.gltf -o x.png --lamp 20,0,-3", "not negative"},
         {2, "a.gltf -o x.png --environment studio --camera 1,2,nan", "--camera 1,2,nan"},
         {2, "a.gltf -o x.png --environment studio --camera 1,95", "the elevation is"},
-        {2, "a.gltf -o no/x.png --environment studio", "no/x.png: its folder"},
+        {1, "a.gltf -o no/x.png --environment studio", "there is no folder no; make it first"},
         {2, "a.gltf -o x.png --environment studio --material cloth", "NAME=PATH"},
         {2, "a.gltf -o x.png --environment studio --material cloth=cloth.exr,0",
          "0 tiles are not possible"},
