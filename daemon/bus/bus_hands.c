@@ -489,6 +489,8 @@ static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand l
     else if (!(hand->bank ? lamps_set(hand->bank, hand->lamp, on, &error)
                           : laser_set(hand->laser, on, &error)))
         hand_refused(hand, error);
+    else
+        bus_show_devices(bus); /* it may shine before it answers */
 }
 
 void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,

@@ -144,10 +144,14 @@ static gboolean call_moves(const struct bus_call *call) {
     return call->method == BUS_MOVE_AXIS || call->method == BUS_HOME_AXIS;
 }
 
-/* Whether a call that was answered ends what an earlier one wants. A device's error is no refusal:
- * the call was carried out, perhaps. */
-static gboolean call_ends(const struct bus_call *call, const struct bus_call *earlier) {
-    if (call->method == BUS_SAFE_STATE || call->method == BUS_CLOSE_RIG ||
+/* Whether a call that was answered ends what another one wants. A device's error is no refusal: the
+ * call was carried out, perhaps. SafeState ends also what was called after it, unless it was
+ * released meanwhile. */
+static gboolean call_ends(const struct bus_owners *owners, guint at, guint wants) {
+    const struct bus_call *call = call_at(owners, at), *earlier = call_at(owners, wants);
+    if (call->method == BUS_SAFE_STATE)
+        return call->ok && (wants < at || owners->released < (int)at);
+    if (call->method == BUS_CLOSE_RIG ||
         call->method == BUS_START || call->method == BUS_RESUME)
         return call->ok;
     return call_lights(call) && !call->on && call->method == earlier->method &&
@@ -193,7 +197,7 @@ static void take_calls(struct bus_owners *owners) {
         const guint at = g_array_index(answered, guint, owners->n_answered);
         const struct bus_call *call = call_at(owners, at);
         for (guint i = owners->wants->len; i-- > 0;)
-            if (call_ends(call, call_at(owners, g_array_index(owners->wants, guint, i))))
+            if (call_ends(owners, at, g_array_index(owners->wants, guint, i)))
                 g_array_remove_index(owners->wants, i);
         if (call->method == BUS_SAFE_STATE && call->ok && owners->released < (int)at &&
             owners->latched_us < 0)
