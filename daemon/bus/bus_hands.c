@@ -131,6 +131,8 @@ static void hand_on_warm(gpointer data) {
 /* A lamp or laser has been switched. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->bus->devices->clock;
+    if (!on && !hand->off_asked)
+        return; /* the answer to an earlier command, of SafeState for instance */
     if (error) {
         hand_lose(hand, error);
     } else if (!on) {
