@@ -266,19 +266,24 @@ gboolean lights_set(struct lights *lights, int index, gboolean on, GError **erro
     return lights_command(lights, index, on, FALSE, error);
 }
 
-/* The commands to one light are answered in order, so that the overdue ones before one that is
- * answered stay without an answer. The first that fits is taken: at worst an answer then proves
- * less than it could. */
+/* The commands to one light are answered in order, but one that is overdue may never be answered.
+ * Of several that ask for the same, with nothing else between them, an answer proves as much
+ * whichever it belongs to, and is taken for the first that is still waited for. Otherwise the first
+ * that fits is taken: at worst the answer then proves less than it could. */
 static struct command *find_command(const struct lights *lights, int index, gboolean on) {
+    struct command *overdue = NULL;
     for (const GList *l = lights->commands.head; l; l = l->next) {
         struct command *command = l->data;
         const gboolean overlaps = command->index == index || command->index < 0 || index < 0;
-        if (command->index == index && command->on == on)
+        const gboolean fits = command->index == index && command->on == on;
+        if (fits && !command->overdue)
             return command;
-        if (overlaps && !command->overdue)
-            return NULL;
+        if (fits)
+            overdue = overdue ? overdue : command;
+        else if (overlaps && (overdue || !command->overdue))
+            return overdue;
     }
-    return NULL;
+    return overdue;
 }
 
 /* Takes a command that is answered out of the list, and those before it that never will be. */

@@ -55,8 +55,10 @@ void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 
 /* A server for clients of the same user, which the kernel alone authenticates (EXTERNAL). address
  * is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. Commands of
- * the same user find the daemon (bus_client.h). */
-GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
+ * the same user find the daemon (bus_client.h). Clients are refused that would
+ * leave few descriptors for devices and files, and those of a process that has many connections. */
+typedef struct BusServer BusServer;
+BusServer *bus_serve(Bus *bus, const char *address, GError **error);
 
 /* Ends the server. Call it before bus_free(): a client that connects at that moment is refused. */
-void bus_unserve(Bus *bus, GDBusServer *server);
+void bus_unserve(Bus *bus, BusServer *server);

@@ -4,22 +4,204 @@
 #include <gio/gunixsocketaddress.h>
 #include <glib/gstdio.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <sys/select.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
+
+/*
+ * GDBusServer is not used: with a full table of descriptors it never rests and logs an error each
+ * time that it cannot accept; and a client that does not authenticate itself keeps a thread for
+ * ever.
+ */
+
+#define RESERVED_PART 8  /* clients leave this part of the descriptors to devices and files: 1/8 */
+#define MOST_CLIENTS  64 /* connections of one process */
+#define JOIN_S        10 /* a client must have authenticated itself by then */
+#define AGAIN_MS      500
+#define SAY_AGAIN_US  (60 * G_USEC_PER_SEC)
+
+struct BusServer {
+    Bus *bus;
+    char *path, *guid, *announced;
+    GDBusAuthObserver *observer;
+    GSocket *socket;
+    guint waiting, again; /* for clients; for a descriptor that accepts one */
+    GList *clients;       /* of struct client */
+    gint64 said_us;       /* when the log last told that a client was refused; 0: never */
+};
+
+struct client {
+    BusServer *server;
+    pid_t pid;
+    GSocketConnection *stream;
+    GDBusConnection *connection; /* set by the thread; NULL: not authenticated */
+    GThread *thread;             /* authenticates; NULL: has done so */
+    GSource *joined;             /* ready when the thread is done */
+    guint timer;
+    gulong closed;
+};
 
 /* The kernel identifies the client; cookies in home folders are not used. */
 static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
     return strcmp(mechanism, "EXTERNAL") == 0;
 }
 
-static gboolean new_connection(GDBusServer *server, GDBusConnection *connection, gpointer bus) {
+static void client_free(struct client *client) {
+    GSocket *socket = g_socket_connection_get_socket(client->stream);
+    client->server->clients = g_list_remove(client->server->clients, client);
+    g_clear_handle_id(&client->timer, g_source_remove);
+    if (client->thread) {
+        g_socket_shutdown(socket, TRUE, TRUE, NULL); /* ends its wait */
+        g_thread_join(client->thread);
+    }
+    g_source_destroy(client->joined);
+    g_source_unref(client->joined);
+    if (client->closed)
+        g_signal_handler_disconnect(client->connection, client->closed);
+    g_clear_object(&client->connection);
+    g_object_unref(client->stream);
+    g_free(client);
+}
+
+static void on_closed(GDBusConnection *connection, gboolean vanished, GError *error,
+                      gpointer client) {
+    client_free(client);
+}
+
+/* Messages are held until the objects are there. */
+static gpointer authenticate(gpointer data) {
+    const GDBusConnectionFlags flags = G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
+                                       G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER |
+                                       G_DBUS_CONNECTION_FLAGS_DELAY_MESSAGE_PROCESSING;
+    struct client *client = data;
+    client->connection =
+        g_dbus_connection_new_sync(G_IO_STREAM(client->stream), client->server->guid, flags,
+                                   client->server->observer, NULL, NULL);
+    g_source_set_ready_time(client->joined, 0);
+    return NULL;
+}
+
+static gboolean on_joined(GSource *source, GSourceFunc unused, gpointer data);
+static GSourceFuncs joined_funcs = {.dispatch = on_joined};
+
+struct joined_source {
+    GSource base;
+    struct client *client;
+};
+
+static gboolean on_joined(GSource *source, GSourceFunc unused, gpointer unused_data) {
+    struct client *client = ((struct joined_source *)source)->client;
     g_autoptr(GError) error = NULL;
-    if (bus_export(bus, connection, &error))
+    g_source_set_ready_time(source, -1);
+    g_thread_join(g_steal_pointer(&client->thread));
+    g_clear_handle_id(&client->timer, g_source_remove);
+    if (!client->connection || !bus_export(client->server->bus, client->connection, &error)) {
+        if (error)
+            g_warning("cannot serve a client: %s", error->message);
+        client_free(client);
+        return G_SOURCE_CONTINUE;
+    }
+    client->closed = g_signal_connect(client->connection, "closed", G_CALLBACK(on_closed), client);
+    g_dbus_connection_start_message_processing(client->connection);
+    return G_SOURCE_CONTINUE;
+}
+
+static gboolean on_silent(gpointer data) {
+    struct client *client = data;
+    client->timer = 0;
+    client_free(client);
+    return G_SOURCE_REMOVE;
+}
+
+static void client_new(BusServer *server, GSocket *socket, pid_t pid) {
+    struct client *client = g_new0(struct client, 1);
+    client->server = server;
+    client->pid = pid;
+    client->stream = g_socket_connection_factory_create_connection(socket);
+    client->joined = g_source_new(&joined_funcs, sizeof(struct joined_source));
+    ((struct joined_source *)client->joined)->client = client;
+    g_source_attach(client->joined, NULL);
+    client->timer = g_timeout_add_seconds(JOIN_S, on_silent, client);
+    client->thread = g_thread_new("client", authenticate, client);
+    server->clients = g_list_prepend(server->clients, client);
+}
+
+/* Once a minute at most. */
+G_GNUC_PRINTF(2, 3)
+static void say(BusServer *server, const char *format, ...) {
+    const gint64 now_us = g_get_monotonic_time();
+    va_list args;
+    if (server->said_us && now_us - server->said_us < SAY_AGAIN_US)
+        return;
+    server->said_us = now_us;
+    va_start(args, format);
+    g_autofree char *text = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_warning("%s", text);
+}
+
+static pid_t process_of(GSocket *socket) {
+    g_autoptr(GCredentials) credentials = g_socket_get_credentials(socket, NULL);
+    return credentials ? g_credentials_get_unix_pid(credentials, NULL) : 0;
+}
+
+/* The kernel gives out the lowest free descriptor, which therefore tells how many there are. */
+static gboolean has_room(BusServer *server, GSocket *socket, pid_t pid) {
+    struct rlimit limit = {0};
+    int of_process = 0;
+    for (GList *item = server->clients; item; item = item->next)
+        of_process += ((struct client *)item->data)->pid == pid;
+    if (of_process >= MOST_CLIENTS) {
+        say(server, "process %d has %d connections: no more of its connections are accepted",
+            (int)pid, of_process);
+        return FALSE;
+    }
+    getrlimit(RLIMIT_NOFILE, &limit);
+    const rlim_t most = MIN(limit.rlim_cur, FD_SETSIZE); /* libmodbus calls select() */
+    if ((rlim_t)g_socket_get_fd(socket) < most - most / RESERVED_PART)
         return TRUE;
-    g_warning("cannot serve a client: %s", error->message);
+    say(server,
+        "%u clients are connected, and few more files may be open: no more clients are accepted",
+        g_list_length(server->clients));
     return FALSE;
+}
+
+static void wait_for_clients(BusServer *server);
+
+static gboolean on_again(gpointer data) {
+    BusServer *server = data;
+    server->again = 0;
+    wait_for_clients(server);
+    return G_SOURCE_REMOVE;
+}
+
+/* A client that is refused sees that its connection is closed. */
+static gboolean on_client(GSocket *listener, GIOCondition condition, gpointer data) {
+    BusServer *server = data;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSocket) socket = g_socket_accept(listener, NULL, &error);
+    if (socket) {
+        const pid_t pid = process_of(socket);
+        if (has_room(server, socket, pid))
+            client_new(server, socket, pid);
+        return G_SOURCE_CONTINUE;
+    }
+    if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_WOULD_BLOCK))
+        return G_SOURCE_CONTINUE;
+    say(server, "cannot accept a client: %s", error->message);
+    server->waiting = 0;
+    server->again = g_timeout_add(AGAIN_MS, on_again, server);
+    return G_SOURCE_REMOVE;
+}
+
+static void wait_for_clients(BusServer *server) {
+    GSource *source = g_socket_create_source(server->socket, G_IO_IN, NULL);
+    g_source_set_callback(source, G_SOURCE_FUNC(on_client), server, NULL);
+    server->waiting = g_source_attach(source, NULL);
+    g_source_unref(source);
 }
 
 /* TRUE if no process listens at a socket's path any more; the socket is then removed. */
@@ -55,36 +237,60 @@ static gboolean remove_stale(const char *path, GError **error) {
     return !answered;
 }
 
-GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
-    if (!g_str_has_prefix(address, "unix:path=/")) {
+static GSocket *listen_at(const char *path, GError **error) {
+    g_autoptr(GSocketAddress) address = g_unix_socket_address_new(path);
+    g_autoptr(GSocket) socket =
+        g_socket_new(G_SOCKET_FAMILY_UNIX, G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_DEFAULT, error);
+    if (!socket)
+        return NULL;
+    g_socket_set_blocking(socket, FALSE);
+    g_socket_set_listen_backlog(socket, SOMAXCONN);
+    if (g_socket_bind(socket, address, FALSE, error) && g_socket_listen(socket, error))
+        return g_steal_pointer(&socket);
+    g_prefix_error(error, "cannot listen at %s: ", path);
+    return NULL;
+}
+
+BusServer *bus_serve(Bus *bus, const char *address, GError **error) {
+    if (!g_str_has_prefix(address, "unix:path=/") || strpbrk(address, ",;%")) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                     "%s is not an address to listen at: write unix:path=/…/NAME", address);
         return NULL;
     }
-    if (!remove_stale(address + strlen("unix:path="), error))
+    const char *path = address + strlen("unix:path=");
+    if (!remove_stale(path, error))
         return NULL;
-    g_autofree char *guid = g_dbus_generate_guid();
-    g_autoptr(GDBusAuthObserver) observer = g_dbus_auth_observer_new();
-    g_signal_connect(observer, "allow-mechanism", G_CALLBACK(allow_mechanism), NULL);
-    GDBusServer *server = g_dbus_server_new_sync(
-        address, G_DBUS_SERVER_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER, guid, observer, NULL, error);
-    if (!server)
+    GSocket *socket = listen_at(path, error);
+    if (!socket)
         return NULL;
-    g_signal_connect(server, "new-connection", G_CALLBACK(new_connection), bus);
-    g_dbus_server_start(server);
+    BusServer *server = g_new0(BusServer, 1);
+    server->bus = bus;
+    server->socket = socket;
+    server->path = g_strdup(path);
+    server->guid = g_dbus_generate_guid();
+    server->observer = g_dbus_auth_observer_new();
+    g_signal_connect(server->observer, "allow-mechanism", G_CALLBACK(allow_mechanism), NULL);
+    wait_for_clients(server);
     g_autoptr(GError) why = NULL;
-    char *folder = bus_client_announce(address, &why);
+    server->announced = bus_client_announce(address, &why);
     if (why)
         g_warning("commands find this daemon only with --address: %s", why->message);
-    g_object_set_data_full(G_OBJECT(server), "announced", folder, g_free);
     return server;
 }
 
-void bus_unserve(Bus *bus, GDBusServer *server) {
-    const char *announced = g_object_get_data(G_OBJECT(server), "announced");
-    if (announced)
-        bus_client_remove_folder(announced);
-    g_signal_handlers_disconnect_by_func(server, new_connection, bus);
-    g_dbus_server_stop(server);
-    g_object_unref(server);
+void bus_unserve(Bus *bus, BusServer *server) {
+    if (server->announced)
+        bus_client_remove_folder(server->announced);
+    g_clear_handle_id(&server->waiting, g_source_remove);
+    g_clear_handle_id(&server->again, g_source_remove);
+    g_unlink(server->path);
+    g_socket_close(server->socket, NULL);
+    while (server->clients)
+        client_free(server->clients->data);
+    g_object_unref(server->socket);
+    g_object_unref(server->observer);
+    g_free(server->announced);
+    g_free(server->path);
+    g_free(server->guid);
+    g_free(server);
 }

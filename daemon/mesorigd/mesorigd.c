@@ -16,7 +16,7 @@
 struct daemon {
     GMainLoop *loop;
     Bus *bus;
-    GDBusServer *server;
+    BusServer *server;
     guint name_id, watchdog_id;
     gboolean was_owner;
     int exit_code;
@@ -50,18 +50,23 @@ static int mesorigd_fail(const GError *error) {
     return 1;
 }
 
+/* systemd's ExecStopPost (it sets SERVICE_RESULT) also runs after a service that could not start
+ * because another daemon has the rig, which must not be switched off then. What is not safe after
+ * it is left to a guardian, if none is at work. */
 static int safe_state(const char *path) {
+    const gboolean service = g_getenv("SERVICE_RESULT") != NULL;
     g_autoptr(GError) error = NULL;
     g_autoptr(SafeState) state = safe_state_read(path, &error);
-    /* systemd's ExecStopPost (it sets SERVICE_RESULT) also runs after a service that could not
-     * start because another daemon has the rig, which must not be switched off then. */
-    lock_set_role(g_getenv("SERVICE_RESULT") ? LOCK_GUARDIAN : LOCK_OPERATOR);
+    lock_set_role(service ? LOCK_GUARDIAN : LOCK_OPERATOR);
     if (!state) {
         g_prefix_error(&error, "the rig is NOT safe: ");
         return mesorigd_fail(error);
     }
-    guardian_await(path);
-    return safe_work_once(state) ? 0 : 1;
+    const gboolean guarded = guardian_await(path);
+    const gboolean safe = safe_work_once(state);
+    if (!safe && service && !guarded && safe_state_n(state) > 0)
+        guardian_leave(path);
+    return safe ? 0 : 1;
 }
 
 /* To the journal as it is, with its level; elsewhere a line that people can read. */

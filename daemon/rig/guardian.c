@@ -89,8 +89,7 @@ static gboolean on_beat(gpointer data) {
         kill(guardian->pid, SIGKILL);
         guardian->silent_us = 0;
     }
-    guardian->busy = FALSE;
-    guardian_send(guardian, BEAT);
+    guardian_send(guardian, guardian->busy ? PAUSE : BEAT);
     return G_SOURCE_CONTINUE;
 }
 
@@ -114,6 +113,7 @@ static void on_ended(GPid pid, int status, gpointer data) {
     g_clear_handle_id(&guardian->timer, g_source_remove);
     close(guardian->socket);
     guardian->socket = -1;
+    guardian->answered_us = 0;
     if (g_get_monotonic_time() - guardian->started_us > LASTED_US)
         guardian->restart_ms = MIN_RESTART_MS;
     g_warning("the guardian of %s (process %d) has ended (status 0x%04x)%s%s: starting another in "
@@ -203,12 +203,18 @@ static gboolean await_first_answer(Guardian *guardian, GError **error) {
                             guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
 }
 
-Guardian *guardian_start(const char *rig_path, GError **error) {
+static Guardian *guardian_new(const char *rig_path) {
     Guardian *guardian = g_new0(Guardian, 1);
 
     guardian->rig_path = g_strdup(rig_path);
     guardian->socket = -1;
     guardian->restart_ms = MIN_RESTART_MS;
+    return guardian;
+}
+
+Guardian *guardian_start(const char *rig_path, GError **error) {
+    Guardian *guardian = guardian_new(rig_path);
+
     if (guardian_do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
     guardian_end(guardian, GUARDIAN_SAFE); /* one that has refused goes on, or has ended */
@@ -269,6 +275,10 @@ void guardian_end(Guardian *guardian, enum guardian_end how) {
     g_free(guardian);
 }
 
-void guardian_await(const char *rig_path) {
-    place_await(rig_path, AWAIT_US);
+gboolean guardian_await(const char *rig_path) {
+    return place_await(rig_path, AWAIT_US);
+}
+
+void guardian_leave(const char *rig_path) {
+    guardian_end(guardian_new(rig_path), GUARDIAN_FAILED);
 }

@@ -36,8 +36,8 @@ Guardian *guardian_start(const char *rig_path, GError **error);
  * laser on asks this first. */
 gboolean guardian_answers(Guardian *guardian, GError **error);
 
-/* busy: no light is on, nothing moves and the main loop is about to block, so silence until the
- * next heartbeat is not a hang. FALSE: silence is a hang again, from now on. NULL is ignored. */
+/* busy: no light is on, nothing moves and the main loop may block, so silence is not a hang. FALSE:
+ * it is one again, from now on. NULL is ignored. */
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 enum guardian_end {
@@ -49,8 +49,13 @@ enum guardian_end {
 /* NULL is ignored. */
 void guardian_end(Guardian *guardian, enum guardian_end how);
 
-/* For a program that makes the rig safe itself: waits up to 5 s while a guardian does so. */
-void guardian_await(const char *rig_path);
+/* For a program that makes the rig safe itself: waits up to 5 s while a guardian does so. Returns
+ * whether it is still at work. */
+gboolean guardian_await(const char *rig_path);
+
+/* Starts a guardian for a rig without a daemon, which makes the rig safe and says only what is not.
+ */
+void guardian_leave(const char *rig_path);
 
 /* The guardian itself; its standard input is the daemon's socket. Returns the exit code. */
 int guardian_main(const char *rig_path);

@@ -148,9 +148,10 @@ static void let_pipes_go(void) {
     }
 }
 
-/* Goes on until the rig is safe, or another guardian takes the place; then it returns FALSE. A
- * daemon that waits to begin is told after a while that it has to do without this rig. */
-static gboolean work(struct guarding *guarding, enum safe_until until, gboolean daemon_waits) {
+/* Goes on until there is nothing left to try. A daemon that waits to begin is told after a while
+ * that it has to do without this rig. Returns FALSE if another guardian has asked for the place. */
+static gboolean work(struct guarding *guarding, enum safe_until until, gboolean daemon_waits,
+                     gboolean *ret_safe) {
     const gint64 began_us = g_get_monotonic_time();
     SafeWork *work = safe_work_new(guarding->state, until, REPEAT_S);
     gboolean asked = FALSE, has_left = FALSE, going = TRUE;
@@ -181,11 +182,9 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
     if (asked)
         g_printerr("mesorigd: guardian: process %d leaves the rig to another guardian\n",
                    (int)getpid());
-    const gboolean safe = !asked && safe_work_is_safe(work);
+    *ret_safe = safe_work_is_safe(work);
     safe_work_free(work);
-    if (safe && daemon_waits)
-        answer(NULL);
-    return safe;
+    return !asked;
 }
 
 /* The process at the other end of the standard input. It is the parent, unless it has died. */
@@ -198,9 +197,10 @@ static void find_daemon(struct guarding *guarding) {
     guarding->process = guarding->daemon == getppid() ? pidfd_open(guarding->daemon, 0) : -1;
 }
 
-/* The guardian of the daemon has the place: whatever was left unsafe before is safe. */
+/* Takes the place, and finishes what another guardian has left. Mistakes in the rig file, which
+ * leave devices unsafe, are for the daemon to report. */
 static gboolean begin(struct guarding *guarding) {
-    gboolean at_work = FALSE;
+    gboolean at_work = FALSE, safe = FALSE;
     pid_t other = 0;
 
     if (!place_take(&guarding->place, guarding->rig_path, &at_work, &other)) {
@@ -211,12 +211,13 @@ static gboolean begin(struct guarding *guarding) {
         answer(refusal);
         return FALSE;
     }
-    return !at_work || work(guarding, SAFE_UNTIL_SAFE_QUIETLY, TRUE);
+    return !at_work || work(guarding, SAFE_UNTIL_SAFE_QUIETLY, TRUE, &safe);
 }
 
 int guardian_main(const char *rig_path) {
     struct guarding guarding = {.rig_path = rig_path};
     g_autoptr(GError) error = NULL;
+    gboolean safe = FALSE;
 
     prctl(PR_SET_NAME, "mesorig-guard"); /* instead of "exe" */
     lock_set_role(LOCK_GUARDIAN);
@@ -227,16 +228,16 @@ int guardian_main(const char *rig_path) {
         g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
         return 1;
     }
-    gboolean safe = begin(&guarding);
-    if (safe) {
+    if (begin(&guarding)) {
         const enum news news = watch_daemon(&guarding);
+        safe = news == NEWS_GOODBYE;
         if (news == NEWS_DEAD)
             g_printerr("mesorigd: guardian: the daemon has ended and has not reported that it left "
                        "the rig safe: making %s safe\n",
                        rig_path);
-        if (news != NEWS_GOODBYE)
-            safe = work(&guarding, news == NEWS_FAILED ? SAFE_UNTIL_SAFE_QUIETLY : SAFE_UNTIL_SAFE,
-                        FALSE);
+        if (!safe)
+            work(&guarding, news == NEWS_FAILED ? SAFE_UNTIL_SAFE_QUIETLY : SAFE_UNTIL_SAFE, FALSE,
+                 &safe);
     }
     safe_state_free(guarding.state);
     return safe ? 0 : 1;

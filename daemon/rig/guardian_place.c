@@ -183,16 +183,18 @@ gboolean place_serve(struct place *place, const struct pollfd *fds, int n, pid_t
     return asked;
 }
 
-void place_await(const char *rig_path, gint64 wait_us) {
+gboolean place_await(const char *rig_path, gint64 wait_us) {
     struct sockaddr_un name;
     const socklen_t size = place_address(rig_path, &name);
     const int fd = place_connect(&name, size);
+    gboolean at_work = FALSE;
     struct hello hello;
 
     if (fd < 0)
-        return;
+        return FALSE;
     if (peer_of(fd) != 0 && is_ready(fd, LOOK_MS) &&
         recv(fd, &hello, sizeof hello, MSG_DONTWAIT) == sizeof hello && hello.daemon == 0)
-        is_closed(fd, (int)(wait_us / 1000));
+        at_work = !is_closed(fd, (int)(wait_us / 1000));
     close(fd);
+    return at_work;
 }

@@ -32,5 +32,5 @@ int place_poll(const struct place *place, struct pollfd *ret);
  * made safe. Returns whether somebody asks for the place: then end the work, and the process. */
 gboolean place_serve(struct place *place, const struct pollfd *fds, int n, pid_t daemon);
 
-/* Waits while a guardian makes the rig safe, for at most wait_us. */
-void place_await(const char *rig_path, gint64 wait_us);
+/* Waits while a guardian makes the rig safe, for at most wait_us. Returns whether it still does. */
+gboolean place_await(const char *rig_path, gint64 wait_us);

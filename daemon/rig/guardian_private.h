@@ -7,7 +7,7 @@
 /* From the daemon: one byte. */
 enum message {
     BEAT = 'b',
-    PAUSE = 'p',   /* silence until the next beat is not a hang */
+    PAUSE = 'p',   /* a beat; silence until the next one is not a hang */
     GOODBYE = 'q', /* the rig is safe */
     FAILED = 'f',  /* the rig could not be opened: make it safe */
 };

@@ -171,9 +171,11 @@ static void become_line(SafeWork *work, const struct line *line, pid_t parent, i
 }
 
 static gint64 restart_us(const struct line *line) {
-    return line->n_crashed == 0
-               ? 0
-               : MIN((gint64)MIN_PAUSE_US << MIN(line->n_crashed - 1, 10), MAX_RESTART_US);
+    gint64 us = 0;
+
+    for (int i = 0; i < line->n_crashed && us < MAX_RESTART_US; i++)
+        us = us == 0 ? MIN_PAUSE_US : MIN(2 * us, MAX_RESTART_US);
+    return us;
 }
 
 static void begin_process(SafeWork *work, struct line *line) {

@@ -39,8 +39,9 @@ struct modbus_axis {
     ModbusBus *bus;
     enum phase phase;
     guint timer;
-    int n_commands; /* commands without an answer yet */
-    int n_unheard;  /* polls in a row without an answer */
+    int n_commands;   /* commands without an answer yet */
+    int last_command; /* its tag */
+    int n_unheard;    /* polls in a row without an answer */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
     double speed_deg_s;           /* as its register has it */
@@ -264,9 +265,10 @@ static void poll_later(Axis *axis) {
 
 static void on_commanded(const struct modbus_job *job, const GError *error, gpointer data);
 
-static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbus_job *job) {
+static void modbus_axis_command(Axis *axis, enum phase phase, struct modbus_job *job) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = phase;
+    job->tag = priv->last_command = (priv->last_command + 1) & G_MAXINT;
     priv->n_commands++;
     priv->n_unheard = 0;
     priv->left_home = priv->was_still = FALSE;
@@ -296,7 +298,8 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->n_commands == 0)
         poll_now(axis);
-    if (error && priv->phase != STANDING)
+    /* The failure of an earlier command does not matter any more. */
+    if (error && priv->phase != STANDING && job->tag == priv->last_command)
         report_fault(axis, g_error_copy(error));
 }
 

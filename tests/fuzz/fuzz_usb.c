@@ -147,6 +147,10 @@ guint8 usb_interface(const UsbDevice *usb) {
     return 0;
 }
 
+char *usb_words(const char *what, const char *serial, const char *path) {
+    return g_strdup(what);
+}
+
 const char *usb_product(const UsbDevice *usb) {
     return "USBRelay4";
 }

@@ -11,7 +11,7 @@
 struct bus_peer {
     char *folder, *address, *rig, *conf, *session; /* of the last, the directory that may be made */
     Bus *bus;
-    GDBusServer *server;
+    BusServer *server;
     GDBusConnection *client;
     GString *told; /* events, a line each */
 };

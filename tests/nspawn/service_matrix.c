@@ -255,7 +255,10 @@ static void check_journal(const struct cell *cell, const char *said) {
                                                 lines_is_axis((enum line)i) ? "stands" : "off");
         g_autofree char *unsafe = g_strconcat(lines_names[i], ": NOT safe: ", NULL);
         const gboolean failed = fails && i == (int)cell->line;
-        if (i != DOOR && count(said, failed ? unsafe : safe) != reports)
+        const int n = count(said, failed ? unsafe : safe);
+        /* ExecStopPost has left a guardian, which may have named it, too. */
+        const gboolean left = failed && reports == 1 && n == 2;
+        if (i != DOOR && n != reports && !left)
             g_error("not %d times “%s” in: %s", reports, failed ? unsafe : safe, said);
     }
     if (count(said, SAFE) != (fails ? 0 : reports))
@@ -277,11 +280,11 @@ static double after_s(gint64 us, gint64 from_us) {
     return (double)MAX(us - from_us, 0) / 1e6;
 }
 
-/* The unit is stopped, and its line works again: the guardian switches the light off and ends. With
- * ExecStopPost only, nobody is left; the next start would do it. */
+/* The unit is stopped, and its line works again: the guardian, or one that ExecStopPost has left,
+ * switches the light off and ends. */
 static void repair(struct lines *lines, struct cell *cell) {
     const gint64 began_us = g_get_monotonic_time();
-    if (cell->failure == GONE || cell->end == BOTH || cell->end == GUARDIAN_FROZEN) {
+    if (cell->failure == GONE) {
         for (pid_t guardian; (guardian = find_guardian(RIG)) != 0; g_usleep(10000))
             kill(guardian, SIGKILL);
         return;

@@ -22,7 +22,7 @@
 struct fixture {
     char *folder, *socket, *address, *directory, *session;
     Bus *bus;
-    GDBusServer *server;
+    BusServer *server;
     GDBusConnection *client;
     int closed, changes, events, thumbnails;
     int shots_done;
@@ -571,7 +571,7 @@ static void test_addresses(void) {
     g_assert_cmpint(bind(fd, (struct sockaddr *)&to, sizeof(to)), ==, 0);
     close(fd);
     g_autoptr(GError) error = NULL;
-    GDBusServer *server = bus_serve(bus, to_file, &error);
+    BusServer *server = bus_serve(bus, to_file, &error);
     g_assert_no_error(error);
     g_assert_null(bus_serve(bus, to_file, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE);

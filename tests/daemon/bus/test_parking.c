@@ -44,7 +44,7 @@ static void run_one(const struct change *changes, double *ret_turntable_deg, dou
     small_rig_write(folder, "world.conf", NULL);
     small_rig_write(folder, "session.conf", NULL);
     Bus *bus = bus_new(address);
-    GDBusServer *server = bus_serve(bus, address, &error);
+    BusServer *server = bus_serve(bus, address, &error);
     g_assert_no_error(error);
     bus_keep_queue(bus, queue);
     bus_open_rig(bus, rig, &error);

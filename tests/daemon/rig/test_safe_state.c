@@ -332,7 +332,6 @@ static void start_daemon(struct fixture *fixture) {
         g_usleep(10000);
     g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
     g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
-    g_usleep(G_USEC_PER_SEC * 3 / 2); /* it is watching, and has heard of the daemon */
 }
 
 static void read_log(struct fixture *fixture) {
@@ -680,6 +679,22 @@ static void test_started_again(struct fixture *fixture, gconstpointer data) {
     start_daemon(fixture);
 }
 
+/* ExecStopPost leaves a guardian to what is not safe. That lets the pipe go in time, at which this
+ * program waits. */
+static void test_service(struct fixture *fixture, gconstpointer data) {
+    write_lit_rig(fixture);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    g_setenv("SERVICE_RESULT", "signal", TRUE);
+    g_assert_cmpint(safe_state(fixture), ==, 1);
+    g_unsetenv("SERVICE_RESULT");
+    g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
+    assert_has(fixture->said, "goes on trying");
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
+    lines_repair(&fixture->lines, LASER);
+    wait_for_dark(fixture);
+    wait_for_guardian_end(fixture);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
 #define ADD(path, func, data)                                                                      \
@@ -702,6 +717,7 @@ int main(int argc, char **argv) {
                test_held_for_a_while, tear_down);
     ADD("/safe-state/moving", test_moving, 0);
     ADD("/safe-state/no-file", test_no_file, 0);
+    ADD("/safe-state/service", test_service, 0);
     ADD("/guardian/killed", test_death, SIGKILL);
     ADD("/guardian/aborted", test_death, SIGABRT);
     ADD("/guardian/hung", test_death, SIGSTOP);

@@ -74,6 +74,22 @@ static void laser_off(struct bench *bench, gconstpointer unused) {
     g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_OFF);
 }
 
+/* An axis polls the same line all the time. */
+static void busy_line(struct bench *bench, gconstpointer unused) {
+    bench_open_axis(bench, "");
+    bench_home(bench);
+    bench_open_laser(bench, "coil = 9\n");
+    laser_set(bench->laser, TRUE, NULL);
+    bench_expect(bench, TRUE);
+    bench_fail(bench, .cut = TRUE);
+    laser_set(bench->laser, FALSE, NULL);
+    while (laser_light(bench->laser) != LIGHT_UNSAFE)
+        conformance_pass(bench->clock, 0.01);
+    bench->n = 0;
+    dead_then_well(bench, "laser off, not heard, on a busy line");
+    g_assert_cmpint(laser_light(bench->laser), ==, LIGHT_OFF);
+}
+
 static void lamp_on(struct bench *bench, gconstpointer unused) {
     bench_open_bank(bench, "n = 3\nfirst_coil = 4\n");
     bench_fail(bench, .silent = -1);
@@ -306,6 +322,7 @@ static const struct {
     {"laser-on", laser_on, TRUE},
     {"laser-off", laser_off, TRUE},
     {"lamp-on", lamp_on, TRUE},
+    {"busy-line", busy_line, TRUE},
     {"lamps-off", lamps_off},
     {"lost", lost, TRUE},
     {"axis", axis, TRUE},

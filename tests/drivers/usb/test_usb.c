@@ -104,6 +104,14 @@ static void expect_fault(struct rig *rig, enum device_error code, const char *te
     g_assert_cmpint(rig->heard.n, ==, 0);
 }
 
+static void wait_confirmed(Clock *clock, const struct device *device) {
+    const gint64 from = g_get_monotonic_time();
+    while (device_is_unsafe(device)) {
+        g_assert_cmpint(g_get_monotonic_time() - from, <, 20 * G_USEC_PER_SEC);
+        conformance_pass(clock, 0.01);
+    }
+}
+
 static void home(struct rig *rig) {
     GError *error = NULL;
     axis_home(rig->axis, &error);
@@ -258,8 +266,11 @@ static void test_tic_unplug(struct rig *rig, gconstpointer unused) {
     g_assert_cmpint(clock_now_us(rig->clock) - from, <, 500000);
     g_assert_false(axis_home(rig->axis, &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "00123456");
+    g_assert_cmpint(axis_safety(rig->axis), ==, DEVICE_UNSAFE);
     virtual_usb_plug(virtual_tic_usb(rig->tic));
-    conformance_pass(rig->clock, 0.1);
+    wait_confirmed(rig->clock, &rig->axis->device); /* stopped again as soon as it is back */
+    g_assert_cmpint(axis_safety(rig->axis), ==, DEVICE_SAFE);
+    assert_stands(rig);
     assert_recovers(rig);
 }
 
@@ -591,6 +602,31 @@ static void test_relays_unplug(struct board *board, gconstpointer unused) {
     g_assert_cmphex(virtual_relays_state(board->relays), ==, 0x02);
 }
 
+/* A board with a power supply of its own: its relays stay on while it is unplugged, which is told
+ * at that moment, and go off once it is back. */
+static void test_relays_unplug_lit(struct board *board, gconstpointer unused) {
+    set_laser(board, TRUE);
+    set_lamp(board, 0, TRUE);
+    board->lamps.n = board->lasers.n = 0;
+    virtual_usb_unplug(virtual_relays_usb(board->relays));
+    conformance_wait(board->clock, &board->lasers.n, 1, 5);
+    conformance_wait(board->clock, &board->lamps.n, 1, 5);
+    g_assert_true(tells_unplugged(board->lamps.error));
+    g_assert_true(tells_unplugged(board->lasers.error));
+    conformance_pass(board->clock, 1);
+    g_assert_cmpint(laser_light(board->laser), ==, LIGHT_UNSAFE);
+    g_assert_cmpint(lamps_light(board->bank, 0), ==, LIGHT_UNSAFE);
+    g_assert_cmphex(virtual_relays_state(board->relays), ==, 0x22);
+    virtual_usb_plug(virtual_relays_usb(board->relays));
+    wait_confirmed(board->clock, &board->laser->device);
+    wait_confirmed(board->clock, &board->bank->device);
+    g_assert_cmphex(virtual_relays_state(board->relays), ==, 0);
+    g_assert_cmpint(laser_light(board->laser), ==, LIGHT_OFF);
+    g_assert_cmpint(lamps_light(board->bank, 0), ==, LIGHT_OFF);
+    g_assert_cmpint(board->lasers.n, ==, 1);
+    g_assert_cmpint(board->lamps.n, ==, 1);
+}
+
 static void test_relays_wrong_relay(void) {
     g_autoptr(Clock) clock = clock_new_real();
     g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "SMALL", 1, FALSE);
@@ -669,6 +705,7 @@ static const struct {
     {"/usb/relays/laser-stuck", test_relays_laser_stuck},
     {"/usb/relays/faults", test_relays_faults},
     {"/usb/relays/unplug", test_relays_unplug},
+    {"/usb/relays/unplug-lit", test_relays_unplug_lit},
 };
 
 int main(int argc, char **argv) {
