@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "bus/bus.h"
 #include "held_time.h"
 #include "rig1-bus.h"
 
@@ -23,7 +22,7 @@ struct client {
 
 struct bus_clients {
     struct scene *scene;
-    GDBusServer *server;
+    Bus *bus;
     char *guid;
     struct client named[BUS_CLIENTS];
     GArray *calls;   /* of struct bus_call */
@@ -36,10 +35,10 @@ static gint64 clients_now_us(const struct bus_clients *clients) {
     return clients->scene->disk.ended_us;
 }
 
-struct bus_clients *bus_clients_new(struct scene *scene, GDBusServer *server) {
+struct bus_clients *bus_clients_new(struct scene *scene, Bus *bus) {
     struct bus_clients *clients = g_new0(struct bus_clients, 1);
     clients->scene = scene;
-    clients->server = server;
+    clients->bus = bus;
     clients->guid = g_dbus_generate_guid();
     clients->calls = g_array_new(FALSE, FALSE, sizeof(struct bus_call));
     clients->answered = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -134,12 +133,13 @@ static GDBusConnection *client_connect(struct bus_clients *clients, struct clien
     return connection;
 }
 
-/* As GDBusServer does it; takes the connection. */
+/* As the daemon's server does it; takes the connection. */
 static void client_show(struct bus_clients *clients, GDBusConnection *connection) {
-    gboolean claimed = FALSE;
-    g_signal_emit_by_name(clients->server, "new-connection", connection, &claimed);
-    if (claimed)
+    g_autoptr(GError) error = NULL;
+    if (bus_export(clients->bus, connection, &error))
         g_dbus_connection_start_message_processing(connection);
+    else
+        disk_say(&clients->scene->disk, "a client is not served: %s", error->message);
     g_object_unref(connection);
     held_time_wait();
 }

@@ -1,12 +1,13 @@
 /*
  * Scripted clients of the daemon's bus, in its own process: each is one end of a pair of sockets,
- * and speaks D-Bus with GLib's messages and no thread. The daemon's end is given to its server as
- * GDBusServer gives it a connection that it has accepted.
+ * and speaks D-Bus with GLib's messages and no thread. The daemon's end is given to its bus as the
+ * daemon's server (bus_serve()) gives it a connection that has authenticated itself.
  */
 #pragma once
 
 #include <gio/gio.h>
 
+#include "bus/bus.h"
 #include "bus_schedule.h"
 #include "scene.h"
 
@@ -27,8 +28,7 @@ struct bus_call {
 
 struct bus_clients;
 
-/* server: of bus_serve(). */
-struct bus_clients *bus_clients_new(struct scene *scene, GDBusServer *server);
+struct bus_clients *bus_clients_new(struct scene *scene, Bus *bus);
 
 /* Of struct bus_call, in the order in which they were sent. */
 const GArray *bus_clients_calls(const struct bus_clients *clients);

@@ -150,13 +150,12 @@ static void serving_step(struct serving *serving, const struct bus_step *step) {
 }
 
 /* As mesorigd ends. */
-static void serving_end(struct serving *serving, GDBusServer *server) {
+static void serving_end(struct serving *serving) {
     struct scene *scene = serving->scene;
     g_autoptr(GError) error = NULL;
     held_time_set_limit(scene->disk.ended_us + 100 * G_USEC_PER_SEC);
     if (!bus_end(serving->bus, &error))
         disk_say(&scene->disk, "not safe: %s", error->message);
-    bus_unserve(serving->bus, server);
     bus_free(serving->bus);
 }
 
@@ -169,13 +168,10 @@ void bus_life(struct scene *scene, const struct bus_schedule *schedule) {
     g_log_set_writer_func(say_log, scene, NULL);
     checks = schedule;
     serving.bus = bus_new(address);
-    GDBusServer *server = bus_serve(serving.bus, address, &error);
-    if (!server)
-        g_error("simulate: %s", error->message);
     disk_use(&scene->disk);
     scene->disk.active = TRUE;
     held_time_begin(&scene->disk);
-    serving.clients = bus_clients_new(scene, server);
+    serving.clients = bus_clients_new(scene, serving.bus);
     serving.owners = bus_owners_new(scene, schedule, serving.bus, serving.clients);
     if (!bus_open_rig(serving.bus, rig, &error))
         g_error("simulate: %s", error->message);
@@ -184,7 +180,7 @@ void bus_life(struct scene *scene, const struct bus_schedule *schedule) {
     serving_run(&serving, scene->disk.ended_us + REST_US);
     bus_clients_close_all(serving.clients);
     serving_run(&serving, scene->disk.ended_us + ALONE_US);
-    serving_end(&serving, server);
+    serving_end(&serving);
     disk_say(&scene->disk, "ends after %d turns", serving.turns);
     serving_over();
 }
