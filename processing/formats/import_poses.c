@@ -11,6 +11,10 @@
 #define STEPS_A_DEG 10000 /* angles within 1/this degree are equal */
 #define MOST_ROWS   1000000
 
+const char *const import_poses_columns[] = {
+    "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg", "exposure_ms",
+    "sweep_deg", "black_level", "bits", "transfer", "flat_field",    NULL};
+
 static gint64 import_poses_steps(double deg) {
     const gint64 turn = (gint64)360 * STEPS_A_DEG;
     const gint64 at = llround(remainder(deg, 360) * STEPS_A_DEG) % turn;
@@ -97,6 +101,8 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
                                     .arc = text_table_column(table, "arc_deg"),
                                     .exposure = text_table_column(table, "exposure_ms"),
                                     .sweep = text_table_column(table, "sweep_deg")};
+    if (!text_table_check_columns(table, import_poses_columns, error))
+        return FALSE;
     if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
         return data_error_fail(
             text_table_path(table), 0, error,

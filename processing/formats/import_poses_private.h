@@ -14,6 +14,9 @@ enum import_transfer {
     IMPORT_TRANSFER_SRGB,
 };
 
+/* The names of the table's columns, ending with NULL. */
+extern const char *const import_poses_columns[];
+
 /* How a picture's numbers stand for light. */
 struct import_coding {
     double black_level; /* the number without light */

@@ -6,6 +6,7 @@
 #include "base/config.h"
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "base/nearest.h"
 #include "base/text_table.h"
 #include "import_poses_private.h"
 
@@ -188,11 +189,18 @@ static gboolean nominal_section(const struct config_section *section,
         const struct nominal_key *key = kind->keys;
         while (key->name && strcmp(key->name, *name) != 0)
             key++;
-        if (!key->name)
+        if (!key->name) {
+            struct nearest nearest = nearest_new(*name);
+            for (key = kind->keys; key->name; key++)
+                nearest_consider(&nearest, key->name);
+            if (nearest.name)
+                return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
+                                        "there is no such key; did you mean %s?", nearest.name);
             return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
                                     "a %s has no such key; import poses --template writes all that "
                                     "there are",
                                     kind->class_name);
+        }
     }
     for (const struct nominal_key *key = kind->keys; key->name; key++)
         if (!nominal_numbers(section, key, &place, error))
@@ -275,7 +283,7 @@ char *nominal_template(const char *path, GError **error) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     g_autofree char *absolute = g_canonicalize_filename(path, NULL);
     g_autofree char *folder = g_path_get_dirname(absolute);
-    if (!table)
+    if (!table || !text_table_check_columns(table, import_poses_columns, error))
         return NULL;
     if (text_table_column(table, "file") < 0 || text_table_column(table, "camera") < 0) {
         data_error_set(path, 0, error,
