@@ -562,6 +562,36 @@ static void test_bad_nominal(void) {
     }
 }
 
+/* A camera that looks straight down, or nearly, shows x to the right at turn 0, as a map does, and
+ * is aimed at its target all the same. */
+static void test_downward(void) {
+    static const struct {
+        const char *eye;
+        double turn_deg, right[2];
+    } cameras[] = {{"0; 0; 500", 0, {1, 0}},
+                   {"0; 0; 500", 90, {0, -1}},
+                   {"3; -4; 500", 0, {1, 0}},
+                   {"0; -200; 500", 0, {1, 0}},
+                   {"-200; 0; 500", 0, {0, -1}}};
+    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(cameras); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = g_strdup_printf("[camera c]\nwidth = 9\nheight = 9\nfocal_px = 90\n"
+                                                "eye_mm = %s\nturn_deg = %g\n",
+                                                cameras[i].eye, cameras[i].turn_deg);
+        g_assert_true(g_file_set_contents(path, text, -1, NULL));
+        g_autoptr(Calibration) made = nominal_read(path, &error);
+        g_assert_no_error(error);
+        const struct rig_camera *made_camera = &made->rig.cameras[0];
+        const double *right = made_camera->rotation.m[0];
+        g_assert_cmpfloat_with_epsilon(right[0], cameras[i].right[0], 0.01);
+        g_assert_cmpfloat_with_epsilon(right[1], cameras[i].right[1], 0.01);
+        g_assert_cmpint(nominal_looks_down(made_camera), ==, i < 3);
+        g_assert_cmpfloat_with_epsilon(made_camera->translation_mm.x, 0, 1e-9); /* of the middle */
+        g_assert_cmpfloat_with_epsilon(made_camera->translation_mm.y, 0, 1e-9);
+    }
+}
+
 /* What the template leaves open is named; filled in, the pictures are imported with it. */
 static void test_template(void) {
     g_autofree char *dir = new_folder(), *table = g_build_filename(dir, "poses.csv", NULL);
@@ -732,6 +762,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/foreign_rig/target", test_target);
     g_test_add_func("/foreign_rig/nominal", test_nominal);
     g_test_add_func("/foreign_rig/nominal/bad", test_bad_nominal);
+    g_test_add_func("/foreign_rig/nominal/downward", test_downward);
     g_test_add_func("/foreign_rig/nominal/template", test_template);
     g_test_add_func("/foreign_rig/tutorial", test_tutorial);
     const int status = g_test_run();
