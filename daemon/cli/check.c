@@ -43,6 +43,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
     if (!session)
         return FALSE;
+    session_suspicions(session, check->suspicions);
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;

@@ -11,7 +11,7 @@
 
 #define LARGEST_MM 10000
 
-static char *output, *calibration, *sample, *cfa, *edge;
+static char *output, *calibration, *sample, *cfa, *edge, *transfer;
 static double reference_mm, depth_mm, threshold_dn = 40, same_light_deg;
 static gboolean target, template;
 static int texels = 64;
@@ -27,6 +27,7 @@ static const GOptionEntry entries[] = {
     {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "How deep the structure is (0)", "MM"},
     {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "The colour filter of grey pictures (mono)",
      "mono|rggb|bggr|grbg|gbrg"},
+    {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
     {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "What sweeps show: line, darkens or lightens (line)",
      "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
@@ -105,11 +106,13 @@ static int import_poses_run(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
     const struct command *command = call->command;
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
     struct poses_job job = {.poses = {.table = call->arguments[0],
                                       .calibration = calibration,
                                       .cfa = cfa ? cfa : "mono",
                                       .threshold_dn = threshold_dn,
                                       .same_light_deg = same_light_deg,
+                                      .notes = notes,
                                       .target = target}};
     double seconds = 0;
     if (!output)
@@ -134,9 +137,12 @@ static int import_poses_run(const struct call *call, GError **error) {
     if (!edges[job.poses.edge])
         return cli_usage(command, "there is no --edge=%s; choose from: line, darkens, lightens",
                          edge);
+    if (!exchange_parse_transfer(transfer, &job.poses.transfer))
+        return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
     if (!cli_work_run(work_poses, &job, &seconds, error))
         return CLI_FAILED;
     tell_poses(call->record, &job.result, seconds);
+    exchange_tell_notes(call->record, notes);
     return CLI_DONE;
 }
 

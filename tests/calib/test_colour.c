@@ -89,6 +89,23 @@ static void bad_charts(void) {
     }
 }
 
+/* As spreadsheets save it. */
+static void chart_forms(void) {
+    static const char *const forms[] = {"1.5,2,3,0.25,1,0.5\n1,2,3,1,1,1\n",
+                                        "1,5;2;3;0,25;1;0,5\r\n1;2;3;1;1;1\r\n",
+                                        "1.5\t2\t3\t0,25\t1\t0.5\r1\t2\t3\t1\t1\t1"};
+    for (gsize i = 0; i < G_N_ELEMENTS(forms); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GArray) fields = chart_parse(forms[i], "chart.csv", &error);
+        g_assert_no_error(error);
+        g_assert_cmpuint(fields->len, ==, 2);
+        const struct chart_field *field = &g_array_index(fields, struct chart_field, 0);
+        g_assert_cmpfloat(field->x_mm, ==, 1.5);
+        g_assert_cmpfloat(field->xyz[0], ==, 0.25);
+        g_assert_cmpfloat(field->xyz[2], ==, 0.5);
+    }
+}
+
 static const double patch_rgb[][3] = {{0.6, 0.15, 0.1}, {0.15, 0.5, 0.15}, {0.1, 0.15, 0.6},
                                       {0.7, 0.6, 0.1},  {0.5, 0.2, 0.5},   {0.8, 0.8, 0.8}};
 #define N_PATCHES ((int)G_N_ELEMENTS(patch_rgb))
@@ -145,6 +162,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/colour/difference", difference);
     g_test_add_func("/colour/matrix", matrix);
     g_test_add_func("/colour/bad-charts", bad_charts);
+    g_test_add_func("/colour/chart", chart_forms);
     g_test_add_func("/colour/session", session);
     int status = g_test_run();
     world_fixture_clean();
