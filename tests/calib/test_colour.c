@@ -52,6 +52,43 @@ static void matrix(void) {
     g_assert_cmpfloat(chi2, <, 1.4);
 }
 
+/* Pictures that are darker or brighter than the chart's values say: the matrix has another scale,
+ * and the patches differ by the same ΔE. */
+static void scales(void) {
+    static const double of[] = {0.01, 0.1, 0.5, 1, 2, 10, 100};
+    double first = 0;
+    for (gsize s = 0; s < G_N_ELEMENTS(of); s++) {
+        struct colour_patch patches[24];
+        struct colour_matrix found;
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GRand) random = g_rand_new_with_seed(7);
+        for (int i = 0; i < 24; i++) {
+            double rgb[3];
+            for (int k = 0; k < 3; k++)
+                rgb[k] = g_rand_double_range(random, 0.05, 0.9);
+            to_xyz(rgb, patches[i].xyz);
+            for (int k = 0; k < 3; k++) {
+                patches[i].rgb[k] = of[s] * rgb[k];
+                patches[i].xyz[k] *= 1 + 0.03 * g_rand_double_range(random, -1, 1);
+            }
+        }
+        g_assert_true(colour_fit(patches, 24, &found, &error));
+        g_assert_no_error(error);
+        g_test_message("brightness %g: %.3f ΔE", of[s], found.residual);
+        first = s == 0 ? found.residual : first;
+        g_assert_cmpfloat_with_epsilon(found.residual, first, 1e-6);
+        for (int i = 0; i < 9; i++)
+            g_assert_cmpfloat(fabs(of[s] * found.matrix[i] - truth[i]), <, 0.05);
+        /* Another chart is refused at every brightness. */
+        for (int i = 0; i < 24; i++)
+            memcpy(patches[i].xyz, patches[(i * 7 + 3) % 24].xyz, sizeof patches[i].xyz);
+        g_assert_false(colour_fit(patches, 24, &found, &error));
+        g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT);
+    }
+    g_assert_cmpfloat(first, >, 1);
+    g_assert_cmpfloat(first, <, 4);
+}
+
 static void refused(const struct colour_patch *patches, int n, enum colour_error code) {
     struct colour_matrix found = {0};
     g_autoptr(GError) error = NULL;
@@ -161,6 +198,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/colour/difference", difference);
     g_test_add_func("/colour/matrix", matrix);
+    g_test_add_func("/colour/scales", scales);
     g_test_add_func("/colour/bad-charts", bad_charts);
     g_test_add_func("/colour/chart", chart_forms);
     g_test_add_func("/colour/session", session);
