@@ -131,6 +131,8 @@ static void hand_on_warm(gpointer data) {
 /* A lamp or laser has been switched. */
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->bus->devices->clock;
+    if (!on && !hand->off_asked)
+        return; /* the answer to an earlier command, of SafeState for instance */
     if (error) {
         hand_lose(hand, error);
     } else if (!on) {
@@ -489,6 +491,8 @@ static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand l
     else if (!(hand->bank ? lamps_set(hand->bank, hand->lamp, on, &error)
                           : laser_set(hand->laser, on, &error)))
         hand_refused(hand, error);
+    else
+        bus_show_devices(bus); /* it may shine before it answers */
 }
 
 void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,

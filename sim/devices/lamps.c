@@ -166,6 +166,10 @@ static void sim_lamps_close_lamps(LampBank *bank) {
     sim_lamps_clear(sim);
 }
 
+gint64 sim_lamps_dead_until_us(const LampBank *bank) {
+    return ((const struct sim_lamps *)bank->device.priv)->unheard.dead_until_us;
+}
+
 const struct lamps_driver sim_lamps_driver = {
     .info = {"lamps", "sim-lamps", "Lamps of the simulated world", options,
              sizeof(struct sim_lamps), sim_lamps_check},

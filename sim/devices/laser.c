@@ -151,6 +151,10 @@ static void sim_laser_close_laser(Laser *laser) {
     g_clear_pointer(&sim->world, world_unref);
 }
 
+gint64 sim_laser_dead_until_us(const Laser *laser) {
+    return ((const struct sim_laser *)laser->device.priv)->unheard.dead_until_us;
+}
+
 const struct laser_driver sim_laser_driver = {
     .info = {"laser", "sim-laser", "A line laser of the simulated world", options,
              sizeof(struct sim_laser), sim_laser_check},

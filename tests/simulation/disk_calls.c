@@ -54,14 +54,20 @@ static void digest(struct disk *to, const char *text) {
         to->digest = (to->digest ^ (guint8)*text) * 0x100000001b3u;
 }
 
-/* Hides what is random in names: "000001_cam30.exr.0123abcd.part", ".small.session.7fA2xb". */
+static void hide_six(char *text, const char *before) {
+    for (char *at = strstr(text, before); at; at = strstr(at + 1, before))
+        for (int i = 0; i < 6 && at[strlen(before) + i]; i++)
+            at[strlen(before) + i] = '?';
+}
+
+/* Hides what is random in names: "000001_cam30.exr.0123abcd.part", ".small.session.7fA2xb",
+ * "control.7FA2XB". */
 static void hide_random(char *text) {
     for (char *part = strstr(text, ".part"); part; part = strstr(part + 1, ".part"))
         if (part - text > 8)
             memset(part - 8, '?', 8);
-    for (char *at = strstr(text, ".session."); at; at = strstr(at + 1, ".session."))
-        for (int i = 0; i < 6 && at[9 + i]; i++)
-            at[9 + i] = '?';
+    hide_six(text, ".session.");
+    hide_six(text, "/control.");
 }
 
 char *disk_neutral(const struct disk *of, const char *text) {

@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "bus_life.h"
 #include "disk_model.h"
 #include "lib/small_rig.h"
 #include "life.h"
@@ -128,6 +129,17 @@ static int run_wait(struct run *run, pid_t pid, int asks, int answers) {
     return status;
 }
 
+static void judge_status(struct scene *scene, int status) {
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM)
+        scene_break(scene, "ends", "the daemon hangs");
+    else if (WIFSIGNALED(status) && WTERMSIG(status) != SIGKILL)
+        scene_break(scene, "does not crash", "the daemon ended with signal %d (%s)",
+                    WTERMSIG(status), g_strsignal(WTERMSIG(status)));
+    else if (WIFEXITED(status) && WEXITSTATUS(status) != 0)
+        scene_break(scene, "does not crash", "the daemon ended with status %d",
+                    WEXITSTATUS(status));
+}
+
 static void run_fork(struct run *run, const struct life *life, gboolean captures) {
     struct scene *scene = run->scene;
     int asks[2], answers[2];
@@ -150,14 +162,7 @@ static void run_fork(struct run *run, const struct life *life, gboolean captures
     const int status = run_wait(run, pid, asks[0], answers[1]);
     close(asks[0]);
     close(answers[1]);
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM)
-        scene_break(scene, "ends", "the daemon hangs");
-    else if (WIFSIGNALED(status) && WTERMSIG(status) != SIGKILL)
-        scene_break(scene, "does not crash", "the daemon ended with signal %d (%s)",
-                    WTERMSIG(status), g_strsignal(WTERMSIG(status)));
-    else if (WIFEXITED(status) && WEXITSTATUS(status) != 0)
-        scene_break(scene, "does not crash", "the daemon ended with status %d",
-                    WEXITSTATUS(status));
+    judge_status(scene, status);
     run->result->kills += WIFSIGNALED(status) && !scene->disk.cut;
 }
 
@@ -305,7 +310,7 @@ static void run_begin(struct run *run, const char *name) {
 static void run_finish(struct run *run) {
     struct seed_result *result = run->result;
     result->ok = !*run->scene->violation;
-    result->digest = run->scene->disk.digest;
+    result->digest ^= run->scene->disk.digest;
     g_strlcpy(result->violation, run->scene->violation, sizeof result->violation);
     disk_model_free(run->model);
     g_hash_table_unref(run->damaged);
@@ -327,13 +332,13 @@ static char *reference_run(const char *folder, int session, struct store *store)
     return result.ok ? NULL : g_strdup(result.violation);
 }
 
-Reference *reference_new(const char *folder, char **ret_broken) {
+Reference *reference_new(const char *folder, enum seed_lives lives, char **ret_broken) {
     Reference *reference = g_new0(Reference, 1);
     reference->folder = g_strdup(folder);
     *ret_broken = NULL;
     for (int i = 0; i < SCHEDULE_SESSIONS; i++) {
         reference->stores[i] = store_new();
-        if (!*ret_broken)
+        if (!*ret_broken && lives & LIVES_CAPTURE)
             *ret_broken = reference_run(folder, i, reference->stores[i]);
     }
     return reference;
@@ -348,13 +353,53 @@ void reference_free(Reference *reference) {
     g_free(reference);
 }
 
-void run_seed(const Reference *reference, guint32 seed, int session, GString *said,
-              struct seed_result *ret) {
+/* The life on the bus. Its files are all on the simulated disk, on which nothing fails. */
+static void run_bus(const char *folder, const char *name, guint32 seed, GString *said,
+                    struct seed_result *ret) {
+    struct bus_schedule schedule;
+    struct change changes[BUS_MAX_LINES + 2] = {{"[rig]", "clock = real"}};
+    struct scene *scene = scene_new();
+    g_autofree char *own = g_build_filename(folder, name, NULL);
+    int status = 0;
+    bus_schedule_make(&schedule, seed);
+    for (int i = 0; i < schedule.n_lines; i++)
+        changes[i + 1] = (struct change){schedule.lines[i].section, schedule.lines[i].line};
+    if (g_mkdir(own, 0777) != 0)
+        g_error("simulate: %s: %s", own, g_strerror(errno));
+    g_strlcpy(scene->folder, own, sizeof scene->folder);
+    g_strlcpy(scene->disk.root, own, sizeof scene->disk.root);
+    g_snprintf(scene->session, sizeof scene->session, "%s/small.session", own);
+    small_rig_write(own, "world.conf", NULL);
+    small_rig_write(own, "rig.conf", changes);
+    small_rig_write(own, "session.conf", NULL);
+    if (said) {
+        g_autofree char *plan = bus_schedule_describe(&schedule);
+        g_string_append_printf(said, "life on the bus:\n%s", plan);
+    }
+    const pid_t pid = fork();
+    if (pid < 0)
+        g_error("simulate: no process: %s", g_strerror(errno));
+    if (pid == 0)
+        bus_life(scene, &schedule);
+    waitpid(pid, &status, 0);
+    judge_status(scene, status);
+    if (said)
+        g_string_append(said, scene->disk.said);
+    ret->served++;
+    ret->bus_calls += scene->bus_calls;
+    ret->digest ^= scene->disk.digest;
+    ret->ok = !*scene->violation;
+    ret->life = 0;
+    g_strlcpy(ret->violation, scene->violation, sizeof ret->violation);
+    disk_remove_tree(own);
+    scene_free(scene);
+}
+
+static void run_captures(const Reference *reference, const char *name, guint32 seed, int session,
+                         GString *said, struct seed_result *ret) {
     struct schedule schedule;
     struct run run = {.folder = reference->folder, .result = ret, .said = said};
-    g_autofree char *name = g_strdup_printf("seed-%u-%d", seed, (int)getpid());
     gboolean ok = TRUE;
-    *ret = (struct seed_result){.seed = seed};
     schedule_make(&schedule, seed);
     run.session = session >= 0 ? session : schedule.session;
     run.reference = reference->stores[run.session];
@@ -374,4 +419,14 @@ void run_seed(const Reference *reference, guint32 seed, int session, GString *sa
         run_last(&run);
     }
     run_finish(&run);
+}
+
+void run_seed(const Reference *reference, guint32 seed, enum seed_lives lives, int session,
+              GString *said, struct seed_result *ret) {
+    g_autofree char *name = g_strdup_printf("seed-%u-%d", seed, (int)getpid());
+    *ret = (struct seed_result){.seed = seed, .ok = TRUE};
+    if (lives & LIVES_CAPTURE)
+        run_captures(reference, name, seed, session, said, ret);
+    if (ret->ok && lives & LIVES_BUS)
+        run_bus(reference->folder, name, seed, said, ret);
 }

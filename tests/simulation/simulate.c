@@ -22,6 +22,8 @@
 
 static int n_seeds = 200, from_seed = 1, one_seed = -1, n_jobs, session = -1;
 static gboolean verbose, json, twice, until_found;
+static char *lives_text;
+static enum seed_lives lives = LIVES_BOTH;
 
 static const GOptionEntry entries[] = {
     {"seeds", 0, 0, G_OPTION_ARG_INT, &n_seeds, "Run this many seeds (default: 200)", "N"},
@@ -31,6 +33,8 @@ static const GOptionEntry entries[] = {
     {"seed", 0, 0, G_OPTION_ARG_INT, &one_seed, "Run this seed alone", "SEED"},
     {"session", 0, 0, G_OPTION_ARG_INT, &session,
      "Every seed has this session, from 0 on (default: the seed decides)", "N"},
+    {"lives", 0, 0, G_OPTION_ARG_STRING, &lives_text,
+     "Which lives a seed has: capture, bus or both (default: both)", "KIND"},
     {"verbose", 0, 0, G_OPTION_ARG_NONE, &verbose, "With --seed: print what happens", NULL},
     {"twice", 0, 0, G_OPTION_ARG_NONE, &twice,
      "Run each seed twice; the second run must not differ from the first", NULL},
@@ -41,18 +45,19 @@ static const GOptionEntry entries[] = {
 };
 
 struct tally {
-    int n, n_failed, lives, kills, cuts, in_groups, failed_calls, rotten, misplaced;
+    int n, n_failed, lives, kills, cuts, in_groups, failed_calls, rotten, misplaced, served,
+        bus_calls;
     GArray *failed; /* of struct seed_result */
     gint64 begun_us, told_us;
 };
 
 static void run_one(const Reference *reference, guint32 seed, GString *said,
                     struct seed_result *ret) {
-    run_seed(reference, seed, session, said, ret);
+    run_seed(reference, seed, lives, session, said, ret);
     if (!twice || !ret->ok)
         return;
     struct seed_result again;
-    run_seed(reference, seed, session, NULL, &again);
+    run_seed(reference, seed, lives, session, NULL, &again);
     if (again.digest == ret->digest)
         return;
     ret->ok = FALSE;
@@ -76,6 +81,11 @@ static void work(const Reference *reference, gint *next, int to) {
     }
 }
 
+static char *life_name(const struct seed_result *result) {
+    return result->life > 0 ? g_strdup_printf("life %d", result->life)
+                            : g_strdup("life on the bus");
+}
+
 static void tell_progress(struct tally *tally, gboolean last) {
     const gint64 now_us = g_get_monotonic_time();
     const gboolean terminal = isatty(STDERR_FILENO);
@@ -97,12 +107,14 @@ static void take_result(struct tally *tally, const struct seed_result *result) {
     tally->failed_calls += result->failed_calls;
     tally->rotten += result->rotten;
     tally->misplaced += result->misplaced;
+    tally->served += result->served;
+    tally->bus_calls += result->bus_calls;
     if (!result->ok) {
         tally->n_failed++;
         g_array_append_val(tally->failed, *result);
-        g_printerr("%sseed %u, life %d: %s\n",
-                   isatty(STDERR_FILENO) ? "\r" : "simulate: ", result->seed, result->life,
-                   result->violation);
+        g_autofree char *where = life_name(result);
+        g_printerr("%sseed %u, %s: %s\n", isatty(STDERR_FILENO) ? "\r" : "simulate: ",
+                   result->seed, where, result->violation);
     }
     tell_progress(tally, FALSE);
 }
@@ -147,9 +159,10 @@ static int compare_results(gconstpointer a, gconstpointer b) {
 static void print_json(const struct tally *tally) {
     g_print(
         "{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
-        "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, \"failed\": [",
+        "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, \"served\": %d, "
+        "\"bus_calls\": %d, \"failed\": [",
         tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
-        tally->failed_calls, tally->rotten, tally->misplaced);
+        tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
         g_autoptr(GString) broken = g_string_new(NULL);
@@ -164,19 +177,20 @@ static void print_text(const struct tally *tally, const char *program) {
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
         g_autofree char *with = session >= 0 ? g_strdup_printf(" --session %d", session) : NULL;
-        g_print("seed %u, life %d: %s\n  replay: %s --seed %u%s --verbose\n", result->seed,
-                result->life, result->violation, program, result->seed, with ? with : "");
+        g_autofree char *where = life_name(result);
+        g_print("seed %u, %s: %s\n  replay: %s --seed %u%s --verbose\n", result->seed, where,
+                result->violation, program, result->seed, with ? with : "");
     }
     g_print("%d seeds, %d failed: %d lives, %d kills and %d power cuts (%d of both while several "
             "lamps at once were taken), %d failed calls to the disk, %d rotten bits, %d misplaced "
-            "writes\n",
+            "writes; %d lives on the bus with %d calls\n",
             tally->n, tally->n_failed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
-            tally->failed_calls, tally->rotten, tally->misplaced);
+            tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
 }
 
 static int simulate(const char *folder, const char *program) {
     g_autofree char *broken = NULL;
-    Reference *reference = reference_new(folder, &broken);
+    Reference *reference = reference_new(folder, lives, &broken);
     struct tally tally = {.failed = g_array_new(FALSE, FALSE, sizeof(struct seed_result)),
                           .begun_us = g_get_monotonic_time()};
     gboolean ok = TRUE;
@@ -206,6 +220,13 @@ static int simulate(const char *folder, const char *program) {
     return ok ? 0 : 1;
 }
 
+static gboolean parse_lives(void) {
+    lives = g_str_equal(lives_text, "capture") ? LIVES_CAPTURE
+            : g_str_equal(lives_text, "bus")   ? LIVES_BUS
+                                               : LIVES_BOTH;
+    return lives != LIVES_BOTH || g_str_equal(lives_text, "both");
+}
+
 int main(int argc, char **argv) {
     g_autoptr(GOptionContext) context = g_option_context_new("– simulate the daemon's lives");
     g_autoptr(GError) error = NULL;
@@ -217,6 +238,10 @@ int main(int argc, char **argv) {
     }
     if (session < -1 || session >= SCHEDULE_SESSIONS) {
         g_printerr("simulate: --session must be 0 to %d\n", SCHEDULE_SESSIONS - 1);
+        return 2;
+    }
+    if (lives_text && !parse_lives()) {
+        g_printerr("simulate: --lives must be capture, bus or both\n");
         return 2;
     }
     if (n_seeds < 1 || from_seed < 0 || n_jobs < 0) {
