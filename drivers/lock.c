@@ -33,6 +33,10 @@ void lock_set_role(enum lock_role wanted) {
     g_atomic_int_set(&role, (gint)wanted);
 }
 
+enum lock_role lock_get_role(void) {
+    return (enum lock_role)g_atomic_int_get(&role);
+}
+
 pid_t lock_steal_found(void) {
     const gint pid = g_atomic_int_get(&found);
     g_atomic_int_set(&found, 0);
@@ -204,17 +208,15 @@ static gboolean take_for_rescue(Lock *lock, enum lock_kind kind, const char *wha
     if (!lock_holder(key, &pid))
         return TRUE;
     g_atomic_int_set(&found, (gint)pid);
-    return (kind == LOCK_SHARED && g_atomic_int_get(&role) == LOCK_OPERATOR) ||
-           refuse(what, pid, error);
+    return (kind == LOCK_SHARED && lock_get_role() == LOCK_OPERATOR) || refuse(what, pid, error);
 }
 
 Lock *lock_take(const char *key, enum lock_kind kind, const char *what, GError **error) {
     Lock *lock = g_new0(Lock, 1);
     lock->key = g_strdup(key);
     lock->fd = -1;
-    const gboolean taken = g_atomic_int_get(&role) == LOCK_OWNER
-                               ? take_for_owner(lock, kind, what, error)
-                               : take_for_rescue(lock, kind, what, error);
+    const gboolean taken = lock_get_role() == LOCK_OWNER ? take_for_owner(lock, kind, what, error)
+                                                         : take_for_rescue(lock, kind, what, error);
     if (taken) {
         g_free(lock->key);
         lock->key = g_strdup(key);

@@ -38,6 +38,7 @@ enum lock_role {
 
 /* For the whole process. */
 void lock_set_role(enum lock_role role);
+enum lock_role lock_get_role(void);
 
 enum lock_kind {
     LOCK_ALONE,  /* two programs would garble each other's requests */

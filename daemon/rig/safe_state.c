@@ -281,6 +281,12 @@ static void set_text(char *ret_text, const struct job *job, const char *format, 
     g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
+/* A device that another daemon has open is not the guardian's any more: that daemon has switched it
+ * off as it opened it, and has a guardian of its own. A command that has it open will end. */
+static gboolean is_left(pid_t other) {
+    return lock_get_role() == LOCK_GUARDIAN && lock_is_daemon(other);
+}
+
 /* Who has a board that was switched off all the same. */
 static void note_other(pid_t other, gboolean axis, GString *notes) {
     if (other == 0)
@@ -329,7 +335,7 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
              lock_is_daemon(other))
         result = SAFE_TRY_OTHER;
     else
-        result = error->domain == DEVICE_ERROR ? SAFE_TRY_AGAIN : SAFE_TRY_NEVER;
+        result = error->domain == DEVICE_ERROR && !is_left(other) ? SAFE_TRY_AGAIN : SAFE_TRY_NEVER;
     g_string_free(repaired.text, TRUE);
     g_string_free(repaired.notes, TRUE);
     g_string_free(repaired.doubts, TRUE);

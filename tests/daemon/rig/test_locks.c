@@ -48,6 +48,13 @@ static void stop_daemon(struct fixture *fixture, int signal) {
     g_clear_object(&fixture->daemon);
 }
 
+/* It goes on until the devices answer that it has not found safe, and here they are gone. */
+static void end_guardian(const char *rig) {
+    const pid_t guardian = find_guardian(rig);
+    if (guardian)
+        kill(guardian, SIGKILL);
+}
+
 static void tear_down(struct fixture *fixture, gconstpointer unused) {
     if (fixture->daemon)
         stop_daemon(fixture, SIGTERM);
@@ -97,6 +104,10 @@ static void assert_refused(struct fixture *fixture, const char *words) {
     assert_has(said, words);
     assert_has(said, rig);
     assert_has(said, process);
+    /* Its guardian leaves the devices to the first daemon. */
+    for (int i = 0; i < 3000 && find_guardian(fixture->other_rig); i++)
+        g_usleep(10000);
+    g_assert_cmpint(find_guardian(fixture->other_rig), ==, 0);
 }
 
 /* The board is named as localhost this time. Its lamps stay on. */
