@@ -187,6 +187,7 @@ static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct tot
     g_variant_dict_insert(&info, "clusters", "i", all->clusters);
     g_variant_dict_insert(&info, "components", "i", all->components);
     g_variant_dict_insert(&info, "grid", "i", n);
+    g_variant_dict_insert(&info, "views", "i", (int)pack->levels[0]->layout.views.n);
     if (f) {
         g_variant_dict_init(&mdf, NULL);
         g_variant_dict_insert(&mdf, "width", "i", f->width);

@@ -12,9 +12,11 @@ const turnDeg = 0.35; // turn per pixel of movement
 let viewer = null, settings = null, first = null;
 let coarse = 1, asked = false, restless = 0;
 
-// Options of mesorig-view after the page's address, as in #shape=sphere&light-theta-deg=30.
-function fromAddress() {
+// Options of mesorig-view after the page's address, as in #shape=sphere&light-theta-deg=30. A material
+// of one view is first shown as it was measured: on a plane, from above.
+function fromAddress(views) {
   const ret = { ...defaults };
+  if (views === 1) Object.assign(ret, { shape: "plane", cameraElevationDeg: 90 });
   for (const [option, text] of new URLSearchParams(location.hash.slice(1))) {
     const key = option.replace(/-(.)/g, (_, letter) => letter.toUpperCase());
     const numbers = text.split(/[,x]/).map(Number), known = defaults[key];
@@ -244,7 +246,7 @@ async function start() {
   material.data = null;
   const [[w, h]] = material.levels, mm = material.texel_mm;
   $("facts").textContent = `${w} × ${h} texels, ${(w * mm).toFixed(1)} × ${(h * mm).toFixed(1)} mm`;
-  first = fromAddress();
+  first = fromAddress(material.views);
   settings = { ...first };
   addShapes();
   $("controls").hidden = $("drag").hidden = false;

@@ -246,7 +246,15 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
 }
 
 const char *viewer_options_sample(void) {
-    return g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS) ? MESORIG_SAMPLE : NULL;
+    if (g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS))
+        return MESORIG_SAMPLE;
+    /* In a source tree, what ./run demo has captured. */
+    static char *demo;
+    g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
+    g_autofree char *bin = self != NULL ? g_path_get_dirname(self) : NULL;
+    if (bin != NULL && demo == NULL)
+        demo = g_build_filename(bin, "../../demo/weave.session", NULL);
+    return demo != NULL && g_file_test(demo, G_FILE_TEST_IS_DIR) ? demo : NULL;
 }
 
 static gboolean parse_materials(struct viewer_options *o, GError **error) {
@@ -293,7 +301,8 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     if (o->sample && o->argument == NULL)
         return refuse_options(error, "--sample: there is no " MESORIG_SAMPLE
                                      ". It comes with the package; "
-                                     "from a source tree, “etc/sample/make BUILD DIR” makes it");
+                                     "in a source tree, “./run demo” captures one, and "
+                                     "“etc/sample/make BUILD DIR” makes it");
     o->method = o->argument != NULL ? methods[0] : method_find(METHOD_DEMO);
     if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL) {
         g_autoptr(GString) names = g_string_new(methods[0]->name);

@@ -51,7 +51,8 @@ void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* The material of --sample; NULL: it is not installed. */
+/* The material of --sample: that of the package, or the demo of a source tree; NULL: neither is
+ * there. */
 const char *viewer_options_sample(void);
 
 /* Path of the file that a method opens. */
