@@ -1,14 +1,12 @@
 #include "bus_clients.h"
 
 #include <errno.h>
-#include <math.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include "held_time.h"
-#include "rig1-bus.h"
 
 #define ERRORS "org.mesorig.Error."
 
@@ -155,22 +153,14 @@ static void client_close(struct bus_clients *clients, struct client *client) {
     held_time_wait();
 }
 
-static gboolean takes_lease(const char *method) {
-    const GDBusMethodInfo *info =
-        g_dbus_interface_info_lookup_method(bus_rig1_interface_info(), method);
-    return info && info->in_args && info->in_args[0] && info->in_args[1] && info->in_args[2];
-}
-
 static GVariant *step_parameters(const struct bus_clients *clients, const struct bus_step *step) {
-    const char *method = bus_schedule_method(step->method);
     const char *device = bus_schedule_device(step->method, step->device);
     g_autofree char *conf = g_build_filename(clients->scene->folder, "session.conf", NULL);
     g_autofree char *rig = g_build_filename(clients->scene->folder, "rig.conf", NULL);
     switch (step->method) {
     case BUS_SET_LASER:
     case BUS_SET_LAMP:
-        return takes_lease(method) ? g_variant_new("(sbd)", device, step->on, step->for_s)
-                                   : g_variant_new("(sb)", device, step->on);
+        return g_variant_new("(sbd)", device, step->on, step->for_s);
     case BUS_MOVE_AXIS:
         return g_variant_new("(sd)", device, step->deg);
     case BUS_HOME_AXIS:
@@ -212,7 +202,7 @@ static void client_send(struct bus_clients *clients, struct client *client,
                                   .method = step->method,
                                   .device = step->device,
                                   .on = step->on,
-                                  .for_s = takes_lease(method) ? step->for_s : INFINITY,
+                                  .for_s = step->for_s,
                                   .sent_us = clients_now_us(clients),
                                   .answered_us = -1,
                                   .deaf = client->deaf};
@@ -297,9 +287,8 @@ static void client_hear(const struct bus_clients *clients, const struct client *
     g_autofree char *text = body ? g_variant_print(body, FALSE) : g_strdup("");
     g_autofree char *neutral = disk_neutral(disk, text);
     if (type == G_DBUS_MESSAGE_TYPE_SIGNAL) {
-        disk_say(disk, "client %d hears %s %08x%s", client->number,
-                 g_dbus_message_get_member(message), g_str_hash(neutral),
-                 g_getenv("DBG") ? neutral : "");
+        disk_say(disk, "client %d hears %s %08x", client->number,
+                 g_dbus_message_get_member(message), g_str_hash(neutral));
         return;
     }
     const int at = find_call(clients, client->number, g_dbus_message_get_reply_serial(message));

@@ -44,7 +44,6 @@ struct bus_owners {
     Bus *bus;
     const struct bus_clients *clients;
     World *world;
-    gboolean has_latch;       /* the bus has the method Release */
     guint n_sent, n_answered; /* calls that were noted */
     GArray *wants;            /* of guint: calls that want light or motion */
     int released;             /* the last call that ended a safe state; −1: none */
@@ -73,8 +72,6 @@ struct bus_owners *bus_owners_new(struct scene *scene, const struct bus_schedule
     owners->world = world_get(path, &error);
     if (!owners->world)
         g_error("simulate: %s", error->message);
-    owners->has_latch =
-        g_dbus_interface_info_lookup_method(bus_rig1_interface_info(), "Release") != NULL;
     owners->latched_us = -1;
     owners->released = -1;
     owners->wants = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -188,13 +185,6 @@ static void note_wanted(struct bus_owners *owners, const struct bus_call *call, 
     }
 }
 
-/* Without Release, what is sent after the answer to SafeState counts as one. */
-static gboolean call_releases(const struct bus_owners *owners, const struct bus_call *call) {
-    return owners->has_latch ? call->method == BUS_RELEASE || call->method == BUS_OPEN_RIG
-                             : call_lights(call) || call_moves(call) || call->method == BUS_START ||
-                                   call->method == BUS_RESUME;
-}
-
 /* Takes note of calls that were sent since the last look, and of those that were answered. */
 static void take_calls(struct bus_owners *owners) {
     const GArray *calls = bus_clients_calls(owners->clients);
@@ -203,7 +193,7 @@ static void take_calls(struct bus_owners *owners) {
         const struct bus_call *call = call_at(owners, owners->n_sent);
         if (call_moves(call) || (call_lights(call) && call->on))
             g_array_append_val(owners->wants, owners->n_sent);
-        if (call_releases(owners, call)) {
+        if (call->method == BUS_RELEASE) {
             owners->latched_us = -1;
             owners->released = (int)owners->n_sent;
         }
@@ -217,7 +207,7 @@ static void take_calls(struct bus_owners *owners) {
         if (call->method == BUS_SAFE_STATE && call->ok && owners->released < (int)at &&
             owners->latched_us < 0)
             owners->latched_us = call->answered_us;
-        if (call->method == BUS_SAFE_STATE && owners->has_latch && !call->deaf &&
+        if (call->method == BUS_SAFE_STATE && !call->deaf &&
             call->answered_us - call->sent_us > SAFE_ANSWER_US)
             scene_break(owners->scene, "answered", "SafeState is answered after %.3f s",
                         (double)(call->answered_us - call->sent_us) * 1e-6);
