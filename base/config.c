@@ -189,12 +189,16 @@ static int line_at(const char *text, const char *at) {
 static gboolean config_do_parse(Config *config, gsize length) {
     const char *text = config->text;
     GError *error = NULL;
+    if (input_file_is_utf16(text, length)) {
+        syntax_error(&error, config, 1, INPUT_FILE_UTF16);
+        return mistakes_add(config->mistakes, error);
+    }
     if (strlen(text) != length) {
         syntax_error(&error, config, line_at(text, text + strlen(text)), "a NUL byte");
         return mistakes_add(config->mistakes, error);
     }
-    if (g_str_has_prefix(text, "\xef\xbb\xbf"))
-        text += 3;
+    if (g_str_has_prefix(text, INPUT_FILE_MARK))
+        text += strlen(INPUT_FILE_MARK);
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     for (int i = 0; lines[i]; i++)
         take_line(config, lines[i], i + 1);

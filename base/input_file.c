@@ -148,9 +148,27 @@ char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GErr
     return text;
 }
 
+gboolean input_file_is_utf16(const char *text, gsize length) {
+    const guint8 *bytes = (const guint8 *)text;
+    if (length < 2)
+        return FALSE;
+    /* Without a byte-order mark one of the first two letters' bytes is 0, since the files that are
+     * read here begin with ASCII. */
+    return (bytes[0] == 0xff && bytes[1] == 0xfe) || (bytes[0] == 0xfe && bytes[1] == 0xff) ||
+           (bytes[0] == 0) != (bytes[1] == 0);
+}
+
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error) {
     gsize length;
     g_autofree char *text = input_file_read(path, max_bytes, &length, error);
+    if (text && input_file_is_utf16(text, length)) {
+        input_file_fail(path, INPUT_FILE_ERROR_TEXT, error, INPUT_FILE_UTF16);
+        return NULL;
+    }
+    if (text && g_str_has_prefix(text, INPUT_FILE_MARK)) {
+        length -= strlen(INPUT_FILE_MARK);
+        memmove(text, text + strlen(INPUT_FILE_MARK), length + 1);
+    }
     if (!text || strlen(text) == length)
         return g_steal_pointer(&text);
     input_file_fail(path, INPUT_FILE_ERROR_TEXT, error,

@@ -43,8 +43,16 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
 /* Reads a whole file of at most max_bytes and appends a NUL; g_free(). ret_length may be NULL. */
 char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GError **error);
 
-/* The same for a file that must be text: without a NUL in it. */
+/* The same for a file that must be text: without a NUL in it, and not in UTF-16. The byte-order
+ * mark with which editors of Windows begin a file in UTF-8 is removed. */
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
+
+/* The byte-order mark U+FEFF in UTF-8. */
+#define INPUT_FILE_MARK "\xef\xbb\xbf"
+
+/* Whether a text that should begin with ASCII is in UTF-16, and the message for it. */
+gboolean input_file_is_utf16(const char *text, gsize length);
+#define INPUT_FILE_UTF16 "it is a text in UTF-16; save it as UTF-8"
 
 /* Reads n bytes from offset on; an error if the file has become too short for them. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,

@@ -5,7 +5,8 @@
 #define LONGEST 63
 
 struct nearest nearest_new(const char *key) {
-    return (struct nearest){.key = key, .distance = (int)MIN(strlen(key) / 3 + 1, 3) + 1};
+    const int n = (int)strlen(key), most = n <= 3 ? 1 : MIN(n / 3 + 1, 3);
+    return (struct nearest){.key = key, .distance = most + 1};
 }
 
 void nearest_consider(struct nearest *nearest, const char *name) {

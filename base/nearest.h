@@ -9,7 +9,8 @@ struct nearest {
     int distance;     /* its Levenshtein distance from key, or the first that is too large */
 };
 
-/* Accepts names in which at most a third of the letters, and at most three, are wrong. */
+/* Accepts names in which at most a third of the letters and one, at most three, are wrong; of a key
+ * of three letters one. */
 struct nearest nearest_new(const char *key);
 /* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
  * compared. */

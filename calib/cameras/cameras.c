@@ -16,6 +16,7 @@
 #define FAR             0.2 /* the same before it is known, as a share of the picture's width */
 #define LEAST_CORNERS   6   /* in a usable picture */
 #define LEAST_PICTURES  3   /* of a camera, to refine it */
+#define HALF_TURN_DEG   10  /* an x axis this near to half a turn from 0 points the wrong way */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
@@ -34,6 +35,25 @@ void cameras_result_free(struct cameras_result *result) {
     g_array_unref(result->stops);
     g_array_unref(result->lays);
     g_free(result);
+}
+
+gboolean cameras_board_azimuth(const struct cameras_result *result, const struct board *board,
+                               double *ret_deg, GError **error) {
+    const struct cameras_lay *flat = &g_array_index(result->lays, struct cameras_lay, 0);
+    for (guint i = 1; i < result->lays->len; i++) {
+        const struct cameras_lay *lay = &g_array_index(result->lays, struct cameras_lay, i);
+        flat = lay->tilt_deg < flat->tilt_deg ? lay : flat;
+    }
+    *ret_deg = flat->azimuth_deg;
+    if (board->print != BOARD_CHESSBOARD || fabs(*ret_deg) < 180 - HALF_TURN_DEG)
+        return TRUE;
+    g_set_error(error, CAMERAS_ERROR, CAMERAS_ERROR_FIT,
+                "the board's x axis is at azimuth %.1f° by the nominal azimuths of the cameras, "
+                "half a turn from 0: is its first square %s? Then %s --board. If it is not, turn "
+                "the azimuths in the rig file by 180°",
+                *ret_deg, board->white_first ? "black" : "white",
+                board->white_first ? "take first=white out of" : "add first=white to");
+    return FALSE;
 }
 
 gboolean cameras_progress(struct cameras_work *work, GError **error) {

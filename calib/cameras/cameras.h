@@ -108,6 +108,13 @@ struct cameras_result {
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter of pictures; ≥ 1 */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
+
+/* Azimuth of the x axis of the board that lies flattest, with the turntable at 0, by the azimuths
+ * of the nominal cameras. FALSE: only the colour of the board's first square tells its x axis from
+ * its opposite, and that axis is half a turn from 0: the colour, or the nominal azimuths, are
+ * wrong. */
+gboolean cameras_board_azimuth(const struct cameras_result *result, const struct board *board,
+                               double *ret_deg, GError **error);
 typedef struct cameras_result CamerasResult;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CamerasResult, cameras_result_free)
 

@@ -7,12 +7,16 @@
 
 namespace {
 
-bool decode(const guint8 *bytes, gsize length, bool grey, struct picture_pixels *ret) {
+bool decode(const guint8 *bytes, gsize length, enum picture_channels channels,
+            struct picture_pixels *ret) {
     const cv::Mat from(1, (int)length, CV_8U, const_cast<guint8 *>(bytes));
-    const int colours = grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR;
+    const int colours = channels == PICTURE_GREY ? cv::IMREAD_GRAYSCALE : cv::IMREAD_ANYCOLOR;
+    /* IMREAD_UNCHANGED is no flag: it stands alone, and ignores orientation. */
     const cv::Mat m =
-        cv::imdecode(from, colours | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
-    if (m.empty() || (m.channels() != 1 && m.channels() != 3) ||
+        cv::imdecode(from, channels == PICTURE_ALPHA
+                               ? cv::IMREAD_UNCHANGED
+                               : colours | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+    if (m.empty() || (m.channels() != 1 && m.channels() != 3 && m.channels() != 4) ||
         (m.depth() != CV_8U && m.depth() != CV_16U && m.depth() != CV_32F))
         return false;
     const int bits = m.depth() == CV_8U ? 8 : m.depth() == CV_16U ? 16 : 0;
@@ -27,13 +31,13 @@ bool decode(const guint8 *bytes, gsize length, bool grey, struct picture_pixels 
 
 extern "C" PictureCodecsDecode picture_codecs_decode;
 
-gboolean picture_codecs_decode(const guint8 *bytes, gsize length, gboolean grey,
+gboolean picture_codecs_decode(const guint8 *bytes, gsize length, enum picture_channels channels,
                                struct picture_pixels *ret, char **ret_what) {
     *ret_what = nullptr;
     /* OpenCV also prints the errors that it throws; one message is enough. */
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     try {
-        return decode(bytes, length, grey, ret);
+        return decode(bytes, length, channels, ret);
     } catch (const cv::Exception &e) {
         *ret_what = g_strdup_printf("OpenCV: %s", e.err.c_str());
     } catch (const std::exception &e) {

@@ -14,14 +14,21 @@ G_BEGIN_DECLS
 
 struct picture_pixels {
     int width, height;
-    int channels;    /* 1: grey; 3: B, G, R */
+    int channels;    /* 1: grey; 3: B, G, R; 4: B, G, R and opacity */
     int bits;        /* of a value: 8 (guint8), 16 (guint16); 0: float */
     gpointer values; /* height × width × channels; g_free() */
 };
 
-/* Decodes a whole file; grey: as one channel. EXIF orientation is ignored. FALSE: it is no picture
+enum picture_channels {
+    PICTURE_GREY,   /* as one channel */
+    PICTURE_COLOUR, /* one or three, as the file has them */
+    PICTURE_ALPHA,  /* and four of a file with transparent pixels */
+};
+
+/* Decodes a whole file. EXIF orientation is ignored. FALSE: it is no picture
  * that these codecs read; ret_what is OpenCV's message then, g_free(), or NULL. */
-typedef gboolean PictureCodecsDecode(const guint8 *bytes, gsize length, gboolean grey,
-                                     struct picture_pixels *ret, char **ret_what);
+typedef gboolean PictureCodecsDecode(const guint8 *bytes, gsize length,
+                                     enum picture_channels channels, struct picture_pixels *ret,
+                                     char **ret_what);
 
 G_END_DECLS

@@ -3,6 +3,7 @@
 #include "picture_header.h"
 
 #include "base/input_file.h"
+#include "tiff_tags.h"
 #include "vision.h"
 
 #include <string.h>
@@ -12,20 +13,12 @@ struct size {
     guint64 bits; /* bits per value of a TIFF; 0: unknown */
 };
 
-/* An unsigned integer of n bytes. */
-static guint64 number(const guint8 *at, int n, gboolean big_endian) {
-    guint64 value = 0;
-    for (int i = 0; i < n; i++)
-        value = value << 8 | at[big_endian ? i : n - 1 - i];
-    return value;
-}
-
 static gboolean png_size(const guint8 *bytes, gsize length, struct size *ret) {
     static const guint8 signature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
     if (length < 24 || memcmp(bytes, signature, sizeof signature) != 0 ||
         memcmp(bytes + 12, "IHDR", 4) != 0)
         return FALSE;
-    *ret = (struct size){number(bytes + 16, 4, TRUE), number(bytes + 20, 4, TRUE), 0};
+    *ret = (struct size){tiff_number(bytes + 16, 4, TRUE), tiff_number(bytes + 20, 4, TRUE), 0};
     return TRUE;
 }
 
@@ -42,12 +35,12 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
         /* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
         if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 &&
             marker != 0xcc) {
-            *ret =
-                (struct size){number(bytes + at + 7, 2, TRUE), number(bytes + at + 5, 2, TRUE), 0};
+            *ret = (struct size){tiff_number(bytes + at + 7, 2, TRUE),
+                                 tiff_number(bytes + at + 5, 2, TRUE), 0};
             return TRUE;
         }
         const gboolean alone = marker <= 0x01 || (marker >= 0xd0 && marker <= 0xd8);
-        at += alone ? 2 : 2 + (gsize)number(bytes + at + 2, 2, TRUE);
+        at += alone ? 2 : 2 + (gsize)tiff_number(bytes + at + 2, 2, TRUE);
     }
     return FALSE;
 }
@@ -56,10 +49,10 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
 static gboolean bmp_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 26 || memcmp(bytes, "BM", 2) != 0)
         return FALSE;
-    const gboolean old = number(bytes + 14, 4, FALSE) == 12; /* bytes of the second header */
-    const gint64 height =
-        old ? (gint64)number(bytes + 20, 2, FALSE) : (gint64)(gint32)number(bytes + 22, 4, FALSE);
-    *ret = (struct size){number(bytes + 18, old ? 2 : 4, FALSE), (guint64)ABS(height), 0};
+    const gboolean old = tiff_number(bytes + 14, 4, FALSE) == 12; /* bytes of the second header */
+    const gint64 height = old ? (gint64)tiff_number(bytes + 20, 2, FALSE)
+                              : (gint64)(gint32)tiff_number(bytes + 22, 4, FALSE);
+    *ret = (struct size){tiff_number(bytes + 18, old ? 2 : 4, FALSE), (guint64)ABS(height), 0};
     return TRUE;
 }
 
@@ -81,53 +74,37 @@ static gboolean pnm_size(const guint8 *bytes, gsize length, struct size *ret) {
     return values[0] > 0 && values[1] > 0;
 }
 
-/* A TIFF; entries of tags have 12 bytes, 20 in a BigTIFF. */
-struct tiff {
-    const guint8 *bytes;
-    gsize length;
-    gboolean big_endian, big;
-};
-
 enum { TIFF_WIDTH = 256, TIFF_HEIGHT, TIFF_BITS, TIFF_TILE_WIDTH = 322, TIFF_TILE_HEIGHT };
 
 /* First value of a tag: in the entry itself, or at the offset that the entry gives. */
 static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     static const int sizes[] = {[1] = 1, [3] = 2, [4] = 4, [16] = 8};
     const int room = tiff->big ? 8 : 4;
-    const guint64 type = number(entry + 2, 2, tiff->big_endian);
+    const guint64 type = tiff_number(entry + 2, 2, tiff->big_endian);
     const int size = type < G_N_ELEMENTS(sizes) ? sizes[type] : 0;
-    const guint64 n = number(entry + 4, room, tiff->big_endian);
+    const guint64 n = tiff_number(entry + 4, room, tiff->big_endian);
     const guint8 *at = entry + 4 + room;
     if (size > 0 && n > (guint64)(room / size)) {
-        const guint64 offset = number(at, room, tiff->big_endian);
+        const guint64 offset = tiff_number(at, room, tiff->big_endian);
         if (offset > tiff->length - 8)
             return 0;
         at = tiff->bytes + offset;
     }
-    return number(at, MIN(size, room), tiff->big_endian);
-}
-
-static gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret) {
-    if (length < 16 || (memcmp(bytes, "II", 2) != 0 && memcmp(bytes, "MM", 2) != 0))
-        return FALSE;
-    *ret = (struct tiff){bytes, length, bytes[0] == 'M', FALSE};
-    const guint64 version = number(bytes + 2, 2, ret->big_endian);
-    ret->big = version == 43;
-    return version == 42 || version == 43;
+    return tiff_number(at, MIN(size, room), tiff->big_endian);
 }
 
 /* Tiles that exceed the picture are decoded completely: the larger size counts. */
 static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
-    const guint64 at =
-        number(tiff->bytes + (tiff->big ? 8 : 4), tiff->big ? 8 : 4, tiff->big_endian);
+    const guint64 at = tiff_first(tiff);
     struct size tile = {0};
     if (at > tiff->length || tiff->length - at < n_bytes)
         return FALSE;
-    const guint64 n = number(tiff->bytes + at, (int)n_bytes, tiff->big_endian);
+    const guint64 n = tiff_number(tiff->bytes + at, (int)n_bytes, tiff->big_endian);
     const guint8 *entry = tiff->bytes + at + n_bytes;
     for (guint64 i = 0; i < n && (gsize)(tiff->bytes + tiff->length - entry) >= each; i++) {
-        const guint64 tag = number(entry, 2, tiff->big_endian), value = tiff_value(tiff, entry);
+        const guint64 tag = tiff_number(entry, 2, tiff->big_endian),
+                      value = tiff_value(tiff, entry);
         guint64 *const to = tag == TIFF_WIDTH         ? &ret->width
                             : tag == TIFF_HEIGHT      ? &ret->height
                             : tag == TIFF_BITS        ? &ret->bits

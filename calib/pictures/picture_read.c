@@ -1,6 +1,7 @@
 #include "picture_read.h"
 
 #include <dlfcn.h>
+#include <math.h>
 
 #include "base/input_file.h"
 #include "base/program.h"
@@ -27,8 +28,9 @@ static PictureCodecsDecode *load_codecs(GError **error) {
     return decode;
 }
 
+/* ret_sha256 may be NULL. */
 static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixels *ret,
-                            char **ret_sha256, GError **error) {
+                            struct picture_says *ret_says, char **ret_sha256, GError **error) {
     gsize length = 0;
     g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
     if (!bytes || !picture_header_check(path, (const guint8 *)bytes, length, error))
@@ -37,12 +39,18 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
     if (!decode)
         return FALSE;
     g_autofree char *what = NULL;
-    if (decode((const guint8 *)bytes, length, grey, ret, &what)) {
+    picture_says_read((const guint8 *)bytes, length, ret_says);
+    if (decode((const guint8 *)bytes, length,
+               grey              ? PICTURE_GREY
+               : ret_says->alpha ? PICTURE_ALPHA
+                                 : PICTURE_COLOUR,
+               ret, &what)) {
         if (ret_sha256)
             *ret_sha256 =
                 g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)bytes, length);
         return TRUE;
     }
+    picture_says_clear(ret_says);
     if (what)
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED, "%s: %s", path, what);
     else
@@ -53,15 +61,12 @@ static gboolean read_pixels(const char *path, gboolean grey, struct picture_pixe
     return FALSE;
 }
 
-/* Value k of all: one of 8 bits is made linear by the table (sRGB), and 1 is white; without a table
- * the number in the file. */
-static float value_at(const struct picture_pixels *from, gsize k, const float *table) {
-    if (from->bits == 8) {
-        const guint8 code = ((const guint8 *)from->values)[k];
-        return table ? table[code] : code;
-    }
+/* The number k of all in the file. */
+static float number_at(const struct picture_pixels *from, gsize k) {
+    if (from->bits == 8)
+        return ((const guint8 *)from->values)[k];
     if (from->bits == 16)
-        return ((const guint16 *)from->values)[k] / (table ? 65535.0f : 1.0f);
+        return ((const guint16 *)from->values)[k];
     return ((const float *)from->values)[k];
 }
 
@@ -69,47 +74,49 @@ struct picture *picture_read(const char *path, GError **error) {
     if (raw_is(path))
         return raw_read_grey(path, error);
     struct picture_pixels pixels;
+    struct picture_says says = {0};
     g_autofree char *sum = NULL;
-    if (!read_pixels(path, TRUE, &pixels, &sum, error))
+    if (!read_pixels(path, TRUE, &pixels, &says, &sum, error))
         return NULL;
-    struct picture *picture = picture_new(path, sum, pixels.width, pixels.height);
-    float table[256];
-    picture_srgb(table);
-    for (gsize i = 0; i < (gsize)pixels.width * (gsize)pixels.height; i++)
-        picture->values[i] = value_at(&pixels, i, table);
+    const struct picture_tone *tone =
+        picture_tone_choose(&says.tone, pixels.bits, PICTURE_TONES_UNSAID, path, error);
+    struct picture *picture = tone ? picture_new(path, sum, pixels.width, pixels.height) : NULL;
+    if (picture) {
+        const gsize n = (gsize)pixels.width * (gsize)pixels.height;
+        for (gsize i = 0; i < n; i++)
+            picture->values[i] = number_at(&pixels, i);
+        picture_tone_apply(tone, pixels.bits, picture->values, n);
+    }
     g_free(pixels.values);
+    picture_says_clear(&says);
     return picture;
 }
 
-/* ret_bits: NULL for values that are linear in light. */
-static gboolean read_in_colour(const char *path, int *ret_width, int *ret_height,
-                               gboolean *ret_grey, int *ret_bits, float **ret_rgb, GError **error) {
+gboolean picture_read_codes(const char *path, struct picture_codes *ret, GError **error) {
     struct picture_pixels pixels;
-    if (!read_pixels(path, FALSE, &pixels, NULL, error))
+    *ret = (struct picture_codes){0};
+    if (!read_pixels(path, FALSE, &pixels, &ret->says, NULL, error))
         return FALSE;
-    const gsize n = (gsize)pixels.width * (gsize)pixels.height;
-    const gboolean grey = pixels.channels == 1;
-    float *rgb = g_new(float, 3 * n), table[256];
-    picture_srgb(table);
-    for (gsize i = 0; i < n; i++)
+    const gsize n = (gsize)pixels.width * (gsize)pixels.height, channels = (gsize)pixels.channels;
+    const float opaque = pixels.bits ? (float)((1 << pixels.bits) - 1) : 1;
+    ret->width = pixels.width;
+    ret->height = pixels.height;
+    ret->grey = channels == 1;
+    ret->bits = pixels.bits;
+    ret->rgb = g_new(float, 3 * n);
+    for (gsize i = 0; i < n; i++) {
+        const gboolean seen =
+            channels < 4 || !ret->says.alpha || number_at(&pixels, 4 * i + 3) >= opaque;
+        ret->transparent += !seen;
         for (gsize c = 0; c < 3; c++)
-            rgb[3 * i + c] = value_at(&pixels, grey ? i : 3 * i + 2 - c, ret_bits ? NULL : table);
-    *ret_grey = grey;
-    *ret_width = pixels.width;
-    *ret_height = pixels.height;
-    *ret_rgb = rgb;
-    if (ret_bits)
-        *ret_bits = pixels.bits;
+            ret->rgb[3 * i + c] =
+                seen ? number_at(&pixels, channels == 1 ? i : channels * i + 2 - c) : NAN;
+    }
     g_free(pixels.values);
     return TRUE;
 }
 
-gboolean picture_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                             float **ret_rgb, GError **error) {
-    return read_in_colour(path, ret_width, ret_height, ret_grey, NULL, ret_rgb, error);
-}
-
-gboolean picture_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                            int *ret_bits, float **ret_rgb, GError **error) {
-    return read_in_colour(path, ret_width, ret_height, ret_grey, ret_bits, ret_rgb, error);
+void picture_codes_clear(struct picture_codes *codes) {
+    g_clear_pointer(&codes->rgb, g_free);
+    picture_says_clear(&codes->says);
 }

@@ -6,21 +6,26 @@
 #pragma once
 
 #include "picture.h"
+#include "picture_says.h"
 
 G_BEGIN_DECLS
 
-/* Reads a picture as grey, camera raw as raw_read_grey(). Files of 8 bits are taken as sRGB and
- * made linear, others as linear; 1 is white. */
+/* Reads a picture as grey, camera raw as raw_read_grey(). Made linear by the tone curve that the
+ * file says; if it says none, files of 8 bits are taken as sRGB, others as linear. 1 is white. */
 struct picture *picture_read(const char *path, GError **error);
 
-/* The same in colour, but without camera raw: height × width × 3 (R, G, B), g_free(). ret_grey: the
- * file is grey and all three are equal. */
-gboolean picture_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                             float **ret_rgb, GError **error);
+/* The numbers of a picture in colour, which is not camera raw. */
+typedef struct picture_codes {
+    int width, height;
+    gboolean grey;            /* the file is grey, and all three numbers are equal */
+    int bits;                 /* 8 or 16 of each number; 0: it is a floating-point number */
+    gsize transparent;        /* number of pixels that are not opaque; their numbers are NaN */
+    float *rgb;               /* height × width × 3 (R, G, B) */
+    struct picture_says says; /* picture_tone_apply() makes the numbers linear */
+} PictureCodes;
 
-/* The same without a conversion: the numbers in the file. ret_bits: 8 or 16 of each number; 0: it
- * is a floating-point number. */
-gboolean picture_read_codes(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
-                            int *ret_bits, float **ret_rgb, GError **error);
+gboolean picture_read_codes(const char *path, struct picture_codes *ret, GError **error);
+void picture_codes_clear(struct picture_codes *codes);
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(PictureCodes, picture_codes_clear)
 
 G_END_DECLS

@@ -88,7 +88,7 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
                     GError **error) {
     static const double grey[3] = {1, 1, 1};
     struct colour_matrix found = {.known = TRUE, .patches = n};
-    double inverse[9], white[3], sum = 0;
+    double inverse[9], scaled[3], sum = 0;
     for (int i = 0; i < n; i++)
         for (int k = 0; k < 3; k++)
             if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
@@ -110,7 +110,10 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     }
     for (int row = 0; row < 3; row++)
         fit_row(patches, n, inverse, row, &found);
-    colour_apply(found.matrix, grey, white);
+    /* The colour of white is that of equal R, G, B. Its Y is 1, as in the chart's values: the
+     * matrix would scale it by how much darker the pictures are than the chart says. */
+    colour_apply(found.matrix, grey, scaled);
+    const double white[3] = {scaled[0] / scaled[1], 1, scaled[2] / scaled[1]};
     for (int i = 0; i < n; i++) {
         double xyz[3];
         colour_apply(found.matrix, patches[i].rgb, xyz);
@@ -118,7 +121,7 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
         sum += off * off / n;
     }
     found.residual = sqrt(sum);
-    if (!(white[0] > 0 && white[1] > 0 && white[2] > 0) || !(found.residual < MOST_OFF)) {
+    if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MOST_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the patches differ from their values by %.1f ΔE on average: is it this chart, "
                     "and does it lie as the file says?",

@@ -1,6 +1,7 @@
 /* An archive as the metadata of a research object: RO-Crate 1.1 (Soiland-Reyes et al. 2022),
  * JSON-LD in which the session's folder is the data set. */
 #include "archive.h"
+#include "base/plural.h"
 
 #include "base/json.h"
 #include "base/output_file.h"
@@ -98,11 +99,12 @@ static void add_parts(GVariantBuilder *graph, GVariantBuilder *parts,
 static void add_root(GVariantBuilder *graph, const struct archive *archive, GVariant *parts) {
     GVariantBuilder *root = entity("./", "Dataset");
     g_autofree char *description = g_strdup_printf(
-        "%s%sBTF and MDF of a flat sample of %g × %g mm (%d × %d texels), %d views, %d lights, %d "
-        "laser positions.%s%s",
+        "%s%sBTF and MDF of a flat sample of %g × %g mm (%d × %d texels), %d %s, %d %s, %d "
+        "laser %s.%s%s",
         archive->sample, *archive->sample ? ". " : "", archive->grid.width_mm,
-        archive->grid.height_mm, archive->grid.width, archive->grid.height, archive->views,
-        archive->lights, archive->lasers, *archive->notes ? " " : "", archive->notes);
+        archive->grid.height_mm, archive->grid.width, archive->grid.height,
+        PLURAL(archive->views, "view"), PLURAL(archive->lights, "light"),
+        PLURAL(archive->lasers, "position"), *archive->notes ? " " : "", archive->notes);
     add_text(root, "name", archive->name);
     add_text(root, "description", description);
     add_text(root, "datePublished", archive->created);

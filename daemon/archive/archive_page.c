@@ -1,5 +1,6 @@
 /* An archive as a page: one file that a browser shows without any network. */
 #include "archive.h"
+#include "base/plural.h"
 
 #include "plan/report.h"
 
@@ -65,8 +66,9 @@ static void add_facts(GString *to, const struct archive *archive) {
     g_autofree char *texels =
         g_strdup_printf("%g × %g mm, %d × %d texels, reference plane at %g mm", grid->width_mm,
                         grid->height_mm, grid->width, grid->height, grid->reference_mm);
-    g_autofree char *directions = g_strdup_printf("%d views, %d lights, %d laser positions",
-                                                  archive->views, archive->lights, archive->lasers);
+    g_autofree char *directions =
+        g_strdup_printf("%d %s, %d %s, %d laser %s", PLURAL(archive->views, "view"),
+                        PLURAL(archive->lights, "light"), PLURAL(archive->lasers, "position"));
     g_autofree char *shots = g_strdup_printf(
         "%d of %d done, %d skipped, %d not needed; %d frames, %d retakes", archive->done,
         archive->planned + archive->done + archive->skipped + archive->unneeded, archive->skipped,
@@ -243,9 +245,9 @@ static void add_products(GString *to, const struct archive *archive) {
     g_autofree char *size = size_text((double)view_bytes);
     if (views > 0)
         add(to,
-            "<tr><td>products/btf, %d views</td><td class=\"n\">%s</td><td class=\"faint\">in "
+            "<tr><td>products/btf, %d %s</td><td class=\"n\">%s</td><td class=\"faint\">in "
             "session.db</td></tr>\n",
-            views, size);
+            PLURAL(views, "view"), size);
     g_string_append(to, "</table></div>\n");
 }
 

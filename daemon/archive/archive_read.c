@@ -134,16 +134,15 @@ static gboolean read_calibration(struct archive *archive, Session *session, cons
     const char *days = section ? config_value(section, "calibration_days", NULL) : NULL;
     const double most = days ? g_ascii_strtod(days, NULL) : CALIBRATION_DAYS;
     g_autoptr(GDateTime) created = g_date_time_new_from_iso8601(archive->created, NULL);
+    g_autoptr(GString) nominal = g_string_new(NULL);
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
         const struct calibration_part *part = &archive->calibration->parts[i];
         const char *name = calibration_part_name((enum calibration_kind)i);
         g_autoptr(GDateTime) date =
             part->done ? g_date_time_new_from_iso8601(part->date, NULL) : NULL;
         if (!part->done) {
-            archive_add_check(archive, ARCHIVE_WARNING, "calibration",
-                              "%s: not calibrated, nominal values were used; mesorig calibrate %s "
-                              "finds them, mesorig process -c FILE uses them",
-                              name, name);
+            if (i != CALIBRATION_LASER || archive->calibration->rig.n_lasers > 0)
+                g_string_append_printf(nominal, "%s%s", nominal->len ? ", " : "", name);
             continue;
         }
         const double age =
@@ -154,6 +153,11 @@ static gboolean read_calibration(struct archive *archive, Session *session, cons
                           name, part->residual_rms, part->residual_unit, part->pictures,
                           MAX(age, 0), most);
     }
+    if (nominal->len > 0)
+        archive_add_check(archive, ARCHIVE_WARNING, "calibration",
+                          "not calibrated, nominal values were used: %s; mesorig calibrate finds "
+                          "them, mesorig process -c FILE uses them",
+                          nominal->str);
     return TRUE;
 }
 
@@ -185,6 +189,12 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     return read_calibration(archive, session, rig, error);
 }
 
+/* A pause that the user asked for is no fault of the capture. */
+static gboolean asked_to_pause(const struct session_event *event) {
+    return g_str_equal(event->source, "capture") &&
+           g_str_equal(event->message, "paused by the user");
+}
+
 static void check_capture(struct archive *archive) {
     const int shots = archive->planned + archive->done + archive->skipped + archive->unneeded;
     if (archive->planned > 0)
@@ -209,7 +219,7 @@ static void check_capture(struct archive *archive) {
     for (guint i = 0; i < archive->events->len; i++) {
         const struct session_event *event = archive->events->pdata[i];
         errors += g_str_equal(event->level, "error");
-        warnings += g_str_equal(event->level, "warning");
+        warnings += g_str_equal(event->level, "warning") && !asked_to_pause(event);
     }
     archive_add_check(archive, errors + warnings ? ARCHIVE_WARNING : ARCHIVE_PASS, "events",
                       "%d errors and %d warnings while it was captured", errors, warnings);

@@ -1,6 +1,7 @@
 #include "bus.h"
 #include "bus_client.h"
 
+#include <fcntl.h>
 #include <gio/gunixsocketaddress.h>
 #include <glib/gstdio.h>
 #include <string.h>
@@ -20,6 +21,7 @@
 #define RESERVED_PART 8  /* clients leave this part of the descriptors to devices and files: 1/8 */
 #define MOST_CLIENTS  64 /* connections of one process */
 #define JOIN_S        10 /* a client must have authenticated itself by then */
+#define JOIN_FILES    4 /* at most, while it does so; GLib aborts the program if one cannot be had */
 #define AGAIN_MS      500
 #define SAY_AGAIN_US  (60 * G_USEC_PER_SEC)
 
@@ -148,23 +150,35 @@ static pid_t process_of(GSocket *socket) {
     return credentials ? g_credentials_get_unix_pid(credentials, NULL) : 0;
 }
 
-/* The kernel gives out the lowest free descriptor, which therefore tells how many there are. */
-static gboolean has_room(BusServer *server, GSocket *socket, pid_t pid) {
+/* How many more files may be opened; only descriptors that select() takes count, since libmodbus
+ * calls it. */
+static int count_free_files(int most) {
+    int n = 0;
+    for (int fd = 0; fd < most; fd++)
+        n += fcntl(fd, F_GETFD) < 0;
+    return n;
+}
+
+static gboolean has_room(BusServer *server, pid_t pid) {
     struct rlimit limit = {0};
-    int of_process = 0;
-    for (GList *item = server->clients; item; item = item->next)
-        of_process += ((struct client *)item->data)->pid == pid;
+    int of_process = 0, joining = 0;
+    for (GList *item = server->clients; item; item = item->next) {
+        const struct client *client = item->data;
+        of_process += client->pid == pid;
+        joining += client->thread != NULL;
+    }
     if (of_process >= MOST_CLIENTS) {
         say(server, "process %d has %d connections: no more of its connections are accepted",
             (int)pid, of_process);
         return FALSE;
     }
     getrlimit(RLIMIT_NOFILE, &limit);
-    const rlim_t most = MIN(limit.rlim_cur, FD_SETSIZE); /* libmodbus calls select() */
-    if ((rlim_t)g_socket_get_fd(socket) < most - most / RESERVED_PART)
+    const int most = (int)MIN(limit.rlim_cur, FD_SETSIZE);
+    if (count_free_files(most) >= most / RESERVED_PART + joining * JOIN_FILES)
         return TRUE;
     say(server,
-        "%u clients are connected, and few more files may be open: no more clients are accepted",
+        "%u clients are connected, and few more files may be open: no more clients are "
+        "accepted",
         g_list_length(server->clients));
     return FALSE;
 }
@@ -185,7 +199,7 @@ static gboolean on_client(GSocket *listener, GIOCondition condition, gpointer da
     g_autoptr(GSocket) socket = g_socket_accept(listener, NULL, &error);
     if (socket) {
         const pid_t pid = process_of(socket);
-        if (has_room(server, socket, pid))
+        if (has_room(server, pid))
             client_new(server, socket, pid);
         return G_SOURCE_CONTINUE;
     }

@@ -216,14 +216,13 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
 }
 
 static struct picture *calibrate_read_exr(const char *path, GError **error) {
-    g_autoptr(ExrFile) file = exr_read(path, error);
-    g_autofree char *sum = file ? exr_sha256(path, NULL, error) : NULL;
+    g_autoptr(ExrPart) part = exr_read_picture(path, error);
+    g_autofree char *sum = part ? exr_sha256(path, NULL, error) : NULL;
     if (!sum)
         return NULL;
-    const struct exr_part *part = file->parts->len ? file->parts->pdata[0] : NULL;
-    const float *y = part ? exr_part_plane(part, "Y") : NULL;
+    const float *y = exr_part_plane(part, "Y");
     const float *rgb[3] = {y, y, y};
-    for (int c = 0; part && !y && c < 3; c++)
+    for (int c = 0; !y && c < 3; c++)
         rgb[c] = exr_part_plane(part, (const char *const[]){"R", "G", "B"}[c]);
     if (!rgb[0] || !rgb[1] || !rgb[2]) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,

@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
     {"name", 0, 0, G_OPTION_ARG_STRING, &name_option, "With --images: the camera's name", "NAME"},
     {"lens", 0, 0, G_OPTION_ARG_STRING, &lens_option,
      "The lens model: polynomial, rational or fisheye (default: by evidence with --images, else as "
-     "in the rig file or --from)",
+     "in the rig file or of -c)",
      "MODEL"},
     {NULL},
 };
@@ -41,7 +41,8 @@ struct job {
     enum rig_lens lens;            /* if lens_option is given */
     GArray *pictures;              /* struct cameras_picture, one per frame */
     struct calibrate_video *video; /* if --images is one */
-    gboolean turns; /* there is a turntable in a session's rig file, or it has turned */
+    gboolean turns;   /* there is a turntable in a session's rig file, or it has turned */
+    double board_deg; /* --board-azimuth: azimuth of the board's x axis before the rig was turned */
 };
 
 static void cli_calibrate_cameras_add(struct job *job, struct calibrate_frame *frame, int lay) {
@@ -160,13 +161,11 @@ static void keep_turntable(struct job *job) {
 }
 
 /* Turns the rig so that the board that lies flattest has its x axis at azimuth 0. */
-static void turn_to_board(struct job *job) {
-    const struct cameras_lay *flat = &g_array_index(job->result->lays, struct cameras_lay, 0);
-    for (guint i = 1; i < job->result->lays->len; i++) {
-        const struct cameras_lay *lay = &g_array_index(job->result->lays, struct cameras_lay, i);
-        flat = lay->tilt_deg < flat->tilt_deg ? lay : flat;
-    }
-    calibration_turn(job->base.calibration, -flat->azimuth_deg * G_PI / 180);
+static gboolean turn_to_board(struct job *job, GError **error) {
+    if (!cameras_board_azimuth(job->result, &job->board, &job->board_deg, error))
+        return FALSE;
+    calibration_turn(job->base.calibration, -job->board_deg * G_PI / 180);
+    return TRUE;
 }
 
 /* Writes all corners of each picture that was used, in the order of board.h, with dashes for
@@ -223,8 +222,8 @@ static gboolean cli_calibrate_cameras_find(struct calibrate_job *base, GError **
         keep_residuals(job, c);
     if (job->result && job->turns)
         keep_turntable(job);
-    if (job->result && azimuth_option)
-        turn_to_board(job);
+    if (job->result && azimuth_option && !turn_to_board(job, error))
+        return FALSE;
     for (guint i = 0; job->result && i < base->rejected->len; i++)
         g_ptr_array_add(base->calibration->parts[CALIBRATION_CAMERAS].rejected,
                         g_strdup(base->rejected->pdata[i]));
@@ -324,6 +323,14 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
         record_say(to, "\n  the board is bent: its corners are from %+.2f to %+.2f mm off a plane",
                    result->bend_mm[0], result->bend_mm[1]);
     tell_arm(to, base->calibration, result);
+    if (azimuth_option) {
+        const double board_deg = ((const struct job *)base)->board_deg;
+        record_double(to, "turned_deg", -board_deg);
+        record_say(to,
+                   "\n  azimuths count from the board's x axis: those of the rig file were turned "
+                   "by %+.3f°",
+                   -board_deg);
+    }
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);

@@ -3,7 +3,10 @@
 #include "calibrate.h"
 #include "targets/chart_session.h"
 
+#include <math.h>
+
 #define MAX_CHART_BYTES (1 << 20)
+#define BRIGHTNESS      0.2 /* relative difference from the chart's values that is told */
 
 static char *chart_option;
 static const GOptionEntry entries[] = {
@@ -30,8 +33,10 @@ static gboolean cli_calibrate_colour_find(struct calibrate_job *job, GError **er
 
 static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *job) {
     const struct colour_matrix *colour = &job->calibration->colour;
+    const double white = colour->matrix[3] + colour->matrix[4] + colour->matrix[5];
     record_int(to, "patches", colour->patches);
     record_double(to, "delta_e", colour->residual);
+    record_double(to, "white", white);
     record_doubles(to, "matrix", colour->matrix, 9);
     record_say(to, "%s: %d patches, %.2f ΔE*ab RMS\n", calibrate_output, colour->patches,
                colour->residual);
@@ -39,6 +44,12 @@ static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *jo
         record_say(to, "  %c = %+.4f R %+.4f G %+.4f B   ± %.4f %.4f %.4f\n", "XYZ"[i / 3],
                    colour -> matrix[i], colour -> matrix[i + 1], colour -> matrix[i + 2],
                    colour -> error[i], colour -> error[i + 1], colour -> error[i + 2]);
+    if (!(fabs(log(white)) < log(1 + BRIGHTNESS)))
+        record_say(to,
+                   "  suspect: the pictures show the chart %.3g times as bright as its values say, "
+                   "and the matrix corrects that for every material; calibrate radiometry with the "
+                   "white tile first, and see whether Y is 1 for white in the chart's file\n",
+                   1 / white);
 }
 
 static int cli_calibrate_colour_run(const struct call *call, GError **error) {

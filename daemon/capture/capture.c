@@ -284,7 +284,11 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
         !session_verify(session, TRUE, NULL, error))
         return FALSE;
-    *ret_warning = capture_check_calibration(session, devices);
+    g_autofree char *options = capture_check_options(session, devices);
+    g_autofree char *calibration = capture_check_calibration(session, devices);
+    *ret_warning = options && calibration ? g_strconcat(options, " ", calibration, NULL)
+                   : options              ? g_steal_pointer(&options)
+                                          : g_steal_pointer(&calibration);
     return TRUE;
 }
 
@@ -321,8 +325,13 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         capture_free(capture);
         return NULL;
     }
-    if (warning)
+    if (warning) {
         capture_add_event(capture, "warning", "rig", warning);
+        if (!session_suspect(capture->session, warning, error)) {
+            capture_free(capture);
+            return NULL;
+        }
+    }
     g_autofree char *message =
         g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
     capture_add_event(capture, "info", "capture", message);

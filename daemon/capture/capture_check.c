@@ -1,5 +1,7 @@
 #include "capture_check.h"
 
+#include "base/config.h"
+
 #include <errno.h>
 #include <string.h>
 #include <sys/statvfs.h>
@@ -98,6 +100,67 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
     if (why)
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: %s", path, why);
     return why == NULL;
+}
+
+#define SHOWN_CHANGES 8
+
+/* Adds the keys of a section whose values differ: first those of then, and of now those that are
+ * new. */
+static void compare_section(const struct config_section *then, const struct config_section *now,
+                            GPtrArray *ret) {
+    for (const char *const *key = config_keys(then); *key; key++) {
+        const char *was = config_value(then, *key, NULL), *is = config_value(now, *key, NULL);
+        if (!is)
+            g_ptr_array_add(ret, g_strdup_printf("[%s] %s was %s and is not given now", then->group,
+                                                 *key, was));
+        else if (strcmp(was, is) != 0)
+            g_ptr_array_add(
+                ret, g_strdup_printf("[%s] %s was %s and is %s", then->group, *key, was, is));
+    }
+    for (const char *const *key = config_keys(now); *key; key++)
+        if (!config_value(then, *key, NULL))
+            g_ptr_array_add(ret, g_strdup_printf("[%s] %s was not given and is %s", now->group,
+                                                 *key, config_value(now, *key, NULL)));
+}
+
+static void compare_rigs(const Config *then, const Config *now, GPtrArray *ret) {
+    gsize n;
+    const struct config_section *sections = config_sections(then, &n);
+    for (gsize i = 0; i < n; i++) {
+        const struct config_section *other =
+            config_find(now, sections[i].class_name, sections[i].name);
+        if (other)
+            compare_section(&sections[i], other, ret);
+        else
+            g_ptr_array_add(ret, g_strdup_printf("[%s] is not there now", sections[i].group));
+    }
+    sections = config_sections(now, &n);
+    for (gsize i = 0; i < n; i++)
+        if (!config_find(then, sections[i].class_name, sections[i].name))
+            g_ptr_array_add(ret, g_strdup_printf("[%s] is new", sections[i].group));
+}
+
+char *capture_check_options(Session *session, const struct devices *devices) {
+    g_autofree char *text = session_text(session, "rig.conf", NULL);
+    g_autoptr(Config) then = text ? config_parse(text, session_path(session), NULL) : NULL;
+    g_autoptr(Config) now =
+        devices->text ? config_parse(devices->text, session_path(session), NULL) : NULL;
+    g_autoptr(GPtrArray) changes = g_ptr_array_new_with_free_func(g_free);
+    if (!then || !now)
+        return NULL;
+    compare_rigs(then, now, changes);
+    const guint n = changes->len;
+    if (n == 0)
+        return NULL;
+    g_ptr_array_set_size(changes, (gint)MIN(n, SHOWN_CHANGES));
+    g_ptr_array_add(changes, NULL);
+    g_autofree char *list = g_strjoinv(", ", (char **)changes->pdata);
+    g_autofree char *more =
+        n > SHOWN_CHANGES ? g_strdup_printf(", and %u more", n - SHOWN_CHANGES) : g_strdup("");
+    return g_strdup_printf(
+        "The rig file has changed since the session was begun: %s%s. Frames from "
+        "before and after may not fit together.",
+        list, more);
 }
 
 char *capture_check_calibration(Session *session, const struct devices *devices) {

@@ -17,5 +17,9 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
                            GError **error);
 
+/* A warning if the rig file names other devices or options than when the session was begun, which
+ * lists them; else NULL; g_free(). */
+char *capture_check_options(Session *session, const struct devices *devices);
+
 /* A warning if the rig's calibration is not that of the session any more, else NULL; g_free(). */
 char *capture_check_calibration(Session *session, const struct devices *devices);

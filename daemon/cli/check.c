@@ -43,6 +43,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
     if (!session)
         return FALSE;
+    session_suspicions(session, check->suspicions);
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
@@ -90,9 +91,12 @@ static void tell_energy(Record *to, const struct energy *e) {
     record_int(to, "reciprocal_pairs", e->pairs);
     record_double(to, "asymmetry", e->asymmetry);
     record_double(to, "texel_asymmetry", e->texel_asymmetry);
-    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s (views to %.0f°)\n",
-               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "",
-               e->covered_deg);
+    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s", least,
+               e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "");
+    if (e->n_views == 1)
+        record_say(to, " (from one view, taken for all)\n");
+    else
+        record_say(to, " (views to %.0f°)\n", e->covered_deg);
     if (e->pairs == 0)
         record_say(to, "reciprocity  no pair of directions was measured both ways\n");
     else

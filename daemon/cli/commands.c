@@ -23,31 +23,44 @@ static const struct command *const commands[] = {
     &cli_abort,
     &cli_safe,
     &cli_release,
+    &cli_close,
     &unattended_queue,
-    &cli_process,
-    &cli_compress,
-    &cli_compare,
-    &cli_check,
-    &cli_calibrate,
-    &cli_board,
-    &cli_info,
     &cli_drivers,
     &cli_devices,
+    &hands_test,
     &hands_snap,
     &hands_live,
     &hands_lamp,
     &hands_laser,
     &hands_move,
     &hands_home,
-    &hands_test,
+    &cli_board,
+    &cli_calibrate,
+    &cli_process,
+    &cli_compress,
+    &cli_resample,
+    &textures_synthesize,
+    &cli_info,
+    &cli_verify,
+    &cli_check,
+    &cli_compare,
+    &cli_report,
     &exchange_import,
     &exchange_export,
-    &cli_resample,
-    &cli_verify,
-    &cli_report,
-    &cli_close,
-    &textures_synthesize,
     NULL,
+};
+
+/* The heads of --help, each above the first command of its group. */
+static const struct {
+    const struct command *first;
+    const char *head;
+} groups[] = {
+    {&cli_plan, "Capture a session"},
+    {&cli_drivers, "Devices"},
+    {&cli_board, "Calibrate"},
+    {&cli_process, "Process a session"},
+    {&cli_info, "Look at results"},
+    {&exchange_import, "Exchange data with other programs"},
 };
 // clang-format on
 
@@ -56,9 +69,13 @@ const struct command *const *cli_commands(void) {
 }
 
 static void cli_print_help(void) {
-    g_print("Usage: mesorig COMMAND …\n\nCommands:\n");
-    for (gsize i = 0; commands[i]; i++)
+    g_print("Usage: mesorig COMMAND …\n");
+    for (gsize i = 0; commands[i]; i++) {
+        for (gsize k = 0; k < G_N_ELEMENTS(groups); k++)
+            if (groups[k].first == commands[i])
+                g_print("\n%s:\n", groups[k].head);
         g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
+    }
     g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
             "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
 }

@@ -90,9 +90,10 @@ static char *cli_compress_output(const struct compress_asked *asked, GError **er
 static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
     compress->written = cli_compress_output(compress->asked, error);
-    compress->to = compress->written
-                       ? cli_output_locked(compress->written, compress->asked->method.name, error)
-                       : NULL;
+    if (!compress->written)
+        return FALSE;
+    compress->to = (compress->asked->output ? cli_output_locked : cli_output_product)(
+        compress->written, compress->asked->method.name, error);
     return compress->to && compress_btf(compress, work, error);
 }
 

@@ -142,7 +142,7 @@ static void tell_products(Record *to, const char *directory) {
     record_end(to);
     g_autofree char *size = g_format_size((guint64)view_bytes);
     if (n_views)
-        record_say(to, "product    products/btf, %d views, %s\n", n_views, size);
+        record_say(to, "product    products/btf, %d %s, %s\n", PLURAL(n_views, "view"), size);
     if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
         record_say(to,
                    "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT

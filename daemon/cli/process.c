@@ -1,6 +1,7 @@
 #include "process.h"
 #include "archive/archive.h"
 #include "base/data_error.h"
+#include "base/plural.h"
 #include "calibration/calibration.h"
 #include "pipeline/pipeline.h"
 
@@ -55,13 +56,14 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     record_double(to, "real_s", seconds);
     record_say(to, "done in %s", time);
     if (result->n_views > 0)
-        record_say(to, ": BTF of %d views × %d lights", result->n_views, result->n_lights);
+        record_say(to, ": BTF of %d %s × %d %s", PLURAL(result->n_views, "view"),
+                   PLURAL(result->n_lights, "light"));
     if (result->n_mdf_views > 0)
         record_say(to,
-                   "%s MDF of %d views with %.1f %% of the texels measured and %.2f %% predicted "
+                   "%s MDF of %d %s with %.1f %% of the texels measured and %.2f %% predicted "
                    "by other views",
-                   result->n_views > 0 ? "," : ":", result->n_mdf_views, 100 * result->mdf_coverage,
-                   100 * result->mdf_predicted);
+                   result->n_views > 0 ? "," : ":", PLURAL(result->n_mdf_views, "view"),
+                   100 * result->mdf_coverage, 100 * result->mdf_predicted);
     if (result->n_views > 0)
         record_say(to,
                    ", eigen-maps with an error of %.2f %% (mesorig compress makes closer files)",

@@ -1,4 +1,5 @@
 /* resample: a BTF in directions that are the same for all texels. */
+#include "base/plural.h"
 #include "command/cli.h"
 #include "command/work.h"
 #include "pipeline/along_surface.h"
@@ -127,9 +128,9 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
                               double seconds) {
     g_autofree char *time = report_duration(seconds);
     add_values(to, result);
-    record_say(to, "%s: %d × %d texels, %d views × %d lights from %d × %d in %s\n", output,
-               result->made.width, result->made.height, result->made.n_views, result->made.n_lights,
-               result->n_views, result->n_lights, time);
+    record_say(to, "%s: %d × %d texels, %d %s × %d %s from %d × %d in %s\n", output,
+               result->made.width, result->made.height, PLURAL(result->made.n_views, "view"),
+               PLURAL(result->made.n_lights, "light"), result->n_views, result->n_lights, time);
     if (!result->exact)
         record_say(to, "where cameras and lamps were is not known: all texels had the same "
                        "directions\n");
@@ -165,10 +166,10 @@ static void cli_resample_tell_along(Record *to, const struct along_surface_resul
     record_double(to, "unseen", unseen);
     record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
     record_double(to, "real_s", seconds);
-    record_say(to,
-               "%s: %d × %d texels, %d views × %d lights from %d × %d, along the surface, in %s\n",
-               output, result->made.width, result->made.height, result->made.n_views,
-               result->made.n_lights, result->n_views, result->n_lights, time);
+    record_say(to, "%s: %d × %d texels, %d %s × %d %s from %d × %d, along the surface, in %s\n",
+               output, result->made.width, result->made.height,
+               PLURAL(result->made.n_views, "view"), PLURAL(result->made.n_lights, "light"),
+               result->n_views, result->n_lights, time);
     record_say(to, "its MDF is predicted, too; of %.3f %% of its texels no view sees the surface\n",
                100 * unseen);
 }

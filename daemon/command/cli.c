@@ -182,6 +182,12 @@ OutputFile *cli_output_locked(const char *path, const char *kind, GError **error
     return output_file_new_locked(path, kind, cli_force, error);
 }
 
+OutputFile *cli_output_product(const char *path, const char *kind, GError **error) {
+    if (g_file_test(path, G_FILE_TEST_IS_SYMLINK))
+        g_unlink(path);
+    return cli_output_locked(path, kind, error);
+}
+
 void cli_tell_output(Record *to, const OutputFile *file) {
     record_boolean(to, "replaced", output_file_note(file) != NULL);
     if (output_file_note(file))

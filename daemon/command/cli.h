@@ -57,6 +57,8 @@ extern gboolean cli_force;   /* --force was given: an output may replace what is
 OutputFile *cli_output(const char *path, const char *kind, GError **error);
 /* The same with a lock: output_file_new_locked(). */
 OutputFile *cli_output_locked(const char *path, const char *kind, GError **error);
+/* A product of a session, which Mesorig names: a link of that name is replaced, not followed. */
+OutputFile *cli_output_product(const char *path, const char *kind, GError **error);
 /* Says whether the output has replaced a file. */
 void cli_tell_output(Record *to, const OutputFile *file);
 

@@ -35,6 +35,15 @@ gboolean exchange_check_folder(const char *output, GError **error);
 /* Reads --region: FALSE if the text is not X,Y,WIDTH,HEIGHT. */
 gboolean exchange_parse_region(const char *text, struct import_region *ret);
 
+/* Reads --transfer: FALSE if the text is neither NULL, linear nor srgb. */
+gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
+#define EXCHANGE_TRANSFER_HELP                                                                     \
+    "Tone curve of the pictures (as their files say; else sRGB of 8 bits, linear of others)"
+#define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
+
+/* Says what was assumed and noticed. notes: of char *. */
+void exchange_tell_notes(Record *to, const GPtrArray *notes);
+
 /* Says what an import has made. */
 void exchange_tell_import(Record *to, const char *session, const struct import_result *result,
                           double seconds);

@@ -1,8 +1,10 @@
 /* export points, height, normals: the surface of a session's material. */
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "formats/export_surface.h"
 #include "normals/fit_normals.h"
+#include "normals/light_normals.h"
 #include "plan/report.h"
 
 static char *output;
@@ -30,6 +32,7 @@ struct job {
     struct export_surface_options options;
     struct export_surface_result surface;
     struct fit_normals_result fit;
+    struct light_normals_result lights;
 };
 
 static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
@@ -52,7 +55,51 @@ static gboolean work_fit(const struct work *work, gpointer data, GError **error)
                            error);
 }
 
-/* Exports the surface from how brightness depends on the light, if no laser has measured it. */
+static gboolean work_lights(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    return light_normals(job->session, output, job->options.what == EXPORT_HEIGHT, work,
+                         &job->lights, error);
+}
+
+/* Exports normals or heights from the pictures, at the lights where they were taken. */
+static int export_by_lights(const struct call *call, struct job *job, GError **error) {
+    static const char *const names[PHOTOMETRIC_CAUSES] = {
+        [PHOTOMETRIC_DARK] = "dark",
+        [PHOTOMETRIC_FEW] = "few_lights",
+        [PHOTOMETRIC_CONTRADICT] = "contradicting",
+        [PHOTOMETRIC_FLAT] = "flat",
+        [PHOTOMETRIC_AWAY] = "away",
+    };
+    const struct light_normals_result *result = &job->lights;
+    Record *to = call->record;
+    double seconds = 0;
+    if (!cli_work_run(work_lights, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_string(to, "model", "lights");
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "points", result->texels - result->holes);
+    record_int(to, "holes", result->holes);
+    record_double(to, "sigma_deg", result->sigma_deg[0]);
+    record_double(to, "sigma_95_deg", result->sigma_deg[1]);
+    record_double(to, "lights_used", result->used);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d of %d texels from their pictures under %d %s, of which %.0f agree (median); "
+               "normals are known to %.2f° (median), %.2f° (95 %%)\n",
+               output, result->texels - result->holes, result->texels,
+               PLURAL(result->n_lights, "light"), result->used, result->sigma_deg[0],
+               result->sigma_deg[1]);
+    for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++) {
+        record_int(to, names[cause], result->causes[cause]);
+        if (result->causes[cause] > 0)
+            record_say(to, "  holes: %d texels %s\n", result->causes[cause],
+                       photometric_cause_text((enum photometric_cause)cause));
+    }
+    return CLI_DONE;
+}
+
+/* Exports the surface from a PTM or HSH, which says how brightness depends on the light. */
 static int export_by_fit(const struct call *call, struct job *job, GError **error) {
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;
@@ -102,6 +149,13 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
     job.to = to;
     job.options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
+    if (what != EXPORT_POINTS && !maximum && light_normals_applies(job.session)) {
+        if (least_views || layered)
+            return cli_usage(call->command,
+                             "--views and --layered are for materials with an MDF; %s has none",
+                             job.session);
+        return export_by_lights(call, &job, error);
+    }
     if (what != EXPORT_POINTS && fit_normals_applies(job.session))
         return export_by_fit(call, &job, error);
     if (maximum)
@@ -120,15 +174,15 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
     record_double(record, "real_s", seconds);
     if (what == EXPORT_POINTS)
         record_say(record,
-                   "%s: %" G_GINT64_FORMAT " points; %d views saw %" G_GINT64_FORMAT
+                   "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
                    ", and points that several views saw were merged into one\n",
-                   output, result->points, result->n_views, result->seen);
+                   output, result->points, PLURAL(result->n_views, "view"), result->seen);
     else
         record_say(record,
-                   "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "
+                   "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d holes, %d with "
                    "structure below structure\n",
-                   output, result->points, result->texels, result->n_views, result->holes,
-                   result->stacked);
+                   output, result->points, result->texels, PLURAL(result->n_views, "view"),
+                   result->holes, result->stacked);
     cli_tell_output(record, to);
     return CLI_DONE;
 }
@@ -159,8 +213,9 @@ const struct command exchange_height = {
     .name = "export height",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export height weave.session -o height.exr\n",
-    .help = "Write heights as a map (EXR); of a session without MDF from its PTM or HSH, or such a "
-            "file.",
+    .help =
+        "Write heights as a map (EXR); of a session without MDF from its pictures, or of the file "
+        "of a PTM or HSH.",
     .options = map_entries,
     .min = 1,
     .max = 1,
@@ -170,8 +225,8 @@ const struct command exchange_normals = {
     .name = "export normals",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export normals weave.session -o normals.exr\n",
-    .help = "Write normals as a map (EXR); of a session without MDF from its PTM or HSH, or such a "
-            "file.",
+    .help = "Write normals as a map (EXR); of a session without MDF from its pictures, with error "
+            "bars and albedo, or of the file of a PTM or HSH.",
     .options = map_entries,
     .min = 1,
     .max = 1,

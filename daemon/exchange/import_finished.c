@@ -7,13 +7,21 @@
 
 #include <stdio.h>
 
-static char *output, *region, *directions;
+static char *output, *region, *directions, *transfer;
 static double texel_mm;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
     {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
+    {NULL},
+};
+
+static const GOptionEntry picture_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
+    {"texel", 0, 0, G_OPTION_ARG_DOUBLE, &texel_mm, "How wide a texel is, in mm", "MM"},
+    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Only these texels", "X,Y,WIDTH,HEIGHT"},
+    {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
     {NULL},
 };
 
@@ -62,6 +70,19 @@ void exchange_tell_import(Record *to, const char *session, const struct import_r
                    result->holes);
 }
 
+void exchange_tell_notes(Record *to, const GPtrArray *notes) {
+    record_strings(to, "notes", notes);
+    for (guint i = 0; i < notes->len; i++)
+        record_say(to, "%s\n", (const char *)notes->pdata[i]);
+}
+
+gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret) {
+    *ret = !text                         ? PICTURE_TONES_UNSAID
+           : g_str_equal(text, "linear") ? PICTURE_TONES_LINEAR
+                                         : PICTURE_TONES_SRGB;
+    return !text || g_str_equal(text, "linear") || g_str_equal(text, "srgb");
+}
+
 gboolean exchange_parse_region(const char *text, struct import_region *ret) {
     char more;
     return sscanf(text, "%d,%d,%d,%d%c", &ret->x, &ret->y, &ret->width, &ret->height, &more) == 4 &&
@@ -70,7 +91,10 @@ gboolean exchange_parse_region(const char *text, struct import_region *ret) {
 
 static int import_run(const struct call *call, Import import, GError **error) {
     const struct command *command = call->command;
-    struct job job = {.import = import, .source = call->arguments[0], .wish.texel_mm = texel_mm};
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
+    struct job job = {.import = import,
+                      .source = call->arguments[0],
+                      .wish = {.texel_mm = texel_mm, .directions = directions, .notes = notes}};
     double seconds = 0;
     if (!output)
         return cli_usage(command, "no session to make is given: give -o DIR.session");
@@ -78,9 +102,12 @@ static int import_run(const struct call *call, Import import, GError **error) {
         return cli_usage(command, "--texel=%g is out of range: 0 to 1000 mm", texel_mm);
     if (region && !exchange_parse_region(region, &job.wish.region))
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
+    if (!exchange_parse_transfer(transfer, &job.wish.transfer))
+        return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
     if (!cli_work_run(import_command_work, &job, &seconds, error))
         return CLI_FAILED;
     exchange_tell_import(call->record, output, &job.result, seconds);
+    exchange_tell_notes(call->record, notes);
     return CLI_DONE;
 }
 
@@ -120,7 +147,7 @@ const struct command exchange_import_pictures = {
     .arguments = "DIR -o DIR",
     .examples = "  mesorig import pictures wool -o wool.session\n",
     .help = "Make a session of a folder of pictures, names with tl… pl… tv… pv….",
-    .options = entries,
+    .options = picture_entries,
     .min = 1,
     .max = 1,
     .run = import_pictures_run};
@@ -129,7 +156,7 @@ const struct command exchange_import_rti = {
     .arguments = "FILE -o DIR",
     .examples = "  mesorig import rti coin.lp -o coin.session\n",
     .help = "Make a session of a list of lights and its pictures (RTI).",
-    .options = entries,
+    .options = picture_entries,
     .min = 1,
     .max = 1,
     .run = import_rti_run};
@@ -139,7 +166,7 @@ const struct command exchange_import_relight = {
     .examples = "  mesorig import relight coin -o coin.session\n"
                 "  mesorig import relight coin/info.json -o coin.session\n",
     .help = "Make a session of a folder of Relight's: its info.json with the planes.",
-    .options = entries,
+    .options = ptm_entries,
     .min = 1,
     .max = 1,
     .run = import_relight_run};

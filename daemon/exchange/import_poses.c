@@ -1,5 +1,6 @@
 /* import poses: pictures with a table of poses, of rigs that others have built. */
 #include "formats/import_poses.h"
+#include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
 #include "formats/nominal.h"
@@ -10,7 +11,7 @@
 
 #define LARGEST_MM 10000
 
-static char *output, *calibration, *sample, *cfa, *edge;
+static char *output, *calibration, *sample, *cfa, *edge, *transfer;
 static double reference_mm, depth_mm, threshold_dn = 40, same_light_deg;
 static gboolean target, template;
 static int texels = 64;
@@ -26,6 +27,7 @@ static const GOptionEntry entries[] = {
     {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "How deep the structure is (0)", "MM"},
     {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "The colour filter of grey pictures (mono)",
      "mono|rggb|bggr|grbg|gbrg"},
+    {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
     {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "What sweeps show: line, darkens or lightens (line)",
      "line|darkens|lightens"},
     {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
@@ -60,9 +62,10 @@ static void tell_poses(Record *to, const struct import_poses_result *result, dou
     record_int(to, "not_numbers", result->not_numbers);
     record_double(to, "real_s", seconds);
     record_say(to,
-               "%s: %d views, %d lights, %d laser positions, %d frames in %s; “mesorig process” "
+               "%s: %d %s, %d %s, %d laser %s, %d %s in %s; “mesorig process” "
                "makes BTF and MDF\n",
-               output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
+               output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), time);
     if (result->n_missing > 0)
         record_say(
             to,
@@ -103,11 +106,13 @@ static int import_poses_run(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
     const struct command *command = call->command;
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
     struct poses_job job = {.poses = {.table = call->arguments[0],
                                       .calibration = calibration,
                                       .cfa = cfa ? cfa : "mono",
                                       .threshold_dn = threshold_dn,
                                       .same_light_deg = same_light_deg,
+                                      .notes = notes,
                                       .target = target}};
     double seconds = 0;
     if (!output)
@@ -132,9 +137,12 @@ static int import_poses_run(const struct call *call, GError **error) {
     if (!edges[job.poses.edge])
         return cli_usage(command, "there is no --edge=%s; choose from: line, darkens, lightens",
                          edge);
+    if (!exchange_parse_transfer(transfer, &job.poses.transfer))
+        return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
     if (!cli_work_run(work_poses, &job, &seconds, error))
         return CLI_FAILED;
     tell_poses(call->record, &job.result, seconds);
+    exchange_tell_notes(call->record, notes);
     return CLI_DONE;
 }
 

@@ -12,7 +12,7 @@
 #define MOST_WAIT_S 3600 /* from one attempt of a post to the next */
 
 struct event {
-    char *what, *json, *title, *text, *session, *name, *message;
+    char *what, *json, *title, *text, *session, *name, *device, *message;
 };
 
 /* Something to do for an event: a program, or a post. */
@@ -42,7 +42,7 @@ struct Hooks {
 static void event_free(gpointer data) {
     struct event *event = data;
     char *const strings[] = {event->what,    event->json, event->title,  event->text,
-                             event->session, event->name, event->message};
+                             event->session, event->name, event->device, event->message};
     for (gsize i = 0; i < G_N_ELEMENTS(strings); i++)
         g_free(strings[i]);
     g_free(event);
@@ -206,6 +206,7 @@ static void run_child(Hooks *hooks, const struct delivery *delivery, const struc
     } variables[] = {{"MESORIG_EVENT", event->what},
                      {"MESORIG_SESSION", event->session},
                      {"MESORIG_NAME", event->name},
+                     {"MESORIG_DEVICE", event->device},
                      {"MESORIG_MESSAGE", event->message}};
     for (gsize i = 0; i < G_N_ELEMENTS(variables); i++)
         environ = g_environ_setenv(environ, variables[i].name, variables[i].value, TRUE);
@@ -356,6 +357,7 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
     event->text = hooks_text(what, owned);
     event->session = dup_detail(owned, "session");
     event->name = dup_detail(owned, "name");
+    event->device = dup_detail(owned, "device");
     event->message = dup_detail(owned, "message");
     g_queue_push_tail(&hooks->waiting, event);
     if (hooks->waiting.length > HOOKS_MOST_WAITING) {

@@ -21,11 +21,17 @@ Hooks *hooks_new(const struct hooks_conf *conf);
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* what and details: those of the signal Milestone (a{sv}; a floating reference is taken). */
+/* what and details: those of the signal Milestone, or of an event (a{sv}; a floating reference is
+ * taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
 /* Nothing runs and nothing waits, posts that are to be tried again included. */
 gboolean hooks_is_idle(const Hooks *hooks);
+
+/* Of the daemon's signal Event: "unsafe" if a device has not confirmed that it is off or stands,
+ * "confirmed" if it has done so after all, NULL for all others; and the details, floating. */
+const char *hooks_what_of_event(const char *level, const char *message);
+GVariant *hooks_details_of_event(const char *source, const char *message);
 
 /* An event as a person reads it; g_free(). */
 char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */

@@ -4,9 +4,9 @@
 
 #include "base/nearest.h"
 
-const char *const hooks_events[] = {"begun", "done",         "fault",       "aborted",
-                                    "hands", "queue-paused", "queue-empty", NULL};
-#define EVENTS "done; fault; aborted; hands; queue-paused; queue-empty"
+const char *const hooks_events[] = {"begun",        "done",        "fault",  "aborted",   "hands",
+                                    "queue-paused", "queue-empty", "unsafe", "confirmed", NULL};
+#define EVENTS "done; fault; aborted; hands; queue-paused; queue-empty; unsafe; confirmed"
 
 #define HOOKS(member) G_STRUCT_OFFSET(struct hooks_conf, member)
 static const struct option hooks_options[] = {

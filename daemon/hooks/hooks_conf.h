@@ -5,7 +5,8 @@
 
 #define HOOKS_CONF "/etc/mesorig/hooks.conf"
 
-/* The events of the signal Milestone (etc/org.mesorig.Rig1.xml); ends with NULL. */
+/* The events of the signal Milestone (etc/org.mesorig.Rig1.xml), and "unsafe" and "confirmed"
+ * (hooks.h); ends with NULL. */
 extern const char *const hooks_events[];
 
 struct hooks_mail {

@@ -5,6 +5,10 @@
 
 #include "base/json.h"
 
+/* The beginnings of what the daemon reports of a device, as bus_safety.c writes it. */
+#define UNSAFE    "THE RIG COULD NOT BE MADE SAFE"
+#define CONFIRMED "confirmed "
+
 static const struct {
     const char *what, *words;
     guint8 urgency; /* of a desktop's notification: 0 low, 1 normal, 2 critical */
@@ -16,7 +20,23 @@ static const struct {
     {"hands", "somebody is needed at the rig", 2},
     {"queue-paused", "the queue is paused", 2},
     {"queue-empty", "the queue is empty", 1},
+    {"unsafe", "NOT SAFE: it may shine or move", 2},
+    {"confirmed", "safe again", 2},
 };
+
+const char *hooks_what_of_event(const char *level, const char *message) {
+    if (strcmp(level, "error") == 0 && g_str_has_prefix(message, UNSAFE))
+        return "unsafe";
+    return strcmp(level, "info") == 0 && g_str_has_prefix(message, CONFIRMED) ? "confirmed" : NULL;
+}
+
+GVariant *hooks_details_of_event(const char *source, const char *message) {
+    GVariantBuilder to;
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&to, "{sv}", "device", g_variant_new_string(source));
+    g_variant_builder_add(&to, "{sv}", "message", g_variant_new_string(message));
+    return g_variant_builder_end(&to);
+}
 
 static const char *detail(GVariant *details, const char *key) {
     const char *text = "";
@@ -25,7 +45,8 @@ static const char *detail(GVariant *details, const char *key) {
 }
 
 char *hooks_title(const char *what, GVariant *details) {
-    const char *name = detail(details, "name");
+    const char *device = detail(details, "device");
+    const char *name = *device ? device : detail(details, "name");
     const char *words = what;
     for (gsize i = 0; i < G_N_ELEMENTS(words_of); i++)
         if (strcmp(words_of[i].what, what) == 0)

@@ -1,5 +1,5 @@
-/* mesorig-hooks: tells others what happens to captures. A process of its own, which hears what the
- * daemon says to all and may ask it nothing. */
+/* mesorig-hooks: tells others what happens to captures and to the rig. A process of its own, which
+ * hears what the daemon says to all and may ask it nothing. */
 #include "base/nearest.h"
 #include "hooks.h"
 
@@ -7,9 +7,13 @@
 #include <locale.h>
 #include <signal.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <systemd/sd-daemon.h>
 
 #include "bus/bus.h"
+#include "bus/bus_client.h"
+
+#define AGAIN_S 2 /* until a daemon that has gone is looked for again */
 
 static char *address, *bus, *conf_path;
 static gboolean desktop, check, version;
@@ -22,7 +26,8 @@ static const GOptionEntry entries[] = {
     {"desktop", 0, 0, G_OPTION_ARG_NONE, &desktop,
      "Show notifications on this user's desktop, and do nothing else", NULL},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
-    {"address", 0, 0, G_OPTION_ARG_STRING, &address, "A daemon's own socket, in place of a bus",
+    {"address", 0, 0, G_OPTION_ARG_STRING, &address,
+     "A daemon's own socket, in place of a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
@@ -32,20 +37,22 @@ struct program {
     GMainLoop *loop;
     Hooks *hooks;            /* NULL: the desktop alone */
     GDBusConnection *screen; /* the session bus, for the desktop */
+    const char *address;     /* of the daemon's own socket; NULL: it is on a bus */
+    GDBusConnection *connection;
+    GCancellable *cancellable;
+    guint again_id;
+    char *away; /* why no daemon answers at the address; NULL: one does */
     int exit_code;
 };
+
+static const char *bus_name(void) {
+    return g_strcmp0(bus, "session") == 0 ? "session" : "system";
+}
 
 static gboolean on_signal(gpointer data) {
     struct program *program = data;
     g_main_loop_quit(program->loop);
     return G_SOURCE_CONTINUE;
-}
-
-static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
-    struct program *program = data;
-    g_printerr("mesorig-hooks: the connection to the daemon has ended\n");
-    program->exit_code = 1;
-    g_main_loop_quit(program->loop);
 }
 
 static void program_tell(struct program *program, const char *what, GVariant *details) {
@@ -66,24 +73,124 @@ static void on_milestone(GDBusConnection *connection, const char *sender, const 
     program_tell(data, what, details);
 }
 
-static GDBusConnection *connect_to_daemon(GError **error) {
-    const GBusType type = g_strcmp0(bus, "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM;
-    return address ? g_dbus_connection_new_for_address_sync(
-                         address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, error)
-                   : g_bus_get_sync(type, NULL, error);
+static void on_event(GDBusConnection *connection, const char *sender, const char *path,
+                     const char *interface, const char *signal, GVariant *parameters,
+                     gpointer data) {
+    const char *level, *source, *message;
+    if (!g_variant_is_of_type(parameters, G_VARIANT_TYPE("(sss)")))
+        return;
+    g_variant_get(parameters, "(&s&s&s)", &level, &source, &message);
+    const char *what = hooks_what_of_event(level, message);
+    if (what)
+        program_tell(data, what, hooks_details_of_event(source, message));
 }
 
+static gboolean connect_again(gpointer data);
+
+/* Reports why the daemon cannot be reached, once for each new reason. Takes why. */
+static void stay_away(struct program *program, GError *why) {
+    if (g_strcmp0(program->away, why->message) != 0)
+        g_printerr("mesorig-hooks: %s; it is tried again every %d s\n", why->message, AGAIN_S);
+    g_free(program->away);
+    program->away = g_strdup(why->message);
+    g_error_free(why);
+    program->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, program);
+}
+
+/* A daemon with a socket of its own comes and goes. A bus that ends takes all its services with it:
+ * whoever has started this program starts it again. */
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
+    struct program *program = data;
+    if (program->address) {
+        g_signal_handlers_disconnect_by_data(program->connection, program);
+        g_clear_object(&program->connection);
+        stay_away(program, g_error_new(G_IO_ERROR, G_IO_ERROR_CLOSED, "mesorigd at %s has ended",
+                                       program->address));
+        return;
+    }
+    g_printerr("mesorig-hooks: the connection to the %s bus has ended\n", bus_name());
+    program->exit_code = 1;
+    g_main_loop_quit(program->loop);
+}
+
+/* Takes connection. */
 static void listen_to(struct program *program, GDBusConnection *connection) {
+    static const struct {
+        const char *name;
+        GDBusSignalCallback callback;
+    } signals[] = {{"Milestone", on_milestone}, {"Event", on_event}};
+    program->connection = connection;
     g_dbus_connection_set_exit_on_close(connection, FALSE);
     g_signal_connect(connection, "closed", G_CALLBACK(on_closed), program);
-    g_dbus_connection_signal_subscribe(connection, address ? NULL : BUS_NAME, BUS_NAME, "Milestone",
-                                       BUS_PATH, NULL, G_DBUS_SIGNAL_FLAGS_NONE, on_milestone,
-                                       program, NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
+        g_dbus_connection_signal_subscribe(
+            connection, program->address ? NULL : BUS_NAME, BUS_NAME, signals[i].name, BUS_PATH,
+            NULL, G_DBUS_SIGNAL_FLAGS_NONE, signals[i].callback, program, NULL);
+    if (g_dbus_connection_is_closed(connection))
+        on_closed(connection, TRUE, NULL, program);
+}
+
+static void on_connected(GObject *source, GAsyncResult *result, gpointer data) {
+    GError *error = NULL;
+    struct program *program = data; /* gone where this was cancelled */
+    GDBusConnection *connection = bus_client_connect_finish(result, &error);
+    if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
+        g_error_free(error);
+        return;
+    }
+    sd_notify(0, "READY=1");
+    if (!connection) {
+        stay_away(program, error);
+        return;
+    }
+    if (program->away)
+        g_printerr("mesorig-hooks: mesorigd answers at %s\n", program->address);
+    g_clear_pointer(&program->away, g_free);
+    listen_to(program, connection);
+}
+
+static gboolean connect_again(gpointer data) {
+    struct program *program = data;
+    program->again_id = 0;
+    bus_client_connect_async(program->address, program->cancellable, on_connected, program);
+    return G_SOURCE_REMOVE;
+}
+
+/* Until a signal ends it, or the bus. FALSE: there is no bus. */
+static gboolean hear(struct program *program, GError **error) {
+    program->cancellable = g_cancellable_new();
+    if (program->address) {
+        connect_again(program);
+    } else {
+        GDBusConnection *connection = g_bus_get_sync(
+            strcmp(bus_name(), "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM, NULL,
+            error);
+        if (!connection) {
+            g_prefix_error(error, "the %s bus: ", bus_name());
+            return FALSE;
+        }
+        listen_to(program, connection);
+        sd_notify(0, "READY=1");
+    }
     g_unix_signal_add(SIGINT, on_signal, program);
     g_unix_signal_add(SIGTERM, on_signal, program);
-    sd_notify(0, "READY=1");
     g_main_loop_run(program->loop);
-    g_signal_handlers_disconnect_by_data(connection, program);
+    return TRUE;
+}
+
+static void program_end(struct program *program) {
+    if (program->cancellable)
+        g_cancellable_cancel(program->cancellable);
+    g_clear_handle_id(&program->again_id, g_source_remove);
+    while (g_main_context_iteration(NULL, FALSE)) /* lets a cancelled call end */
+        ;
+    g_clear_handle_id(&program->again_id, g_source_remove);
+    if (program->connection)
+        g_signal_handlers_disconnect_by_data(program->connection, program);
+    g_clear_object(&program->connection);
+    g_clear_object(&program->cancellable);
+    g_free(program->away);
+    g_main_loop_unref(program->loop);
 }
 
 static void tell_made_up(struct program *program) {
@@ -101,25 +208,37 @@ static void tell_made_up(struct program *program) {
         g_dbus_connection_flush_sync(program->screen, NULL, NULL);
 }
 
+/* The sandbox of the service as it is installed. */
+static void warn_of_sandbox(const struct hooks_conf *conf) {
+    if (conf->mails && prctl(PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) == 1)
+        g_printerr("mesorig-hooks: [mail] %s may gain no privileges here (NoNewPrivileges), which "
+                   "that of most mail servers needs: see SANDBOX in mesorig-hooks(8)\n",
+                   conf->mail.sendmail);
+}
+
 /* An exit code. */
 static int run(const struct hooks_conf *conf, GError **error) {
-    struct program program = {.loop = g_main_loop_new(NULL, FALSE)};
-    g_autoptr(GDBusConnection) connection = NULL;
-    if (desktop)
+    struct program program = {.loop = g_main_loop_new(NULL, FALSE),
+                              .address = address ? address
+                                         : bus   ? NULL
+                                                 : bus_client_address()};
+    if (desktop) {
         program.screen = g_bus_get_sync(G_BUS_TYPE_SESSION, NULL, error);
-    else
+    } else {
         program.hooks = hooks_new(conf);
-    if (desktop && !program.screen)
+        warn_of_sandbox(conf);
+    }
+    if (desktop && !program.screen) {
+        g_prefix_error(error, "the session bus: ");
         program.exit_code = 1;
-    else if (check)
+    } else if (check) {
         tell_made_up(&program);
-    else if ((connection = connect_to_daemon(error)))
-        listen_to(&program, connection);
-    else
+    } else if (!hear(&program, error)) {
         program.exit_code = 1;
+    }
+    program_end(&program);
     hooks_free(program.hooks);
     g_clear_object(&program.screen);
-    g_main_loop_unref(program.loop);
     return program.exit_code;
 }
 

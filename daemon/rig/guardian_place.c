@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define HELLO_MS   1000 /* for a guardian to say what it does */
-#define LOOK_MS    200  /* the same, for a program that does not depend on it */
+#define LOOK_MS    100  /* the same, for a program that does not depend on it */
 #define END_MS     1000 /* for a guardian to end */
 #define TAKE_US    (3 * G_USEC_PER_SEC)
 #define RETRY_US   (10 * 1000)

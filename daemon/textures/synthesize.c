@@ -61,7 +61,9 @@ static gboolean synthesize_write(struct job *job, const struct work *work, GErro
 static gboolean synthesize_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     job->written = synthesize_output(job->session, error);
-    job->to = job->written ? cli_output_locked(job->written, "index", error) : NULL;
+    if (!job->written)
+        return FALSE;
+    job->to = (output ? cli_output_locked : cli_output_product)(job->written, "index", error);
     return job->to && synthesize_write(job, work, error);
 }
 

@@ -15,18 +15,24 @@
 static char *address, *bus, *listen_address, *token_path;
 static char **hosts;
 static int port = WEB_PORT;
-static gboolean version;
+static gboolean safe_needs_token, version;
 
 static const GOptionEntry entries[] = {
     {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)", "N"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
      "Listen on this IP address, for other machines (this machine only)", "IP"},
     {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &hosts,
-     "A name under which browsers reach this server; may be repeated", "NAME"},
+     "A name under which browsers reach this server: NAME, NAME:PORT, or https://NAME behind a "
+     "proxy "
+     "with TLS; may be repeated",
+     "NAME"},
     {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
-     "Clients that send this file's first line may pause, continue, abort and make the rig safe "
-     "(none may)",
+     "Clients that send this file's first line may pause, continue, abort and release the rig "
+     "(none "
+     "may)",
      "FILE"},
+    {"safe-needs-token", 0, 0, G_OPTION_ARG_NONE, &safe_needs_token,
+     "Clients without the token may not even make the rig safe (all may)", NULL},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
      "A daemon's own socket, in place of a bus (MESORIG_ADDRESS in the environment)",
@@ -67,6 +73,7 @@ static int serve(GError **error) {
     const struct web_options options = {.address = listen_address,
                                         .port = (guint)port,
                                         .token = token,
+                                        .safe_needs_token = safe_needs_token,
                                         .hosts = (const char *const *)hosts};
     WebServer *server = rig ? web_server_new(rig, &options, error) : NULL;
     if (server) {
@@ -74,7 +81,8 @@ static int serve(GError **error) {
         g_autofree char *uri = web_server_uri(server);
         g_unix_signal_add(SIGINT, on_signal, loop);
         g_unix_signal_add(SIGTERM, on_signal, loop);
-        g_print("%s%s\n", uri, token ? "" : " (it only shows; --token-file lets it act)");
+        g_print("%s%s\n", uri,
+                token ? "" : " (it shows, and makes the rig safe; --token-file lets it do more)");
         sd_notify(0, "READY=1");
         g_main_loop_run(loop);
     }
@@ -90,12 +98,14 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 || port < 0 ||
-        port > 65535 || (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
+        port > 65535 || (safe_needs_token && !token_path) ||
+        (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
         if (error)
             nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
-        g_printerr("mesorig-web: %s\n", error ? error->message
-                                        : argc > 1
-                                            ? "it takes options alone"
+        g_printerr("mesorig-web: %s\n", error      ? error->message
+                                        : argc > 1 ? "it takes options alone"
+                                        : safe_needs_token && !token_path
+                                            ? "--safe-needs-token needs --token-file"
                                             : "--port is 0 to 65535, --bus system or session");
         return 2;
     }

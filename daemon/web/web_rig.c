@@ -77,6 +77,15 @@ static void add_number(GVariantBuilder *to, const char *key, double value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_double(value));
 }
 
+/* Whether the rig is held in the safe state, and which devices have not confirmed that they are. */
+static void add_safety(GVariantBuilder *to, BusRig1 *bus) {
+    g_autoptr(GVariant) latched = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Latched");
+    g_autoptr(GVariant) unsafe = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Unsafe");
+    /* A daemon before these properties has neither. */
+    g_variant_builder_add(to, "{sv}", "latched", latched ? latched : g_variant_new_boolean(FALSE));
+    g_variant_builder_add(to, "{sv}", "unsafe", unsafe ? unsafe : g_variant_new_strv(NULL, 0));
+}
+
 /* Where the shot is taken from and with which light, and where everything stands. */
 static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
     GVariant *pose = bus_rig1_get_pose(bus), *list = bus_rig1_get_places(bus);
@@ -140,6 +149,7 @@ char *web_rig_state(const WebRig *rig) {
                               g_variant_new_uint64(bus_rig1_get_bytes_stored(bus)));
         g_variant_builder_add(&to, "{sv}", "bytes_expected",
                               g_variant_new_uint64(bus_rig1_get_bytes_expected(bus)));
+        add_safety(&to, bus);
         add_pose(&to, bus);
         g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{sv}"));
         GVariant *list = bus_rig1_get_devices(bus);
@@ -394,6 +404,17 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
     return rig;
 }
 
+/* For those who wait for a picture of a rig that ends. */
+static void refuse_waiting(gpointer name, gpointer data, gpointer unused) {
+    const struct camera *camera = data;
+    g_autoptr(GError) error =
+        g_error_new_literal(G_IO_ERROR, G_IO_ERROR_CANCELLED, "mesorig-web ends");
+    for (guint i = 0; camera->waiting && i < camera->waiting->len; i++) {
+        const struct waiting *who = &g_array_index(camera->waiting, struct waiting, i);
+        who->back(NULL, error, who->data);
+    }
+}
+
 void web_rig_free(WebRig *rig) {
     if (!rig)
         return;
@@ -404,6 +425,7 @@ void web_rig_free(WebRig *rig) {
     g_clear_handle_id(&rig->again_id, g_source_remove);
     g_clear_handle_id(&rig->state_id, g_source_remove);
     detach(rig);
+    g_hash_table_foreach(rig->cameras, refuse_waiting, NULL);
     g_queue_clear_full(&rig->events, g_free);
     g_array_unref(rig->samples);
     g_hash_table_unref(rig->cameras);
@@ -429,7 +451,7 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
     g_autoptr(GVariant) answer = g_dbus_proxy_call_finish(G_DBUS_PROXY(proxy), result, &error);
     if (error)
         g_dbus_error_strip_remote_error(error);
-    action->back(error, action->data);
+    action->back(answer, error, action->data);
 }
 
 /* The error for a call to a daemon that is away; NULL: the daemon is there. */
@@ -442,7 +464,7 @@ static GError *refuse_away(const WebRig *rig) {
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data) {
     g_autoptr(GError) away = refuse_away(rig);
     if (away) {
-        back(away, data);
+        back(NULL, away, data);
         return;
     }
     struct action *action = g_new(struct action, 1);
@@ -537,6 +559,20 @@ static void on_picture(BusRig1 *proxy, GAsyncResult *result, gpointer data) {
     g_free(fetch);
 }
 
+/* So that strangers cannot make the daemon look for cameras of other names. */
+static gboolean has_camera(const WebRig *rig, const char *name) {
+    GVariant *list = bus_rig1_get_devices(rig->rig);
+    GVariantIter iter;
+    const char *class_name, *device;
+    if (!list)
+        return FALSE;
+    g_variant_iter_init(&iter, list);
+    while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &device, NULL, NULL))
+        if (strcmp(class_name, "camera") == 0 && strcmp(device, name) == 0)
+            return TRUE;
+    return FALSE;
+}
+
 void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer data) {
     struct camera *camera = g_hash_table_lookup(rig->cameras, name);
     const struct waiting who = {back, data};
@@ -547,6 +583,12 @@ void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer
     g_autoptr(GError) away = refuse_away(rig);
     if (away) {
         back(NULL, away, data);
+        return;
+    }
+    if (!has_camera(rig, name)) {
+        g_autoptr(GError) unknown = g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                                                "the rig has no camera of the name “%s”", name);
+        back(NULL, unknown, data);
         return;
     }
     if (!camera) {

@@ -29,9 +29,10 @@ web_rig_progress(const WebRig *rig); /* what was done when: {"elapsed_s": […],
 
 #define WEB_RIG_EVENTS 200
 
-/* A method without arguments: "Pause", "Continue", "Abort", "SafeState". error: NULL, or what the
- * daemon says; owned by the caller of back. */
-typedef void (*WebRigDone)(const GError *error, gpointer data);
+/* A method without arguments: "Pause", "Continue", "Abort", "SafeState", "Release". answer: what it
+ * returns, a tuple, or NULL with an error, which is what the daemon says; both are owned by the
+ * caller of back. back is called in any case, also by web_rig_free(). */
+typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
 
 /* The latest picture of a camera, 8 bits, sRGB. */
@@ -41,7 +42,8 @@ struct web_picture {
                    histogram of 64 steps for each of red, green and blue */
 };
 /* picture: NULL with an error; owned by the rig until back returns. A picture is fetched and
- * encoded once, however many clients ask for it. */
+ * encoded once, however many clients ask for it; the daemon is asked for cameras that it has alone.
+ */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
 void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);

@@ -1,14 +1,15 @@
 #include "web_server.h"
 
 #include "base/json.h"
+#include "web_door.h"
+#include "web_origin.h"
 
-#include <libsoup/soup.h>
 #include <string.h>
 
-#define MOST_STREAMS 64
-#define MOST_BODY    4096        /* bytes of a request */
+#define MOST_BODY    4096        /* bytes of a request's body */
 #define MOST_PENDING (256 << 10) /* bytes that a reader of a stream may lag behind */
 #define KEEP_ALIVE_S 20          /* between two lines of a stream, at most */
+#define MOST_CALLS   256         /* of the daemon that wait for its answer */
 #define API          "/api/v1/"
 #define RESOURCES    "/org/mesorig/web"
 
@@ -18,18 +19,38 @@ struct stream {
     gsize pending;
 };
 
+/* A call of SafeState. */
+struct safe_call {
+    WebServer *server; /* NULL: it is gone */
+    GPtrArray *asked;  /* messages that get the answer */
+};
+
 struct WebServer {
     SoupServer *soup;
+    WebDoor *door;
     WebRig *rig;
     char *token;
-    GPtrArray *hosts; /* lower case, without port */
+    gboolean safe_needs_token;
+    char *address;      /* that it listens on */
+    GPtrArray *origins; /* of the names that it has; see web_origin.h */
     GPtrArray *streams;
+    int *calls;                  /* g_rc_box_new(): that wait for the daemon, but for SafeState */
+    struct safe_call *safe_call; /* NULL: none is under way */
+    GPtrArray *safe_next;        /* messages that have asked for the safe state since; or NULL */
     guint keep_alive_id;
 };
 
 static void respond(SoupServerMessage *message, guint status, const char *type, const char *text) {
     soup_server_message_set_status(message, status, NULL);
     soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, text, strlen(text));
+}
+
+/* Shares the bytes among all that get them. */
+static void respond_bytes(SoupServerMessage *message, const char *type, GBytes *bytes) {
+    SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
+    soup_server_message_set_status(message, SOUP_STATUS_OK, NULL);
+    soup_message_headers_set_content_type(headers, type, NULL);
+    soup_message_body_append_bytes(soup_server_message_get_response_body(message), bytes);
 }
 
 static void refuse(SoupServerMessage *message, guint status, const char *why) {
@@ -42,6 +63,7 @@ static void refuse(SoupServerMessage *message, guint status, const char *why) {
 /* Forbids caching, framing, guessing of types and loading from elsewhere. */
 static void add_headers(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
+    soup_message_headers_replace(headers, "Connection", "close");
     soup_message_headers_replace(headers, "Cache-Control", "no-store");
     soup_message_headers_replace(headers, "X-Content-Type-Options", "nosniff");
     soup_message_headers_replace(headers, "X-Frame-Options", "DENY");
@@ -53,26 +75,82 @@ static void add_headers(SoupServerMessage *message) {
                                  "frame-ancestors 'none'");
 }
 
-/* "name:port" or "[v6]:port" → name, lower case; g_free(). */
-static char *host_name(const char *host) {
-    const char *end = *host == '[' ? strchr(host, ']') : strchr(host, ':');
-    const gsize n = !end ? strlen(host) : (gsize)(end - host) + (*host == '[');
-    g_autofree char *name = g_strndup(host, n);
-    return g_ascii_strdown(name, -1);
+static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
+                           const char *origin) {
+    if (g_ptr_array_find_with_equal_func(server->origins, origin, g_str_equal, NULL))
+        return TRUE;
+    /* The IP address that the connection came to: no name that somebody else could point here. */
+    GInetSocketAddress *local =
+        G_INET_SOCKET_ADDRESS(soup_server_message_get_local_address(message));
+    g_autofree char *ip = g_inet_address_to_string(g_inet_socket_address_get_address(local));
+    g_autofree char *of_ip = g_strdup_printf(strchr(ip, ':') ? "http://[%s]:%u" : "http://%s:%u",
+                                             ip, g_inet_socket_address_get_port(local));
+    return strcmp(origin, of_ip) == 0;
 }
 
-static gboolean is_our_host(const WebServer *server, const char *host) {
-    if (!host)
+/* The value of a header that occurs once. NULL: it does not, or more than once; ret_n, which may be
+ * NULL, says how often. */
+static const char *only_header(SoupServerMessage *message, const char *name, int *ret_n) {
+    SoupMessageHeadersIter iter;
+    const char *key, *value, *found = NULL;
+    int n = 0;
+    soup_message_headers_iter_init(&iter, soup_server_message_get_request_headers(message));
+    while (soup_message_headers_iter_next(&iter, &key, &value))
+        if (g_ascii_strcasecmp(key, name) == 0) {
+            found = value;
+            n++;
+        }
+    if (ret_n)
+        *ret_n = n;
+    return n == 1 ? found : NULL;
+}
+
+/* What follows the scheme in the URI that libsoup has made of request line and Host. */
+static char *authority(GUri *uri) {
+    const char *host = g_uri_get_host(uri);
+    const char *form = strchr(host, ':') ? "[%s]:%d" : "%s:%d";
+    const int port = g_uri_get_port(uri);
+    return g_uri_get_userinfo(uri) ? NULL : g_strdup_printf(form, host, port > 0 ? port : 80);
+}
+
+/* The origins that the request may be meant for, at most one of each scheme; none: it is meant for
+ * another server. */
+static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *message) {
+    static const char *const schemes[] = {"http", "https"};
+    GPtrArray *found = g_ptr_array_new_with_free_func(g_free);
+    const char *host = only_header(message, "Host", NULL);
+    GUri *uri = soup_server_message_get_uri(message);
+    g_autofree char *of_uri = authority(uri);
+    /* A request line may name a host as well. */
+    g_autofree char *uri_origin = of_uri ? web_origin_of_host("http", of_uri) : NULL;
+    g_autofree char *host_origin = host ? web_origin_of_host("http", host) : NULL;
+    if (!host_origin || g_strcmp0(host_origin, uri_origin) != 0)
+        return found;
+    for (gsize i = 0; i < G_N_ELEMENTS(schemes); i++) {
+        g_autofree char *origin = web_origin_of_host(schemes[i], host);
+        if (has_origin(server, message, origin))
+            g_ptr_array_add(found, g_steal_pointer(&origin));
+    }
+    return found;
+}
+
+/* Whether it comes from a page of this server, or from no page. */
+static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origins, gboolean acts) {
+    int n;
+    const char *header = only_header(message, "Origin", &n);
+    const char *site = soup_message_headers_get_one(
+        soup_server_message_get_request_headers(message), "Sec-Fetch-Site");
+    g_autofree char *origin = header ? web_origin_parse(header) : NULL;
+    if (n > 0 && !(origin && g_ptr_array_find_with_equal_func((GPtrArray *)origins, origin,
+                                                              g_str_equal, NULL)))
         return FALSE;
-    g_autofree char *name = host_name(host);
-    return g_ptr_array_find_with_equal_func(server->hosts, name, g_str_equal, NULL);
+    return !acts || !site || strcmp(site, "same-origin") == 0 || strcmp(site, "none") == 0;
 }
 
 /* Compares in a time that does not depend on the content. */
 static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
-    const char *header = soup_message_headers_get_one(
-        soup_server_message_get_request_headers(message), "Authorization");
-    if (!server->token || !header || !g_str_has_prefix(header, "Bearer "))
+    const char *header = only_header(message, "Authorization", NULL);
+    if (!header || !g_str_has_prefix(header, "Bearer "))
         return FALSE;
     g_autofree char *given = g_compute_checksum_for_string(G_CHECKSUM_SHA256, header + 7, -1);
     g_autofree char *right = g_compute_checksum_for_string(G_CHECKSUM_SHA256, server->token, -1);
@@ -82,52 +160,101 @@ static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     return different == 0;
 }
 
+/* FALSE: it was answered. */
+static gboolean admit_token(const WebServer *server, SoupServerMessage *message) {
+    SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
+    WebVisitor *visitor = web_door_visitor(message);
+    const gboolean given =
+        soup_message_headers_get_one(soup_server_message_get_request_headers(message),
+                                     "Authorization") != NULL;
+    if (!server->token) {
+        refuse(message, SOUP_STATUS_FORBIDDEN,
+               "this server is read-only: start it with --token-file to allow commands");
+        return FALSE;
+    }
+    /* Not even the right one: the answer would tell whether it was. */
+    const double penalty_s = given ? web_visitor_penalty_s(visitor) : 0;
+    if (penalty_s > 0) {
+        g_autofree char *after = g_strdup_printf("%d", (int)penalty_s + 1);
+        g_autofree char *why =
+            g_strdup_printf("wrong tokens have come from this address: try again in %s s", after);
+        refuse(message, 429, why);
+        soup_message_headers_replace(headers, "Retry-After", after);
+        return FALSE;
+    }
+    const gboolean right = given && has_token(server, message);
+    if (given)
+        web_visitor_token(visitor, right);
+    if (!right) {
+        refuse(message, SOUP_STATUS_UNAUTHORIZED, "the token is missing or wrong");
+        soup_message_headers_replace(headers, "WWW-Authenticate", "Bearer");
+    }
+    return right;
+}
+
+/* Who may send a request. */
+enum access { ACCESS_LOOK, ACCESS_SAFE, ACCESS_TOKEN };
+
 /* What every request must satisfy; FALSE: it was answered. */
-static gboolean admit(const WebServer *server, SoupServerMessage *message, gboolean acts) {
-    SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
+static gboolean admit(const WebServer *server, SoupServerMessage *message, enum access access) {
     const char *method = soup_server_message_get_method(message);
-    const char *origin = soup_message_headers_get_one(headers, "Origin");
-    const char *site = soup_message_headers_get_one(headers, "Sec-Fetch-Site");
-    const char *of_origin = origin ? strstr(origin, "://") : NULL;
+    const gboolean acts = access != ACCESS_LOOK;
     const gboolean reads = strcmp(method, "GET") == 0 || strcmp(method, "HEAD") == 0;
-    add_headers(message);
-    if (!is_our_host(server, soup_message_headers_get_one(headers, "Host")))
-        refuse(
-            message, SOUP_STATUS_MISDIRECTED_REQUEST,
-            "the host name is not one of this server's: start it with --host NAME to add the name");
-    else if (acts ? strcmp(method, "POST") != 0 : !reads) {
+    g_autoptr(GPtrArray) origins = find_origins(server, message);
+    if (origins->len == 0) {
+        refuse(message, SOUP_STATUS_MISDIRECTED_REQUEST,
+               "the header Host does not name this server: start it with --host NAME[:PORT] to add "
+               "a name");
+    } else if (acts ? strcmp(method, "POST") != 0 : !reads) {
         refuse(message, SOUP_STATUS_METHOD_NOT_ALLOWED, acts ? "use POST" : "use GET");
         soup_message_headers_replace(soup_server_message_get_response_headers(message), "Allow",
                                      acts ? "POST" : "GET, HEAD");
-    } else if ((of_origin && !is_our_host(server, of_origin + 3)) || (origin && !of_origin) ||
-               (acts && site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0))
+    } else if (!is_from_here(message, origins, acts)) {
         refuse(message, SOUP_STATUS_FORBIDDEN, "requests from pages of other sites are refused");
-    else if (acts && !server->token)
-        refuse(message, SOUP_STATUS_FORBIDDEN,
-               "this server is read-only: start it with --token-file to allow commands");
-    else if (acts && !has_token(server, message)) {
-        refuse(message, SOUP_STATUS_UNAUTHORIZED, "the token is missing or wrong");
-        soup_message_headers_replace(soup_server_message_get_response_headers(message),
-                                     "WWW-Authenticate", "Bearer");
-    } else
+    } else if (access == ACCESS_TOKEN || (access == ACCESS_SAFE && server->safe_needs_token)) {
+        return admit_token(server, message);
+    } else {
         return TRUE;
+    }
     return FALSE;
 }
 
-/* Larger requests are not read to their end. */
-static void on_headers(SoupServerMessage *message, gpointer data) {
+/* Whether the body has a length, of digits alone, and is not too long. */
+static gboolean has_small_body(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
-    if (soup_message_headers_get_encoding(headers) == SOUP_ENCODING_CHUNKED ||
-        soup_message_headers_get_content_length(headers) > MOST_BODY) {
-        refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE,
-               "the request's body is too large, or is sent in chunks");
-        soup_message_headers_replace(soup_server_message_get_response_headers(message),
-                                     "Connection", "close");
-    }
+    int n;
+    const char *length = only_header(message, "Content-Length", &n);
+    if (soup_message_headers_get_one(headers, "Transfer-Encoding") || n > 1)
+        return FALSE;
+    return n == 0 ||
+           (*length && strlen(length) <= 10 && strspn(length, "0123456789") == strlen(length) &&
+            g_ascii_strtoull(length, NULL, 10) <= MOST_BODY);
+}
+
+static void on_headers(SoupServerMessage *message, gpointer data) {
+    /* A reader who asks for many overlapping parts would get a multiple of the whole. */
+    soup_message_headers_remove(soup_server_message_get_request_headers(message), "Range");
+    add_headers(message);
+    if (has_small_body(message))
+        return;
+    refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE,
+           "the request's body is too large, or does not say how large it is");
+    /* libsoup reads a body before it answers. It takes 2^64 − 1 for −1: until the connection ends.
+     */
+    const goffset length =
+        soup_message_headers_get_content_length(soup_server_message_get_request_headers(message));
+    if (length < 0 || length > WEB_DOOR_MOST_READ)
+        web_visitor_close(web_door_visitor(message), "413 Content Too Large");
+}
+
+/* All of it, and nothing has been done about it yet. */
+static void on_request_read(SoupServer *soup, SoupServerMessage *message, gpointer data) {
+    web_visitor_set_phase(web_door_visitor(message), WEB_READS);
 }
 
 static void on_request(SoupServer *soup, SoupServerMessage *message, gpointer data) {
-    g_signal_connect(message, "got-headers", G_CALLBACK(on_headers), data);
+    web_visitor_begin(web_door_visitor(message), message);
+    g_signal_connect(message, "got-headers", G_CALLBACK(on_headers), NULL);
 }
 
 /* The page, from the resources in this program. */
@@ -138,7 +265,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
     } files[] = {{"/", "index.html", "text/html; charset=utf-8"},
                  {"/style.css", "style.css", "text/css; charset=utf-8"},
                  {"/app.js", "app.js", "text/javascript; charset=utf-8"}};
-    if (!admit(data, message, FALSE))
+    if (!admit(data, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
         if (strcmp(path, files[i].path) != 0)
@@ -146,8 +273,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
         g_autofree char *name = g_build_path("/", RESOURCES, files[i].file, NULL);
         g_autoptr(GBytes) bytes = g_resources_lookup_data(name, 0, NULL);
         soup_server_message_set_status(message, SOUP_STATUS_OK, NULL);
-        soup_server_message_set_response(message, files[i].type, SOUP_MEMORY_COPY,
-                                         g_bytes_get_data(bytes, NULL), g_bytes_get_size(bytes));
+        respond_bytes(message, files[i].type, bytes);
         return;
     }
     refuse(message, SOUP_STATUS_NOT_FOUND, "there is no such page");
@@ -158,7 +284,7 @@ static void send(struct stream *stream, const char *text) {
     stream->pending += n;
     if (stream->pending > MOST_PENDING) {
         /* The client does not read: the next state contains what it misses. */
-        g_socket_shutdown(soup_server_message_get_socket(stream->message), TRUE, TRUE, NULL);
+        web_visitor_close(web_door_visitor(stream->message), NULL);
         return;
     }
     soup_message_body_append(soup_server_message_get_response_body(stream->message),
@@ -185,7 +311,7 @@ static void on_written(SoupServerMessage *message, guint n, gpointer data) {
     stream->pending -= MIN(stream->pending, n);
 }
 
-static void on_finished(SoupServerMessage *message, gpointer data) {
+static void on_stream_finished(SoupServerMessage *message, gpointer data) {
     struct stream *stream = data;
     g_signal_handlers_disconnect_by_data(message, stream);
     g_ptr_array_remove_fast(stream->server->streams, stream);
@@ -198,7 +324,7 @@ static void stream_free(gpointer data) {
 }
 
 static void open_stream(WebServer *server, SoupServerMessage *message) {
-    if (server->streams->len >= MOST_STREAMS) {
+    if (!web_visitor_stream(web_door_visitor(message))) {
         refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
                "too many pages are open on this rig: close one");
         return;
@@ -216,26 +342,56 @@ static void open_stream(WebServer *server, SoupServerMessage *message) {
     soup_message_headers_set_encoding(headers, SOUP_ENCODING_CHUNKED);
     soup_message_body_set_accumulate(body, FALSE);
     g_signal_connect(message, "wrote-body-data", G_CALLBACK(on_written), stream);
-    g_signal_connect(message, "finished", G_CALLBACK(on_finished), stream);
+    g_signal_connect(message, "finished", G_CALLBACK(on_stream_finished), stream);
     stream->pending = strlen(first);
     soup_message_body_append(body, SOUP_MEMORY_COPY, first, strlen(first));
 }
 
-static void on_picture(const struct web_picture *picture, const GError *error, gpointer data) {
-    SoupServerMessage *message = data;
-    const gboolean as_json = g_object_get_data(G_OBJECT(message), "json") != NULL;
-    if (!picture) {
-        refuse(message, SOUP_STATUS_NOT_FOUND, error->message);
-    } else if (as_json) {
-        respond(message, SOUP_STATUS_OK, "application/json", picture->json);
-    } else {
-        soup_server_message_set_status(message, SOUP_STATUS_OK, NULL);
-        soup_server_message_set_response(message, "image/png", SOUP_MEMORY_COPY,
-                                         g_bytes_get_data(picture->png, NULL),
-                                         g_bytes_get_size(picture->png));
-    }
-    soup_server_message_unpause(message);
+/* A request that waits for the daemon's answer. */
+struct waiting {
+    SoupServerMessage *message;
+    int *calls; /* the server's, which may be gone */
+    gboolean as_json;
+};
+
+/* The message may have ended meanwhile, and is not answered then. Releases it. */
+static void go_on(SoupServerMessage *message) {
+    if (web_door_visitor(message))
+        soup_server_message_unpause(message);
     g_object_unref(message);
+}
+
+/* NULL: too many wait; the message was answered. */
+static struct waiting *begin_waiting(WebServer *server, SoupServerMessage *message) {
+    if (*server->calls >= MOST_CALLS) {
+        refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
+               "too many requests wait for an answer of mesorigd");
+        return NULL;
+    }
+    struct waiting *waiting = g_new0(struct waiting, 1);
+    waiting->message = g_object_ref(message);
+    waiting->calls = g_rc_box_acquire(server->calls);
+    ++*waiting->calls;
+    soup_server_message_pause(message);
+    return waiting;
+}
+
+static void end_waiting(struct waiting *waiting) {
+    --*waiting->calls;
+    g_rc_box_release(waiting->calls);
+    go_on(waiting->message);
+    g_free(waiting);
+}
+
+static void on_picture(const struct web_picture *picture, const GError *error, gpointer data) {
+    struct waiting *waiting = data;
+    if (!picture)
+        refuse(waiting->message, SOUP_STATUS_NOT_FOUND, error->message);
+    else if (waiting->as_json)
+        respond(waiting->message, SOUP_STATUS_OK, "application/json", picture->json);
+    else
+        respond_bytes(waiting->message, "image/png", picture->png);
+    end_waiting(waiting);
 }
 
 /* cameras/NAME.png or cameras/NAME.json */
@@ -247,27 +403,102 @@ static gboolean answer_picture(WebServer *server, SoupServerMessage *message, co
     g_autofree char *camera = g_strndup(name, (gsize)(strrchr(name, '.') - name));
     if (!g_utf8_validate(camera, -1, NULL))
         return FALSE;
-    if (json)
-        g_object_set_data(G_OBJECT(message), "json", GINT_TO_POINTER(1));
-    soup_server_message_pause(message);
-    web_rig_picture(server->rig, camera, on_picture, g_object_ref(message));
+    struct waiting *waiting = begin_waiting(server, message);
+    if (!waiting)
+        return TRUE;
+    waiting->as_json = json;
+    web_rig_picture(server->rig, camera, on_picture, waiting);
     return TRUE;
 }
 
-static void on_done(const GError *error, gpointer data) {
-    SoupServerMessage *message = data;
+static void on_done(GVariant *answer, const GError *error, gpointer data) {
+    struct waiting *waiting = data;
     if (error)
-        refuse(message, SOUP_STATUS_CONFLICT, error->message);
+        refuse(waiting->message, SOUP_STATUS_CONFLICT, error->message);
     else
-        respond(message, SOUP_STATUS_OK, "application/json", "{}\n");
-    soup_server_message_unpause(message);
-    g_object_unref(message);
+        respond(waiting->message, SOUP_STATUS_OK, "application/json", "{}\n");
+    end_waiting(waiting);
+}
+
+static void do_action(WebServer *server, SoupServerMessage *message, const char *method) {
+    struct waiting *waiting = begin_waiting(server, message);
+    if (!waiting)
+        return;
+    web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
+    web_rig_call(server->rig, method, on_done, waiting);
+}
+
+/* {"safe": …, "devices": [{"class": …, "name": …, "state": …}, …]} */
+static char *safe_text(GVariant *answer) {
+    GVariantBuilder to, devices;
+    const char *class_name, *name, *state;
+    gboolean safe;
+    g_autoptr(GVariant) list = NULL;
+    GVariantIter iter;
+    g_variant_get(answer, "(b@a(sss))", &safe, &list);
+    g_variant_builder_init(&devices, G_VARIANT_TYPE("aa{ss}"));
+    g_variant_iter_init(&iter, list);
+    while (g_variant_iter_next(&iter, "(&s&s&s)", &class_name, &name, &state)) {
+        g_variant_builder_open(&devices, G_VARIANT_TYPE("a{ss}"));
+        g_variant_builder_add(&devices, "{ss}", "class", class_name);
+        g_variant_builder_add(&devices, "{ss}", "name", name);
+        g_variant_builder_add(&devices, "{ss}", "state", state);
+        g_variant_builder_close(&devices);
+    }
+    g_variant_builder_init(&to, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&to, "{sv}", "safe", g_variant_new_boolean(safe));
+    g_variant_builder_add(&to, "{sv}", "devices", g_variant_builder_end(&devices));
+    return json_text(g_variant_builder_end(&to));
+}
+
+static void ask_safe(WebServer *server);
+
+static void on_safe(GVariant *answer, const GError *error, gpointer data) {
+    g_autofree struct safe_call *call = data;
+    WebServer *server = call->server;
+    g_autofree char *text = answer && g_variant_is_of_type(answer, G_VARIANT_TYPE("(ba(sss))"))
+                                ? safe_text(answer)
+                                : g_strdup("{}\n");
+    for (guint i = 0; i < call->asked->len; i++) {
+        if (error)
+            refuse(call->asked->pdata[i], SOUP_STATUS_CONFLICT, error->message);
+        else
+            respond(call->asked->pdata[i], SOUP_STATUS_OK, "application/json", text);
+        go_on(g_object_ref(call->asked->pdata[i]));
+    }
+    g_ptr_array_unref(call->asked);
+    if (!server)
+        return;
+    server->safe_call = NULL;
+    if (server->safe_next)
+        ask_safe(server);
+}
+
+static void ask_safe(WebServer *server) {
+    struct safe_call *call = g_new(struct safe_call, 1);
+    *call = (struct safe_call){server, g_steal_pointer(&server->safe_next)};
+    server->safe_call = call;
+    web_rig_call(server->rig, "SafeState", on_safe, call);
+}
+
+/* However many ask: one call is under way, and one more follows for those who have asked since. */
+static void answer_safe(WebServer *server, SoupServerMessage *message) {
+    if (!server->safe_next)
+        server->safe_next = g_ptr_array_new_with_free_func(g_object_unref);
+    for (guint i = server->safe_next->len; i-- > 0;) /* those that have gone meanwhile */
+        if (!web_door_visitor(server->safe_next->pdata[i]))
+            g_ptr_array_remove_index_fast(server->safe_next, i);
+    soup_server_message_pause(message);
+    web_visitor_set_phase(web_door_visitor(message), WEB_ACTS);
+    g_ptr_array_add(server->safe_next, g_object_ref(message));
+    if (!server->safe_call)
+        ask_safe(server);
 }
 
 static void on_api(SoupServer *soup, SoupServerMessage *message, const char *path,
                    GHashTable *query, gpointer data) {
     static const char *const actions[][2] = {
-        {"pause", "Pause"}, {"continue", "Continue"}, {"abort", "Abort"}, {"safe", "SafeState"}};
+        {"pause", "Pause"}, {"continue", "Continue"}, {"abort", "Abort"}, {"release", "Release"}};
     static const struct {
         const char *name;
         char *(*text)(const WebRig *rig);
@@ -276,13 +507,16 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     const char *what = g_str_has_prefix(path, API) ? path + strlen(API) : "";
     for (gsize i = 0; i < G_N_ELEMENTS(actions); i++)
         if (strcmp(what, actions[i][0]) == 0) {
-            if (!admit(server, message, TRUE))
-                return;
-            soup_server_message_pause(message);
-            web_rig_call(server->rig, actions[i][1], on_done, g_object_ref(message));
+            if (admit(server, message, ACCESS_TOKEN))
+                do_action(server, message, actions[i][1]);
             return;
         }
-    if (!admit(server, message, FALSE))
+    if (strcmp(what, "safe") == 0) {
+        if (admit(server, message, ACCESS_SAFE))
+            answer_safe(server, message);
+        return;
+    }
+    if (!admit(server, message, ACCESS_LOOK))
         return;
     for (gsize i = 0; i < G_N_ELEMENTS(shown); i++)
         if (strcmp(what, shown[i].name) == 0) {
@@ -291,8 +525,10 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
             return;
         }
     if (strcmp(what, "access") == 0) {
-        respond(message, SOUP_STATUS_OK, "application/json",
-                server->token ? "{\"acts\": true}" : "{\"acts\": false}");
+        g_autofree char *text = g_strdup_printf("{\"acts\": %s, \"safe_needs_token\": %s}",
+                                                server->token ? "true" : "false",
+                                                server->safe_needs_token ? "true" : "false");
+        respond(message, SOUP_STATUS_OK, "application/json", text);
         return;
     }
     if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
@@ -301,42 +537,44 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
         refuse(message, SOUP_STATUS_NOT_FOUND, "this path does not exist: see docs/web.md");
 }
 
-static gboolean listen_on(WebServer *server, const struct web_options *options, GError **error) {
-    if (!options->address)
-        return soup_server_listen_local(server->soup, options->port, 0, error);
-    g_autoptr(GSocketAddress) address =
-        g_inet_socket_address_new_from_string(options->address, options->port);
-    if (!address) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s is not an IP address to listen on: 0.0.0.0 listens on all IPv4 addresses",
-                    options->address);
-        return FALSE;
+/* FALSE: one of the options is no name. */
+static gboolean add_origins(WebServer *server, const struct web_options *options, GError **error) {
+    static const char *const local[] = {"localhost", "127.0.0.1", "[::1]"};
+    const guint port = web_door_port(server->door);
+    for (gsize i = 0; i < G_N_ELEMENTS(local); i++)
+        g_ptr_array_add(server->origins, web_origin_of_option(local[i], port));
+    for (int i = 0; options->hosts && options->hosts[i]; i++) {
+        char *origin = web_origin_of_option(options->hosts[i], port);
+        if (!origin) {
+            g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                        "--host %s is not a name by which browsers reach this server: write NAME, "
+                        "NAME:PORT, or https://NAME for a proxy with TLS",
+                        options->hosts[i]);
+            return FALSE;
+        }
+        g_ptr_array_add(server->origins, origin);
     }
-    return soup_server_listen(server->soup, address, 0, error);
+    return TRUE;
 }
 
 WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError **error) {
-    static const char *const local[] = {"localhost", "127.0.0.1", "[::1]"};
     WebServer *server = g_new0(WebServer, 1);
     server->rig = rig;
     server->token = g_strdup(options->token);
-    server->hosts = g_ptr_array_new_with_free_func(g_free);
+    server->safe_needs_token = options->safe_needs_token;
+    server->calls = g_rc_box_new0(int);
+    server->address = g_strdup(options->address ? options->address : "127.0.0.1");
+    server->origins = g_ptr_array_new_with_free_func(g_free);
     server->streams = g_ptr_array_new_with_free_func(stream_free);
     server->soup = soup_server_new("server-header", "mesorig-web", NULL);
-    for (gsize i = 0; i < G_N_ELEMENTS(local); i++)
-        g_ptr_array_add(server->hosts, g_strdup(local[i]));
-    if (options->address)
-        g_ptr_array_add(server->hosts, strchr(options->address, ':')
-                                           ? g_strdup_printf("[%s]", options->address)
-                                           : g_strdup(options->address));
-    for (int i = 0; options->hosts && options->hosts[i]; i++)
-        g_ptr_array_add(server->hosts, g_ascii_strdown(options->hosts[i], -1));
     soup_server_add_handler(server->soup, "/", on_page, server, NULL);
     soup_server_add_handler(server->soup, API, on_api, server, NULL);
     g_signal_connect(server->soup, "request-started", G_CALLBACK(on_request), server);
+    g_signal_connect(server->soup, "request-read", G_CALLBACK(on_request_read), server);
     web_rig_listen(rig, on_news, server);
     server->keep_alive_id = g_timeout_add_seconds(KEEP_ALIVE_S, keep_alive, server);
-    if (listen_on(server, options, error))
+    server->door = web_door_new(server->soup, options->address, options->port, error);
+    if (server->door && add_origins(server, options, error))
         return server;
     web_server_free(server);
     return NULL;
@@ -349,19 +587,22 @@ void web_server_free(WebServer *server) {
     g_source_remove(server->keep_alive_id);
     while (server->streams->len > 0) {
         struct stream *stream = server->streams->pdata[0];
-        on_finished(stream->message, stream);
+        on_stream_finished(stream->message, stream);
     }
-    soup_server_disconnect(server->soup);
+    web_door_free(server->door);
+    if (server->safe_call)
+        server->safe_call->server = NULL;
+    g_rc_box_release(server->calls);
+    g_clear_pointer(&server->safe_next, g_ptr_array_unref);
     g_object_unref(server->soup);
     g_ptr_array_unref(server->streams);
-    g_ptr_array_unref(server->hosts);
+    g_ptr_array_unref(server->origins);
+    g_free(server->address);
     g_free(server->token);
     g_free(server);
 }
 
 char *web_server_uri(const WebServer *server) {
-    GSList *uris = soup_server_get_uris(server->soup);
-    char *ret = uris ? g_uri_to_string(uris->data) : g_strdup("");
-    g_slist_free_full(uris, (GDestroyNotify)g_uri_unref);
-    return ret;
+    const char *form = strchr(server->address, ':') ? "http://[%s]:%u/" : "http://%s:%u/";
+    return g_strdup_printf(form, server->address, web_door_port(server->door));
 }

@@ -81,11 +81,13 @@ static gboolean utia_read_exr(struct utia *utia, const char *path, GError **erro
         return data_error_fail(path, 0, error,
                                "it has %d × %d pixels; a BRDF of UTIA's has 288 × 288",
                                first ? first->width : 0, first ? first->height : 0);
-    g_autoptr(ExrFile) file = exr_read(path, error);
-    if (!file)
+    g_autoptr(ExrPart) part = exr_read_picture(path, error);
+    if (!part)
         return FALSE;
+    if (part->width != UTIA_SIDE || part->height != UTIA_SIDE || part->outside > 0)
+        return data_error_fail(path, 0, error, "it is cropped; save all of it");
     for (gsize c = 0; c < 3; c++) {
-        const float *plane = exr_part_plane(file->parts->pdata[0], channels[c]);
+        const float *plane = exr_part_plane(part, channels[c]);
         if (!plane)
             return data_error_fail(path, 0, error, "channel %s is missing", channels[c]);
         memcpy(utia->values[c], plane, PIXELS * sizeof *plane);

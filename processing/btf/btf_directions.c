@@ -75,7 +75,10 @@ static gboolean btf_directions_read_row(const TextTable *table, int row, const i
 
 static gboolean btf_directions_read_rows(const TextTable *table, struct btf_directions *to,
                                          GError **error) {
+    static const char *const known[] = {"of", "theta_deg", "phi_deg", NULL};
     const char *path = text_table_path(table);
+    if (!text_table_check_columns(table, known, error))
+        return FALSE;
     const int columns[] = {text_table_column(table, "of"), text_table_column(table, "theta_deg"),
                            text_table_column(table, "phi_deg")};
     if (columns[0] < 0 || columns[1] < 0 || columns[2] < 0)

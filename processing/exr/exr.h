@@ -40,6 +40,8 @@ struct exr_attribute {
 typedef struct exr_part {
     char *name; /* unique in the file */
     int width, height;
+    int left_px, top_px; /* of exr_read_picture(): the corner of the display window; else 0 */
+    gint64 outside;      /* likewise: pixels that the file does not hold, NaN in all channels */
     int n_channels;
     char **channels; /* names in alphabetical order, as EXR requires: "B","G","R" */
     float **planes;  /* one per channel, height × width, top row first; NULL if not read */
@@ -103,10 +105,17 @@ gboolean exr_write_below(const char *directory, const char *relative, const stru
 typedef gboolean (*ExrWatch)(double share, gpointer data);
 void exr_watch(ExrWatch watch, gpointer data);
 
-/* Read a whole file; its headers only, with planes NULL; or one part with its planes. */
+/* Read a whole file; its headers only, with planes NULL; or one part with its planes. Channels of
+ * integers are read as numbers. */
 struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);
+
+/* Reads a picture of others, the first part of its file: the part has the size of its display
+ * window, pixels lie where the data window places them, and what the file has beyond the display
+ * window is left out. (The parts of Mesorig's own files differ in size, but have one display
+ * window, which means nothing.) */
+struct exr_part *exr_read_picture(const char *path, GError **error);
 
 /* SHA-256 of any file as 64 hexadecimal digits; g_free(). NULL on error. ret_bytes may be NULL. */
 char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error);

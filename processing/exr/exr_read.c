@@ -7,6 +7,7 @@
 #include "base/input_file.h"
 
 #include <errno.h>
+#include <math.h>
 #include <openexr.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,6 +31,7 @@ struct source {
     char message[256]; /* last error message of the library */
     gint64 reached;    /* farthest offset read */
     gboolean cancelled, failed;
+    gboolean placed; /* the size of a part is that of its display window */
     struct exr_scratch scratch;
 };
 
@@ -140,25 +142,59 @@ static gboolean source_open(struct source *source, const char *path, GError **er
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-static gboolean read_size(struct source *source, int index, struct exr_part *part,
-                          exr_attr_box2i_t *window, GError **error) {
-    gint64 width, height;
-    exr_result_t rc = exr_get_data_window(source->context, index, window);
+/* The pixels that a file holds, and those that make up the picture. */
+struct windows {
+    exr_attr_box2i_t data, display;
+};
 
+static gboolean window_size(struct source *source, const struct exr_part *part,
+                            const exr_attr_box2i_t *window, const char *which, GError **error) {
+    const gint64 width = (gint64)window->max.x - window->min.x + 1;
+    const gint64 height = (gint64)window->max.y - window->min.y + 1;
+    if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
+        return exr_read_fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": the %s window is empty",
+                             part->name, which);
+    return (width <= EXR_MAX_PIXELS && height <= EXR_MAX_PIXELS &&
+            width * height <= EXR_MAX_PIXELS) ||
+           exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                         "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
+                         " pixels; at most %d",
+                         part->name, width, height, EXR_MAX_PIXELS);
+}
+
+static int window_width(const exr_attr_box2i_t *window) {
+    return window->max.x - window->min.x + 1;
+}
+
+static int window_height(const exr_attr_box2i_t *window) {
+    return window->max.y - window->min.y + 1;
+}
+
+static gboolean read_size(struct source *source, int index, struct exr_part *part,
+                          struct windows *ret, GError **error) {
+    exr_result_t rc = exr_get_data_window(source->context, index, &ret->data);
+    const exr_attr_box2i_t *data = &ret->data, *display = &ret->display;
+    ret->display = ret->data;
+    if (rc == EXR_ERR_SUCCESS && source->placed)
+        rc = exr_get_display_window(source->context, index, &ret->display);
     if (rc != EXR_ERR_SUCCESS)
         return fail_library(source, rc, error);
-    width = (gint64)window->max.x - window->min.x + 1;
-    height = (gint64)window->max.y - window->min.y + 1;
-    if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
+    if (!window_size(source, part, data, "data", error) ||
+        !window_size(source, part, display, "display", error))
+        return FALSE;
+    const gint64 across =
+        (gint64)MIN(data->max.x, display->max.x) - MAX(data->min.x, display->min.x) + 1;
+    const gint64 down =
+        (gint64)MIN(data->max.y, display->max.y) - MAX(data->min.y, display->min.y) + 1;
+    if (across < 1 || down < 1)
         return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                             "part \"%s\": the data window is empty", part->name);
-    if (width > EXR_MAX_PIXELS || height > EXR_MAX_PIXELS || width * height > EXR_MAX_PIXELS)
-        return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                             "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
-                             " pixels; at most %d",
-                             part->name, width, height, EXR_MAX_PIXELS);
-    part->width = (int)width;
-    part->height = (int)height;
+                             "part \"%s\": its pixels lie outside of its display window",
+                             part->name);
+    part->width = window_width(display);
+    part->height = window_height(display);
+    part->left_px = source->placed ? display->min.x : 0;
+    part->top_px = source->placed ? display->min.y : 0;
+    part->outside = (gint64)part->width * part->height - across * down;
     return TRUE;
 }
 
@@ -184,11 +220,7 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
             return exr_read_fail(source, EXR_ERROR_FORMAT, error,
                                  "part \"%s\": channel \"%s\" is subsampled, which is not read",
                                  part->name, part->channels[c]);
-        if (entry->pixel_type != EXR_PIXEL_HALF && entry->pixel_type != EXR_PIXEL_FLOAT)
-            return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                                 "part \"%s\": channel \"%s\" is neither half nor float",
-                                 part->name, part->channels[c]);
-        if (entry->pixel_type == EXR_PIXEL_FLOAT)
+        if (entry->pixel_type != EXR_PIXEL_HALF)
             part->type = EXR_FLOAT;
     }
     return TRUE;
@@ -245,14 +277,15 @@ static gboolean check_compression(struct source *source, int index, const struct
     return TRUE;
 }
 
-static gsize pixel_bytes(const struct exr_part *part) {
-    return (gsize)part->width * (gsize)part->height * (gsize)part->n_channels *
-           (part->type == EXR_HALF ? 2 : 4);
+/* Of the pixels in the file. */
+static gsize pixel_bytes(const struct exr_part *part, const struct windows *windows) {
+    return (gsize)window_width(&windows->data) * (gsize)window_height(&windows->data) *
+           (gsize)part->n_channels * (part->type == EXR_HALF ? 2 : 4);
 }
 
 /* Checks size, channels, compression and attributes of a part, which is empty before. */
 static gboolean read_header(struct source *source, int index, struct exr_part *part,
-                            exr_attr_box2i_t *window, GError **error) {
+                            struct windows *windows, GError **error) {
     const char *name = NULL;
     exr_storage_t storage;
     exr_result_t rc = exr_get_storage(source->context, index, &storage);
@@ -266,15 +299,15 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
         return exr_read_fail(source, EXR_ERROR_FORMAT, error,
                              "part \"%s\": only scan lines are read, not tiles or deep pixels",
                              part->name);
-    if (!read_size(source, index, part, window, error) ||
+    if (!read_size(source, index, part, windows, error) ||
         !read_channels(source, index, part, error) ||
         !check_compression(source, index, part, error) ||
         !read_attributes(source, index, part, error))
         return FALSE;
-    return pixel_bytes(part) / MAX_EXPANSION <= (gsize)source->size ||
+    return pixel_bytes(part, windows) / MAX_EXPANSION <= (gsize)source->size ||
            exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
                          "part \"%s\": a file of this length cannot hold %d×%d pixels", part->name,
-                         part->width, part->height);
+                         window_width(&windows->data), window_height(&windows->data));
 }
 
 /* Pads every buffer of the decoder with zeros: OpenEXR before 3.1.6 reads beyond the end of
@@ -287,50 +320,74 @@ static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
     free(buffer);
 }
 
+struct unpack {
+    struct exr_part *part;
+    const struct windows *windows;
+    float *line; /* of the data window, for those that exceed the display window */
+};
+
+/* Converts a line of a channel to floats; returns the end of its bytes. */
+static const guint8 *unpack_line(const guint8 *from, exr_pixel_type_t type, float *line,
+                                 gsize width) {
+    if (type == EXR_PIXEL_HALF) {
+        exr_half_to_floats(line, (const guint16 *)(gconstpointer)from, width);
+        return from + width * sizeof(guint16);
+    }
+    memcpy(line, from, width * sizeof(float));
+    for (gsize x = 0; x < width; x++) {
+        guint32 bits;
+        memcpy(&bits, &line[x], sizeof bits);
+        bits = GUINT32_FROM_LE(bits);
+        if (type == EXR_PIXEL_UINT)
+            line[x] = (float)bits;
+        else if (G_BYTE_ORDER != G_LITTLE_ENDIAN)
+            memcpy(&line[x], &bits, sizeof bits);
+    }
+    return from + width * sizeof(float);
+}
+
 static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
-    struct exr_part *part = decode->decoding_user_data;
+    const struct unpack *unpack = decode->decoding_user_data;
+    const struct exr_part *part = unpack->part;
+    const exr_attr_box2i_t *data = &unpack->windows->data, *display = &unpack->windows->display;
     const guint8 *from = decode->unpacked_buffer;
-    gsize width = (gsize)part->width;
-    exr_attr_box2i_t window;
-    exr_result_t rc = exr_get_data_window(decode->context, decode->part_index, &window);
-
-    if (rc != EXR_ERR_SUCCESS)
-        return rc;
+    const gsize width = (gsize)window_width(data);
+    const int left = MAX(data->min.x, display->min.x), right = MIN(data->max.x, display->max.x);
     for (int y = 0; y < decode->chunk.height; y++) {
+        const int row = decode->chunk.start_y + y;
+        const gboolean shown = row >= display->min.y && row <= display->max.y;
         for (int c = 0; c < part->n_channels; c++) {
-            float *line =
-                part->planes[c] + (gsize)(decode->chunk.start_y - window.min.y + y) * width;
-
-            if (decode->channels[c].data_type == EXR_PIXEL_HALF) {
-                exr_half_to_floats(line, (const guint16 *)(gconstpointer)from, width);
-                from += width * sizeof(guint16);
-                continue;
-            }
-            memcpy(line, from, width * sizeof(float));
-            for (gsize x = 0; G_BYTE_ORDER != G_LITTLE_ENDIAN && x < width; x++)
-                ((guint32 *)(gpointer)line)[x] = GUINT32_FROM_LE(((guint32 *)(gpointer)line)[x]);
-            from += width * sizeof(float);
+            float *to = shown
+                            ? part->planes[c] + (gsize)(row - display->min.y) * (gsize)part->width +
+                                  (left - display->min.x)
+                            : NULL;
+            float *line = unpack->line ? unpack->line : to;
+            from = unpack_line(from, decode->channels[c].data_type, line, width);
+            if (to && to != line)
+                memcpy(to, line + (left - data->min.x), sizeof *to * (gsize)(right - left + 1));
         }
     }
     return EXR_ERR_SUCCESS;
 }
 
 /* Checks what exr_read_unpack() relies on, independently of the library. */
-static gboolean chunk_is_sound(const struct source *source, const struct exr_part *part,
+static gboolean chunk_is_sound(const struct source *source, const struct unpack *unpack,
                                const exr_decode_pipeline_t *decode, int y, int lines) {
+    const struct exr_part *part = unpack->part;
     const exr_chunk_info_t *chunk = &decode->chunk;
+    const int width = window_width(&unpack->windows->data);
     gsize size = 0;
 
     for (int c = 0; c < decode->channel_count; c++)
-        size += (gsize)lines * (gsize)part->width *
-                (decode->channels[c].data_type == EXR_PIXEL_HALF ? 2 : 4);
+        size +=
+            (gsize)lines * (gsize)width * (decode->channels[c].data_type == EXR_PIXEL_HALF ? 2 : 4);
     return decode->channel_count == part->n_channels && chunk->start_y == y &&
-           chunk->height == lines && chunk->width == part->width && chunk->unpacked_size == size &&
+           chunk->height == lines && chunk->width == width && chunk->unpacked_size == size &&
            chunk->packed_size <= size && chunk->data_offset <= (guint64)source->size &&
            chunk->packed_size <= (guint64)source->size - chunk->data_offset;
 }
 
-static exr_result_t read_chunk(struct source *source, int index, struct exr_part *part,
+static exr_result_t read_chunk(struct source *source, int index, struct unpack *unpack,
                                exr_decode_pipeline_t *decode, int y, int lines, gboolean first) {
     exr_chunk_info_t chunk;
     exr_result_t rc = exr_read_scanline_chunk_info(source->context, index, y, &chunk);
@@ -341,14 +398,14 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     if (rc == EXR_ERR_SUCCESS && first)
         exr_scratch_swap(&source->scratch, &decode->scratch_buffer_1, &decode->scratch_alloc_size_1,
                          &decode->scratch_buffer_2, &decode->scratch_alloc_size_2);
-    if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, part, decode, y, lines))
+    if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, unpack, decode, y, lines))
         rc = EXR_ERR_BAD_CHUNK_LEADER;
     decode->alloc_fn = allocate_padded;
     decode->free_fn = free_padded;
     if (rc == EXR_ERR_SUCCESS && first)
         rc = exr_decoding_choose_default_routines(source->context, index, decode);
     decode->unpack_and_convert_fn = exr_read_unpack;
-    decode->decoding_user_data = part;
+    decode->decoding_user_data = unpack;
     if (rc == EXR_ERR_SUCCESS && chunk.packed_size == 0)
         rc = EXR_ERR_BAD_CHUNK_LEADER;
     if (rc == EXR_ERR_SUCCESS)
@@ -356,17 +413,36 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     return source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
 }
 
+/* Allocates the planes; what the file does not hold is NaN. */
+static gboolean new_planes(struct source *source, struct exr_part *part, GError **error) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    for (int c = 0; c < part->n_channels; c++) {
+        part->planes[c] = g_try_malloc0_n(n, sizeof(float));
+        if (!part->planes[c])
+            return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                                 "part \"%s\": not enough memory", part->name);
+        for (gsize i = 0; part->outside > 0 && i < n; i++)
+            part->planes[c][i] = NAN;
+    }
+    return TRUE;
+}
+
 /* Reads a part chunk by chunk. The memory it takes is checked before anything is allocated. */
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
-                            const exr_attr_box2i_t *window, GError **error) {
+                            const struct windows *windows, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
+    const exr_attr_box2i_t *data = &windows->data, *display = &windows->display;
+    const int height = window_height(data);
+    const struct exr_part stored = {
+        .width = window_width(data), .height = height, .n_channels = part->n_channels};
+    struct unpack unpack = {.part = part, .windows = windows};
     const guint64 planes = exr_plane_bytes(part);
     int32_t step = 0;
     exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &step);
 
     if (rc != EXR_ERR_SUCCESS || step < 1)
         return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
-    if (planes + exr_chunk_bytes(part, step) > source->memory)
+    if (planes + exr_chunk_bytes(&stored, step) > source->memory)
         return exr_read_fail(
             source, EXR_ERROR_TOO_LARGE, error,
             "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
@@ -375,15 +451,15 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
             part->name, part->width, part->height, part->n_channels, source->size,
             input_file_memory((guint64)source->size) >> 20);
     source->memory -= planes;
-    for (int c = 0; c < part->n_channels; c++) {
-        part->planes[c] = g_try_malloc0_n((gsize)part->width * (gsize)part->height, sizeof(float));
-        if (!part->planes[c])
-            return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                                 "part \"%s\": not enough memory", part->name);
-    }
-    for (int row = 0; rc == EXR_ERR_SUCCESS && row < part->height; row += step)
-        rc = read_chunk(source, index, part, &decode, window->min.y + row,
-                        MIN(step, part->height - row), row == 0);
+    if (!new_planes(source, part, error))
+        return FALSE;
+    if (data->min.x < display->min.x || data->max.x > display->max.x ||
+        data->min.y < display->min.y || data->max.y > display->max.y)
+        unpack.line = g_new(float, stored.width);
+    for (int row = 0; rc == EXR_ERR_SUCCESS && row < height; row += step)
+        rc = read_chunk(source, index, &unpack, &decode, data->min.y + row, MIN(step, height - row),
+                        row == 0);
+    g_free(unpack.line);
     if (decode.context)
         exr_scratch_swap(&source->scratch, &decode.scratch_buffer_1, &decode.scratch_alloc_size_1,
                          &decode.scratch_buffer_2, &decode.scratch_alloc_size_2);
@@ -396,19 +472,20 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
 static struct exr_part *exr_read_one_part(struct source *source, int index, gsize *left,
                                           GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
-    exr_attr_box2i_t window;
+    struct windows windows;
 
-    if (!read_header(source, index, part, &window, error))
+    if (!read_header(source, index, part, &windows, error))
         return NULL;
     if (!left)
         return g_steal_pointer(&part);
-    if (pixel_bytes(part) / MAX_EXPANSION > *left) {
+    const gsize bytes = pixel_bytes(part, &windows) / MAX_EXPANSION;
+    if (bytes > *left) {
         exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
                       "a file of this length cannot hold all the pixels of its parts");
         return NULL;
     }
-    *left -= pixel_bytes(part) / MAX_EXPANSION;
-    return read_pixels(source, index, part, &window, error) ? g_steal_pointer(&part) : NULL;
+    *left -= bytes;
+    return read_pixels(source, index, part, &windows, error) ? g_steal_pointer(&part) : NULL;
 }
 
 static struct exr_file *read_file(const char *path, gboolean pixels, GError **error) {
@@ -461,6 +538,23 @@ struct exr_part *exr_read_part(const char *path, const char *name, GError **erro
     }
     if (ok && !found)
         exr_read_fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);
+    source_close(&source);
+    return part;
+}
+
+struct exr_part *exr_read_picture(const char *path, GError **error) {
+    struct exr_part *part = NULL;
+    struct source source;
+    int n = 0;
+    if (source_open(&source, path, error)) {
+        gsize left = (gsize)source.size;
+        source.placed = TRUE;
+        exr_get_count(source.context, &n);
+        if (n > 0)
+            part = exr_read_one_part(&source, 0, &left, error);
+        else
+            exr_read_fail(&source, EXR_ERROR_MISSING, error, "it has no part");
+    }
     source_close(&source);
     return part;
 }

@@ -1,6 +1,7 @@
 /* Compares pictures pixel by pixel with CIEDE2000 in L*a*b*. */
 #include "compare_pictures.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/data_error.h"
@@ -11,10 +12,18 @@
 
 #define COLOURS 3
 
+/* Masked pixels are black. */
+static void hide_masked(struct import_picture *picture) {
+    const gsize n = COLOURS * (gsize)picture->width * (gsize)picture->height;
+    for (gsize i = 0; picture->transparent > 0 && i < n; i++)
+        picture->rgb[i] = isfinite(picture->rgb[i]) ? picture->rgb[i] : 0;
+}
+
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error) {
-    g_autoptr(ImportPicture) first = import_picture_read(a, error);
-    g_autoptr(ImportPicture) second = first ? import_picture_read(b, error) : NULL;
+    g_autoptr(ImportPicture) first = import_picture_read(a, PICTURE_TONES_UNSAID, error);
+    g_autoptr(ImportPicture) second =
+        first ? import_picture_read(b, PICTURE_TONES_UNSAID, error) : NULL;
     if (!second)
         return FALSE;
     if (first->width != second->width || first->height != second->height) {
@@ -24,6 +33,8 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
         return FALSE;
     }
     const gsize n = (gsize)first->width * (gsize)first->height;
+    hide_masked(first);
+    hide_masked(second);
     g_autofree double *different = g_new(double, n);
     double all = 0, sum = 0;
     gsize found = 0;

@@ -135,7 +135,8 @@ static struct exr_part *import_light_part(const struct import *import, int view,
     const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
     for (int i = 0; marks && i < r->width * r->height; i++)
         part->planes[3][i] = marks[i];
-    if (!marks) { /* a part has the channel only where a texel has a flag */
+    if (!marks &&
+        !(m->picture && holes > 0)) { /* a part has the channel only where a texel has a flag */
         part->n_channels = 3;
         g_clear_pointer(&part->channels[3], g_free);
         g_clear_pointer(&part->planes[3], g_free);
@@ -193,7 +194,8 @@ static gboolean import_fill_picture(struct exr_part *part, gpointer data, GError
     const struct import_view *filled = data;
     struct import *import = filled->import;
     const struct import_material *m = import->material;
-    float *const planes[3] = {part->planes[2], part->planes[1], part->planes[0]};
+    float *const planes[4] = {part->planes[2], part->planes[1], part->planes[0],
+                              part->n_channels > 3 ? part->planes[3] : NULL};
     int light = 0, holes;
     sscanf(part->name, "light_%d", &light);
     return work_tell(import->work, "import", filled->view * m->n_lights + light,
@@ -344,7 +346,8 @@ static gboolean import_fill(struct import *import, struct import_result *ret, GE
     ret->width = import->grid.width;
     ret->height = import->grid.height;
     ret->holes = import->holes;
-    return session_set_value(import->session, "imported", m->source, error) &&
+    return (!m->filled || m->filled(import->session, m->data, error)) &&
+           session_set_value(import->session, "imported", m->source, error) &&
            session_set_value(import->session, "state", "done", error);
 }
 

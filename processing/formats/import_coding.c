@@ -1,7 +1,8 @@
 /* Converts the numbers in the files of a table to linear light,
  *   v = T((n − black) / (2^bits − 1 − black)) · m / f,
- * n: a pixel's number, T: the transfer function, f: its flat field, coded likewise, m: the flat
- * field's mean around the middle of the picture. Floating-point numbers have white at 1. */
+ * n: a pixel's number, T: the transfer function (picture_tone_choose()), f: its flat field, coded
+ * likewise, m: the flat field's mean around the middle of the picture. Floating-point numbers have
+ * white at 1. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -13,7 +14,8 @@
 
 gboolean import_coding_read(const struct import_set *set, const TextTable *table, int index,
                             const char *folder, struct import_row *row, GError **error) {
-    static const char *const transfers[] = {"", "linear", "srgb"}; /* enum import_transfer */
+    /* enum picture_tones */
+    static const char *const transfers[] = {"", "linear", "srgb"};
     struct import_coding *coding = &row->coding;
     const char *transfer = text_table_text(table, index, text_table_column(table, "transfer"));
     const char *flat = text_table_text(table, index, text_table_column(table, "flat_field"));
@@ -39,15 +41,12 @@ gboolean import_coding_read(const struct import_set *set, const TextTable *table
         return data_error_fail(set->table, row->line, error,
                                "a transfer of “%s” is not known; choose from: linear, srgb",
                                transfer);
+    if (coding->transfer == PICTURE_TONES_UNSAID)
+        coding->transfer = set->wish->transfer;
     coding->flat_path = *flat ? g_canonicalize_filename(flat, folder) : NULL;
     return !coding->flat_path || g_file_test(coding->flat_path, G_FILE_TEST_IS_REGULAR) ||
            data_error_fail(set->table, row->line, error, "there is no flat field %s",
                            coding->flat_path);
-}
-
-/* IEC 61966-2-1; its linear part continues below 0. */
-static double import_coding_from_srgb(double v) {
-    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
 }
 
 /* White of a file of this many bits (0: floating-point). 0: error. */
@@ -79,12 +78,15 @@ static struct import_picture *import_coding_decode(const struct import_set *set,
     const struct import_coding *coding = &row->coding;
     const char *name = path == row->path ? row->name : path;
     g_autoptr(GError) found = NULL;
-    int bits = 0;
-    g_autoptr(ImportPicture) picture = import_picture_read_codes(path, &bits, &found);
-    if (!picture) {
+    g_autoptr(ImportPicture) picture = import_picture_read_codes(path, &found);
+    const struct picture_tone *tone =
+        picture ? picture_tone_choose(&picture->tone, picture->bits, coding->transfer, path, &found)
+                : NULL;
+    if (!tone) {
         data_error_set(set->table, row->line, error, "%s", found->message);
         return NULL;
     }
+    const int bits = picture->bits;
     if (picture->width != camera->width || picture->height != camera->height) {
         data_error_set(set->table, row->line, error,
                        "%s has %d × %d pixels, camera %s has %d × %d in %s", name, picture->width,
@@ -99,8 +101,6 @@ static struct import_picture *import_coding_decode(const struct import_set *set,
         return NULL;
     }
     const double white = import_coding_white(set, row, name, bits, error);
-    const gboolean srgb = coding->transfer == IMPORT_TRANSFER_SRGB ||
-                          (coding->transfer == IMPORT_TRANSFER_BY_BITS && bits == 8);
     if (white == 0)
         return NULL;
     const gsize n = 3 * (gsize)picture->width * (gsize)picture->height;
@@ -113,7 +113,7 @@ static struct import_picture *import_coding_decode(const struct import_set *set,
                            coding->bits, white);
             return NULL;
         }
-        picture->rgb[i] = (float)(srgb ? import_coding_from_srgb(v) : v);
+        picture->rgb[i] = (float)picture_tone_light(tone, v);
     }
     return g_steal_pointer(&picture);
 }
@@ -134,6 +134,8 @@ static void import_coding_invert(struct import_picture *flat, gboolean mosaic) {
     for (int y = MAX(height / 2 - reach_y, 0); y < MIN(height / 2 + reach_y, height); y++)
         for (int x = MAX(width / 2 - reach_x, 0); x < MIN(width / 2 + reach_x, width); x++) {
             const int cell = mosaic ? 2 * (y & 1) + (x & 1) : 0;
+            if (!isfinite(flat->rgb[3 * (y * width + x)]))
+                continue;
             n[cell]++;
             for (int c = 0; c < 3; c++)
                 sum[cell][c] += (double)flat->rgb[3 * (y * width + x) + c];

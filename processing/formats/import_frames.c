@@ -89,12 +89,11 @@ static gboolean import_frames_write_part(const struct import_set *set, const str
            (ret->sha256 = exr_sha256(path, &ret->bytes, error)) != NULL;
 }
 
-static gboolean check_numbers(const struct import_set *set, const struct import_row *row, gsize bad,
-                              gsize n, GError **error) {
+static gboolean check_numbers(const struct import_set *set, const struct import_row *row,
+                              const struct import_picture *picture, gsize bad, gsize n,
+                              GError **error) {
     set->ret->not_numbers += (gint64)bad;
-    return (double)bad <= IMPORT_MOST_HOLES * (double)n ||
-           data_error_fail(set->table, row->line, error,
-                           "%zu of the %zu pixels of %s are not numbers", bad, n, row->name);
+    return import_picture_check_holes(picture, bad, n, set->table, row->line, row->name, error);
 }
 
 /* Whether each pixel is saturated in one colour or more; g_free(). */
@@ -110,6 +109,20 @@ static guint8 *import_frames_saturated(const struct import_picture *picture, int
     return saturated;
 }
 
+/* Before the flat field, which numbers near white must not be divided by. */
+static void look_at_lamp(const struct import_set *set, const struct import_row *row,
+                         const struct import_picture *picture) {
+    const struct rig *rig = &set->known->rig;
+    const struct vec3 at_mm = {0, 0, set->wish->grid.reference_mm};
+    const float *const rgb[3] = {picture->rgb, picture->rgb + 1, picture->rgb + 2};
+    import_look_count(set->look, picture);
+    import_look_add(set->look, row->view,
+                    g_array_index(set->shots, struct session_shot, row->shot).source, rgb, 3,
+                    (gsize)picture->width * (gsize)picture->height,
+                    row->exposure_ms * rig_lamp_irradiance(&rig->arc, &rig->lamps[row->device],
+                                                           row->arc_deg * G_PI / 180, at_mm));
+}
+
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
                            struct session_frame *ret, GError **error) {
     /* Channels by [in colour][a pixel is saturated]. */
@@ -118,6 +131,7 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     g_autoptr(ImportPicture) picture = read_lamp(set, row, error);
     if (!picture)
         return FALSE;
+    look_at_lamp(set, row, picture);
     int n_saturated;
     g_autofree guint8 *saturated = import_frames_saturated(picture, &n_saturated);
     if (!import_coding_flatten(set, row, picture, error))
@@ -152,7 +166,7 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     exr_set_double(part, "mesorig.dark_dn", 0);
     exr_set_int(part, "mesorig.saturated", n_saturated);
     exr_set_string(part, "mesorig.unit", "DN/ms");
-    return check_numbers(set, row, bad, n, error) &&
+    return check_numbers(set, row, picture, bad, n, error) &&
            import_frames_write_part(set, row, g_steal_pointer(&part), ret, error);
 }
 
@@ -270,7 +284,7 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
                 bad += !good;
                 picture[i] = good ? dn * IMPORT_WHITE_DN : 0;
             }
-            if (!check_numbers(set, &run->rows[row++], bad, to->n, error))
+            if (!check_numbers(set, &run->rows[row++], read, bad, to->n, error))
                 return FALSE;
         }
         import_frames_feed(to, picture);

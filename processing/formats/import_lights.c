@@ -6,10 +6,15 @@
 
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "base/nearest.h"
+#include "base/text_table.h"
 
 #define MOST_LIGHTS    65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
+#define LEAST_LENGTH   0.5  /* of a direction in a list, which should be a unit vector */
+#define HORIZON        0.02 /* a light is on it if z is from −this to 0, of the unit vector */
+#define HORIZON_DEG    91
+#define MOST_ON_IT     0.1 /* of the lights, or one */
 #define DEG            (180 / G_PI)
 #define EXPECTED       "a picture's name and x, y, z of the direction to its light"
 
@@ -34,9 +39,8 @@ static void import_light_clear(gpointer data) {
 
 static gboolean import_lights_number(const struct list *list, int line, const char *word,
                                      double *ret, GError **error) {
-    char *end;
-    *ret = g_ascii_strtod(word, &end);
-    return (end > word && !*end && isfinite(*ret)) ||
+    const char separator = *list->columns.separator;
+    return text_table_parse(word, separator == ';' || separator == '\t', ret) ||
            data_error_fail(list->path, line, error, "“%s” is not a number", word);
 }
 
@@ -46,24 +50,21 @@ static gboolean is_number(const char *word) {
     return end > word && !*end;
 }
 
-/* Adds a light, and takes its name, which may be a path on another machine, with either kind of
- * slash. */
+/* Adds a light, and takes its name. */
 static gboolean import_lights_add(struct list *list, int line, char *name, const double d[3],
                                   GError **error) {
     const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    const char *slash = name ? strrchr(name, '/') : NULL;
-    const char *other = name ? strrchr(name, '\\') : NULL;
     const struct import_light *first = (const struct import_light *)(gpointer)list->lights->data;
-    const struct import_light light = {.name = MAX(slash, other) ? g_strdup(MAX(slash, other) + 1)
-                                                                 : g_strdup(name),
+    const struct import_light light = {.name = g_strdup(name),
                                        .theta_deg = acos(CLAMP(d[2] / length, -1, 1)) * DEG,
                                        .phi_deg = atan2(d[1], d[0]) * DEG,
+                                       .on_horizon = d[2] <= 0,
                                        .line = line};
     const gboolean mixed = list->lights->len > 0 && (first->name == NULL) != (name == NULL);
     const gboolean named = name != NULL;
     g_free(name);
     g_array_append_val(list->lights, light);
-    if (length < LEAST_LENGTH || d[2] <= 0)
+    if (length < LEAST_LENGTH || d[2] < -HORIZON * length)
         return data_error_fail(list->path, line, error,
                                "%g %g %g is not a direction to a light above the sample", d[0],
                                d[1], d[2]);
@@ -77,27 +78,40 @@ static gboolean import_lights_add(struct list *list, int line, char *name, const
                                              "lines before have it");
 }
 
-/* "name x y z" or "x y z"; the name may contain blanks. */
-static gboolean parse_words(struct list *list, int line, const char *text, GError **error) {
-    g_autofree char *copy = g_strdelimit(g_strdup(text), "\t,;", ' ');
-    char *words[3] = {NULL};
-    double d[3];
+/* Takes the last three words off a text; FALSE: there are fewer. ret_nameless: nothing is left. */
+static gboolean take_words(char *text, char *words[3], gboolean *ret_nameless) {
     int n = 0;
-    while (n < 3 && *g_strchomp(copy)) {
-        char *blank = strrchr(copy, ' ');
-        words[2 - n++] = blank ? blank + 1 : copy;
+    while (n < 3 && *g_strchomp(text)) {
+        char *blank = strrchr(text, ' ');
+        words[2 - n++] = blank ? blank + 1 : text;
         if (!blank)
             break;
         *blank = '\0';
     }
-    const gboolean nameless = n == 3 && words[0] == copy;
-    if (n < 3 || (nameless && !is_number(words[0])))
-        return data_error_fail(
-            list->path, line, error, "%s" EXPECTED " are expected",
-            list->lights->len == 0 && list->count == 0 ? "the number of pictures, or " : "");
-    for (int i = 0; i < 3; i++)
-        if (!import_lights_number(list, line, words[i], &d[i], error))
-            return FALSE;
+    *ret_nameless = n == 3 && words[0] == text;
+    return n == 3;
+}
+
+/* "name x y z" or "x y z"; the name may contain blanks. Three numbers at the end whose commas are
+ * decimal ones are taken as such; otherwise commas separate. */
+static gboolean parse_words(struct list *list, int line, const char *text, GError **error) {
+    g_autofree char *copy = g_strdelimit(g_strdup(text), "\t;", ' ');
+    char *words[3] = {NULL};
+    double d[3];
+    gboolean nameless = FALSE, good = take_words(copy, words, &nameless);
+    for (int i = 0; good && i < 3; i++)
+        good = text_table_parse(words[i], TRUE, &d[i]);
+    if (!good) {
+        g_free(copy);
+        copy = g_strdelimit(g_strdup(text), "\t,;", ' ');
+        if (!take_words(copy, words, &nameless) || (nameless && !is_number(words[0])))
+            return data_error_fail(
+                list->path, line, error, "%s" EXPECTED " are expected",
+                list->lights->len == 0 && list->count == 0 ? "the number of pictures, or " : "");
+        for (int i = 0; i < 3; i++)
+            if (!import_lights_number(list, line, words[i], &d[i], error))
+                return FALSE;
+    }
     /* The rest of the text is the name, with its own separators. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
     return import_lights_add(list, line, name, d, error);
@@ -125,7 +139,7 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
             !import_lights_number(list, line, cells[c->phi], &phi, error))
             return FALSE;
         const double unit = c->radians ? DEG : 1;
-        if (!(theta >= 0 && theta * unit < 90))
+        if (!(theta >= 0 && theta * unit <= HORIZON_DEG))
             return data_error_fail(list->path, line, error,
                                    "theta is %g%s; the angle from the normal is expected, from 0 "
                                    "to below %s",
@@ -140,6 +154,28 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
         return data_error_fail(list->path, line, error, "a picture's name is expected in column %d",
                                c->name + 1);
     return import_lights_add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
+}
+
+/* A column that is spelt nearly like one of a picture's name or direction, and is none. NULL: no
+ * column is. */
+static char *misspelt(const char *text, const struct columns *c) {
+    static const char *const known[] = {"name",  "filename", "file",      "image",   "picture",
+                                        "theta", "phi",      "theta_deg", "phi_deg", NULL};
+    g_autofree char *lower = g_ascii_strdown(text, -1);
+    g_auto(GStrv) cells = g_strsplit(g_strdelimit(lower, "\"", ' '), c->separator, -1);
+    for (int i = 0; cells[i]; i++) {
+        const char *cell = g_strstrip(cells[i]);
+        struct nearest nearest = nearest_new(cell);
+        if (i == c->name || i == c->x || i == c->y || i == c->z || i == c->theta || i == c->phi ||
+            strlen(cell) < 3)
+            continue;
+        for (const char *const *name = known; *name; name++)
+            nearest_consider(&nearest, *name);
+        if (nearest.name)
+            return g_strdup_printf("column “%s” is not known; did you mean %s?", cell,
+                                   nearest.name);
+    }
+    return NULL;
 }
 
 /* Whether a line names columns: theta and phi, or x, y and z, and perhaps the picture. */
@@ -180,6 +216,22 @@ static gboolean is_count(const char *text, gint64 *ret) {
     return TRUE;
 }
 
+/* FALSE: so many lights are on the horizon that the list must mean something else. */
+static gboolean check_horizon(const struct list *list, GError **error) {
+    const struct import_light *first = NULL;
+    guint n = 0;
+    for (guint i = 0; i < list->lights->len; i++) {
+        const struct import_light *light = &g_array_index(list->lights, struct import_light, i);
+        if (light->on_horizon && n++ == 0)
+            first = light;
+    }
+    return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MOST_ON_IT * list->lights->len)) ||
+           data_error_fail(list->path, first->line, error,
+                           "the light is not above the sample, and so are %u of %u; the third "
+                           "number is expected to be the height",
+                           n, list->lights->len);
+}
+
 GArray *import_lights_read(const char *path, GError **error) {
     GError *found = NULL;
     g_autofree char *text = input_file_read_text(path, MAX_LIST_BYTES, &found);
@@ -191,9 +243,7 @@ GArray *import_lights_read(const char *path, GError **error) {
         return NULL;
     }
     g_array_set_clear_func(lights, import_light_clear);
-    /* Editors of Windows begin a file with U+FEFF. */
-    g_auto(GStrv) lines =
-        g_strsplit(text + (g_str_has_prefix(text, "\xef\xbb\xbf") ? 3 : 0), "\n", -1);
+    g_auto(GStrv) lines = text_table_lines(text);
     for (int i = 0; lines[i]; i++) {
         const char *line = g_strstrip(lines[i]);
         if (!*line || *line == '#')
@@ -209,7 +259,12 @@ GArray *import_lights_read(const char *path, GError **error) {
                 return NULL;
             }
         } else if (first && parse_head(line, &list.columns)) {
+            g_autofree char *wrong = misspelt(line, &list.columns);
             table = TRUE;
+            if (wrong) {
+                data_error_set(path, i + 1, error, "%s", wrong);
+                return NULL;
+            }
         } else if (!(table ? parse_cells : parse_words)(&list, i + 1, line, error)) {
             return NULL;
         }
@@ -221,7 +276,7 @@ GArray *import_lights_read(const char *path, GError **error) {
                        "this line says that there are %d pictures, but the file lists %u; "
                        "correct the number, or list every picture",
                        (int)list.count, lights->len);
-    else
+    else if (check_horizon(&list, error))
         return g_steal_pointer(&lights);
     return NULL;
 }

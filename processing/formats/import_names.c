@@ -4,9 +4,12 @@
 #include "base/data_error.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/input_file.h"
+#include "base/text_table.h"
+#include "btf/btf.h"
 
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MAX_LIST_BYTES (64 << 20)
@@ -18,7 +21,8 @@ struct direction {
 struct named {
     char *path;
     struct direction view, light;
-    int line; /* line of the list; 0: none */
+    int line;         /* line of the list; 0: none */
+    gboolean counted; /* its tone curve, in tones */
 };
 
 struct pictures {
@@ -26,7 +30,9 @@ struct pictures {
     GPtrArray *all;         /* of struct named */
     GArray *views, *lights; /* of struct direction, in order */
     GPtrArray *of;          /* of struct named, view × light */
-    int width, height;
+    const struct import_wish *wish;
+    struct import_picture *first; /* without its pixels */
+    struct import_look *look;
 };
 
 static void named_free(gpointer data) {
@@ -147,7 +153,7 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     for (guint i = 0; i < names->len; i++) {
         name = names->pdata[i];
         double tl, pl, tv, pv;
-        if (!import_is_picture(name))
+        if (*name == '.' || !import_is_picture(name)) /* “._a.jpg” of macOS is no picture */
             continue;
         if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) ||
             !find_key(name, "tv", &tv) || !find_key(name, "pv", &pv))
@@ -170,9 +176,102 @@ static int import_names_by_number(gconstpointer a, gconstpointer b) {
     return strverscmp(*(char *const *)a, *(char *const *)b);
 }
 
+/* The picture of a list, which may name it as it was on another machine, with either kind of slash:
+ * in that folder below the list's own, or else beside the list; g_free(). */
+static char *find_picture(const char *folder, const char *name) {
+    g_autofree char *plain = g_strdelimit(g_strdup(name), "\\", '/');
+    g_autofree char *base = g_path_get_basename(plain);
+    g_autofree char *below = g_build_filename(folder, plain, NULL);
+    if (!g_path_is_absolute(plain) && g_file_test(below, G_FILE_TEST_IS_REGULAR))
+        return g_steal_pointer(&below);
+    return g_build_filename(folder, base, NULL);
+}
+
+/* The last number in a name, and how many digits it has; FALSE: there is none. */
+static gboolean counter_of(const char *name, gint64 *ret, int *ret_digits) {
+    const char *end = strrchr(name, '.');
+    end = end ? end : name + strlen(name);
+    while (end > name && !g_ascii_isdigit(end[-1]))
+        end--;
+    const char *begin = end;
+    while (begin > name && g_ascii_isdigit(begin[-1]) && end - begin < 9)
+        begin--;
+    *ret = g_ascii_strtoll(begin, NULL, 10);
+    *ret_digits = (int)(end - begin);
+    return end > begin;
+}
+
+/* Whether the counter of a camera has begun again at 0 within these names, which are in order: the
+ * first and the last number lie near the ends of what its digits can count, and there is a gap. */
+static gboolean counter_wrapped(const GPtrArray *names) {
+    gint64 first = 0, last = 0, gap = 0;
+    int digits = 0;
+    for (guint i = 0; i < names->len; i++) {
+        gint64 number;
+        int its;
+        if (!counter_of(names->pdata[i], &number, &its) || (i > 0 && its != digits) || its < 3)
+            return FALSE;
+        gap = i > 0 ? MAX(gap, number - last) : 0;
+        first = i > 0 ? first : number;
+        last = number;
+        digits = its;
+    }
+    const gint64 margin = (gint64)names->len + 10;
+    return gap > margin && first < margin && last > (gint64)pow(10, digits) - margin;
+}
+
+struct taken {
+    char *name;
+    gint64 us;
+    guint order; /* by name */
+};
+
+static int by_time(gconstpointer a, gconstpointer b) {
+    const struct taken *x = a, *y = b;
+    return x->us != y->us ? (x->us < y->us ? -1 : 1)
+                          : (x->order > y->order) - (x->order < y->order);
+}
+
+/* Orders pictures, which are in the order of their names, by the time at which they were taken, if
+ * all of them say one. */
+static gboolean order_by_time(const char *list, const char *folder, GPtrArray *names,
+                              GPtrArray *notes, GError **error) {
+    g_autofree struct taken *taken = g_new0(struct taken, MAX(names->len, 1));
+    gboolean all = TRUE, differs = FALSE;
+    for (guint i = 0; i < names->len; i++) {
+        g_autofree char *path = g_build_filename(folder, names->pdata[i], NULL);
+        struct picture_says says;
+        picture_says_read_file(path, &says);
+        taken[i] = (struct taken){names->pdata[i], says.taken_us, i};
+        all &= says.taken_us != 0;
+        picture_says_clear(&says);
+    }
+    if (!all)
+        return !counter_wrapped(names) ||
+               data_error_fail(
+                   list, 0, error,
+                   "the names of its pictures go from %s to %s with a gap, as if the "
+                   "camera's counter had begun again, and the files do not say when they "
+                   "were taken; write a picture's name before each direction",
+                   (const char *)names->pdata[0], (const char *)names->pdata[names->len - 1]);
+    qsort(taken, names->len, sizeof *taken, by_time);
+    for (guint i = 0; i < names->len; i++) {
+        differs |= names->pdata[i] != taken[i].name;
+        names->pdata[i] = taken[i].name;
+    }
+    if (differs && notes)
+        g_ptr_array_add(
+            notes, g_strdup_printf("the pictures are taken in the order of their times in EXIF, "
+                                   "from %s to %s, which is not that of their names",
+                                   (const char *)names->pdata[0],
+                                   (const char *)names->pdata[names->len - 1]));
+    return TRUE;
+}
+
 /* Names of pictures for a list that has none: the lines of "filenames.txt" beside it, or all
- * pictures there in the order of their names, "9.png" before "10.png". */
-static GPtrArray *names_beside(const char *list, const char *folder, guint n, GError **error) {
+ * pictures there by their times, or in the order of their names, "9.png" before "10.png". */
+static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
+                               const char *folder, guint n, GError **error) {
     g_autofree char *other = g_build_filename(folder, "filenames.txt", NULL);
     g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
     const gboolean listed = g_file_test(other, G_FILE_TEST_IS_REGULAR);
@@ -183,21 +282,23 @@ static GPtrArray *names_beside(const char *list, const char *folder, guint n, GE
             input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
             return NULL;
         }
-        g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+        g_auto(GStrv) lines = text_table_lines(text);
         for (char **line = lines; *line; line++)
             if (*g_strstrip(*line))
-                g_ptr_array_add(names, g_path_get_basename(*line));
+                g_ptr_array_add(names, g_strdup(*line));
     } else {
         g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
         if (!dir)
             return NULL;
         for (const char *name; (name = g_dir_read_name(dir));)
-            if (import_is_picture(name))
+            if (*name != '.' && import_is_picture(name))
                 g_ptr_array_add(names, g_strdup(name));
         g_ptr_array_sort(names, import_names_by_number);
     }
     if (names->len == n)
-        return g_steal_pointer(&names);
+        return listed || order_by_time(list, folder, names, pictures->wish->notes, error)
+                   ? g_steal_pointer(&names)
+                   : NULL;
     data_error_set(list, 0, error,
                    "it lists %u directions without names of pictures, but %s has %u pictures%s%s; "
                    "move what does not belong to them, or write a picture's name before each "
@@ -205,6 +306,16 @@ static GPtrArray *names_beside(const char *list, const char *folder, guint n, GE
                    n, listed ? other : folder, names->len, names->len ? ", the last one " : "",
                    names->len ? (const char *)names->pdata[names->len - 1] : "");
     return NULL;
+}
+
+static void tell_horizon(const struct pictures *pictures, const char *list,
+                         const struct import_light *light, const char *path) {
+    if (pictures->wish->notes)
+        g_ptr_array_add(
+            pictures->wish->notes,
+            g_strdup_printf("%s:%d: %s is left out: its light stands on the horizon and "
+                            "does not reach the sample",
+                            list, light->line, path));
 }
 
 static gboolean import_names_read_list(struct pictures *pictures, const char *list,
@@ -215,46 +326,54 @@ static gboolean import_names_read_list(struct pictures *pictures, const char *li
     if (!lights)
         return FALSE;
     if (!g_array_index(lights, struct import_light, 0).name &&
-        !(names = names_beside(list, folder, lights->len, error)))
+        !(names = names_beside(pictures, list, folder, lights->len, error)))
         return FALSE;
     for (guint i = 0; i < lights->len; i++) {
         const struct import_light *light = &g_array_index(lights, struct import_light, i);
+        g_autofree char *path = find_picture(folder, names ? names->pdata[i] : light->name);
+        if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
+            return data_error_fail(list, light->line, error, "there is no picture %s", path);
+        if (light->on_horizon) {
+            tell_horizon(pictures, list, light, path);
+            continue;
+        }
         struct named *named = g_new0(struct named, 1);
-        named->path = g_build_filename(folder, names ? names->pdata[i] : light->name, NULL);
+        named->path = g_steal_pointer(&path);
         named->line = light->line;
         named->light = import_names_direction(light->theta_deg, light->phi_deg);
         g_ptr_array_add(pictures->all, named);
-        if (!g_file_test(named->path, G_FILE_TEST_IS_REGULAR))
-            return data_error_fail(list, light->line, error, "there is no picture %s", named->path);
     }
     return TRUE;
 }
 
-/* Files of 8 or 16 bits hold numbers only. */
+/* Files of 8 or 16 bits hold numbers only; those that mask some pixels say so. */
 static gboolean may_have_holes(const char *path) {
     const char *dot = strrchr(path, '.');
-    return dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||
-                   g_ascii_strcasecmp(dot, ".tiff") == 0);
+    if (dot && (g_ascii_strcasecmp(dot, ".exr") == 0 || g_ascii_strcasecmp(dot, ".tif") == 0 ||
+                g_ascii_strcasecmp(dot, ".tiff") == 0))
+        return TRUE;
+    struct picture_says says = {0};
+    if (dot && g_ascii_strcasecmp(dot, ".png") == 0)
+        picture_says_read_file(path, &says);
+    picture_says_clear(&says);
+    return says.alpha;
 }
 
 static gboolean import_names_give_picture(int view, int light, const struct import_region *region,
                                           float *const *ret_planes, int *ret_holes, gpointer data,
                                           GError **error) {
     const struct pictures *pictures = data;
-    const struct named *named =
-        pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
+    struct named *named = pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
     const gsize n = (gsize)region->width * (gsize)region->height;
     *ret_holes = 0;
     if (!ret_planes && !may_have_holes(named->path))
         return TRUE;
-    g_autoptr(ImportPicture) picture = import_picture_read(named->path, error);
-    if (!picture)
+    g_autoptr(ImportPicture) picture =
+        import_picture_read(named->path, pictures->wish->transfer, error);
+    if (!picture || !import_picture_check_same(
+                        pictures->first, picture, named->line ? pictures->source : named->path,
+                        named->line, named->line ? named->path : "it", error))
         return FALSE;
-    if (picture->width != pictures->width || picture->height != pictures->height)
-        return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
-                               "%s has %d × %d pixels, the first picture %d × %d",
-                               named->line ? named->path : "it", picture->width, picture->height,
-                               pictures->width, pictures->height);
     for (gsize i = 0; i < n; i++) {
         const gsize x = (gsize)region->x + i % (gsize)region->width;
         const gsize y = (gsize)region->y + i / (gsize)region->width;
@@ -262,11 +381,20 @@ static gboolean import_names_give_picture(int view, int light, const struct impo
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
         for (int c = 0; ret_planes && c < 3; c++)
             ret_planes[c][i] = good ? from[c] : 0;
+        if (ret_planes && ret_planes[3] && !good)
+            ret_planes[3][i] = BTF_FLAG_HOLE;
         *ret_holes += !good;
     }
-    return (double)*ret_holes <= IMPORT_MOST_HOLES * (double)n ||
-           data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
-                           *ret_holes, n);
+    if (ret_planes && !named->counted) {
+        named->counted = TRUE;
+        import_look_count(pictures->look, picture);
+        for (gsize i = 0; ret_planes[3] && i < n; i++)
+            ret_planes[0][i] = ret_planes[3][i] > 0 ? NAN : ret_planes[0][i];
+        import_look_add(pictures->look, view, light, (const float *const *)ret_planes, 1, n, 1);
+        for (gsize i = 0; ret_planes[3] && i < n; i++)
+            ret_planes[0][i] = ret_planes[3][i] > 0 ? 0 : ret_planes[0][i];
+    }
+    return import_picture_check_holes(picture, (gsize)*ret_holes, n, named->path, 0, NULL, error);
 }
 
 static void import_names_degrees(const GArray *directions, float **ret_theta_deg,
@@ -280,6 +408,11 @@ static void import_names_degrees(const GArray *directions, float **ret_theta_deg
     }
 }
 
+static gboolean import_names_filled(Session *session, gpointer data, GError **error) {
+    const struct pictures *pictures = data;
+    return import_look_tell(pictures->look, session, pictures->wish->notes, error);
+}
+
 typedef gboolean (*ReadNames)(struct pictures *pictures, const char *source, GError **error);
 
 static gboolean import_named(const char *path, const char *source, ReadNames read_names,
@@ -291,22 +424,21 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
     g_autoptr(GArray) views = g_array_new(FALSE, FALSE, sizeof(struct direction));
     g_autoptr(GArray) lights = g_array_new(FALSE, FALSE, sizeof(struct direction));
     struct pictures pictures = {
-        .source = source, .all = all, .views = views, .lights = lights, .of = of};
+        .source = source, .all = all, .views = views, .lights = lights, .of = of, .wish = wish};
     if (!read_names(&pictures, source, error) || !arrange(&pictures, error))
         return FALSE;
     const struct named *named = all->pdata[0];
-    g_autoptr(ImportPicture) first = import_picture_read(named->path, error);
+    g_autoptr(ImportPicture) first = import_picture_read(named->path, wish->transfer, error);
     if (!first)
         return FALSE;
-    pictures.width = first->width;
-    pictures.height = first->height;
-    g_clear_pointer(&first, import_picture_free);
+    pictures.first = first;
+    g_clear_pointer(&first->rgb, g_free);
     import_names_degrees(views, &view_theta, &view_phi);
     import_names_degrees(lights, &light_theta, &light_phi);
     const struct import_material material = {
         .source = source,
-        .width = pictures.width,
-        .height = pictures.height,
+        .width = first->width,
+        .height = first->height,
         .texel_mm = wish->texel_mm > 0 ? wish->texel_mm : 1,
         .region = wish->region,
         .n_views = (int)views->len,
@@ -316,9 +448,17 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
         .picture = import_names_give_picture,
+        .filled = import_names_filled,
         .data = &pictures,
     };
-    return import_material(path, &material, work, ret, error);
+    int steepest = 0;
+    for (int v = 1; v < (int)views->len; v++)
+        steepest = view_theta[v] < view_theta[steepest] ? v : steepest;
+    pictures.look = import_look_new(wish->transfer, (int)views->len, (int)lights->len, light_theta,
+                                    light_phi, steepest);
+    const gboolean ok = import_material(path, &material, work, ret, error);
+    import_look_free(pictures.look);
+    return ok;
 }
 
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,

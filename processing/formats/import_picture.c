@@ -1,6 +1,7 @@
 #include "import_private.h"
 
 #include <glib/gstdio.h>
+#include <math.h>
 #include <string.h>
 
 #include "base/data_error.h"
@@ -10,9 +11,12 @@
 #include "pictures/raw.h"
 #include "pictures/vision.h"
 
+#define OPAQUE 0.999F
+
 void import_picture_free(struct import_picture *picture) {
     if (!picture)
         return;
+    picture_says_clear(&(struct picture_says){.tone = picture->tone});
     g_free(picture->rgb);
     g_free(picture);
 }
@@ -67,71 +71,166 @@ static struct import_picture *import_picture_read_raw(const char *path, gboolean
         take_mosaic(picture, raw, cfa);
     else
         take_cells(picture, raw, cfa);
+    picture->tone =
+        (struct picture_tone){.tones = PICTURE_TONES_LINEAR, .said = g_strdup("camera raw")};
     return picture;
 }
 
-static struct import_picture *import_picture_read_exr(const char *path, GError **error) {
-    g_autoptr(ExrFile) file = exr_read(path, error);
-    if (!file)
-        return NULL;
-    const struct exr_part *part = file->parts->len ? file->parts->pdata[0] : NULL;
-    /* The pixels need memory twice here: once as planes, once interleaved. */
-    GStatBuf status;
-    if (part &&
-        !input_file_check_pixels(path, (guint64)part->width, (guint64)part->height,
-                                 g_stat(path, &status) == 0 ? (guint64)status.st_size : 0, error))
-        return NULL;
-    const float *grey = part ? exr_part_plane(part, "Y") : NULL;
-    const float *planes[3] = {grey, grey, grey};
-    for (int c = 0; part && !grey && c < 3; c++)
-        planes[c] = exr_part_plane(part, (const char *const[]){"R", "G", "B"}[c]);
-    if (!planes[0] || !planes[1] || !planes[2]) {
-        data_error_set(path, 0, error, "there are neither R, G and B in it nor Y");
-        return NULL;
+/* The layer whose channels R, G and B are to be read, with its dot: "" if these are the names
+ * themselves. NULL: there is none, or there are several, which ret_layers lists. */
+static char *find_layer(const struct exr_part *part, GString *ret_layers) {
+    g_autofree char *found = NULL;
+    int n = 0;
+    if (exr_part_plane(part, "R") && exr_part_plane(part, "G") && exr_part_plane(part, "B"))
+        return g_strdup("");
+    for (int c = 0; c < part->n_channels; c++) {
+        const char *name = part->channels[c];
+        if (!g_str_has_suffix(name, ".R"))
+            continue;
+        g_autofree char *layer = g_strndup(name, strlen(name) - 1);
+        g_autofree char *green = g_strconcat(layer, "G", NULL);
+        g_autofree char *blue = g_strconcat(layer, "B", NULL);
+        if (!exr_part_plane(part, green) || !exr_part_plane(part, blue))
+            continue;
+        g_string_append_printf(ret_layers, "%s%.*s", n++ ? ", " : "", (int)strlen(layer) - 1,
+                               layer);
+        g_free(found);
+        found = g_steal_pointer(&layer);
     }
+    return n == 1 ? g_steal_pointer(&found) : NULL;
+}
+
+static float *plane_of(const struct exr_part *part, const char *layer, const char *channel) {
+    g_autofree char *name = g_strconcat(layer, channel, NULL);
+    return exr_part_plane(part, name);
+}
+
+/* Masked pixels of an EXR are those that are not opaque, and those outside of its data window. */
+static struct import_picture *take_exr(const struct exr_part *part, const float *const planes[3],
+                                       const float *opacity, gboolean grey) {
     struct import_picture *picture = g_new0(struct import_picture, 1);
     const gsize n = (gsize)part->width * (gsize)part->height;
     picture->width = part->width;
     picture->height = part->height;
-    picture->grey = grey != NULL;
+    picture->left_px = part->left_px;
+    picture->top_px = part->top_px;
+    picture->grey = grey;
+    picture->transparent = opacity ? 0 : (gsize)part->outside;
     picture->rgb = g_new(float, 3 * n);
-    for (gsize i = 0; i < n; i++)
-        for (int c = 0; c < 3; c++)
-            picture->rgb[3 * i + (gsize)c] = planes[c][i];
+    for (gsize i = 0; i < n; i++) {
+        const gboolean seen = !opacity || opacity[i] >= OPAQUE;
+        picture->transparent += !seen;
+        for (gsize c = 0; c < 3; c++)
+            picture->rgb[3 * i + c] = seen ? planes[c][i] : NAN;
+    }
     return picture;
 }
 
-/* ret_bits: NULL for linear values. */
-static struct import_picture *import_picture_read_any(const char *path, int *ret_bits,
+static struct import_picture *import_picture_read_exr(const char *path, GError **error) {
+    g_autoptr(ExrPart) part = exr_read_picture(path, error);
+    if (!part)
+        return NULL;
+    /* The pixels need memory twice here: once as planes, once interleaved. */
+    GStatBuf status;
+    if (!input_file_check_pixels(path, (guint64)part->width, (guint64)part->height,
+                                 g_stat(path, &status) == 0 ? (guint64)status.st_size : 0, error))
+        return NULL;
+    const float *grey = exr_part_plane(part, "Y");
+    g_autoptr(GString) layers = g_string_new(NULL);
+    g_autofree char *layer = grey ? NULL : find_layer(part, layers);
+    if (!grey && !layer) {
+        if (layers->len)
+            data_error_set(path, 0, error,
+                           "R, G and B are there in several layers: %s; save the one that is meant",
+                           layers->str);
+        else
+            data_error_set(path, 0, error, "there are neither R, G and B in it nor Y");
+        return NULL;
+    }
+    const float *const planes[3] = {grey ? grey : plane_of(part, layer, "R"),
+                                    grey ? grey : plane_of(part, layer, "G"),
+                                    grey ? grey : plane_of(part, layer, "B")};
+    return take_exr(part, planes, plane_of(part, layer ? layer : "", "A"), grey != NULL);
+}
+
+static struct import_picture *read_other(const char *path, GError **error) {
+    struct picture_codes codes;
+    if (!picture_read_codes(path, &codes, error))
+        return NULL;
+    struct import_picture *picture = g_new0(struct import_picture, 1);
+    *picture = (struct import_picture){.width = codes.width,
+                                       .height = codes.height,
+                                       .grey = codes.grey,
+                                       .bits = codes.bits,
+                                       .transparent = codes.transparent,
+                                       .rgb = codes.rgb,
+                                       .tone = codes.says.tone};
+    return picture;
+}
+
+/* codes: the numbers in the file, and of camera raw the mosaic. */
+static struct import_picture *import_picture_read_any(const char *path, gboolean codes,
                                                       GError **error) {
     g_autoptr(GError) found = NULL;
-    struct import_picture *picture = NULL;
-    if (has_end(path, (const char *const[]){".exr", NULL})) {
-        picture = import_picture_read_exr(path, &found);
-        if (ret_bits)
-            *ret_bits = 0;
-    } else if (raw_is(path)) {
-        picture = import_picture_read_raw(path, ret_bits != NULL, &found);
-        if (ret_bits)
-            *ret_bits = 0;
-    } else {
-        picture = g_new0(struct import_picture, 1);
-        if (!(ret_bits ? picture_read_codes(path, &picture->width, &picture->height, &picture->grey,
-                                            ret_bits, &picture->rgb, &found)
-                       : picture_read_colour(path, &picture->width, &picture->height,
-                                             &picture->grey, &picture->rgb, &found)))
-            g_clear_pointer(&picture, import_picture_free);
-    }
+    struct import_picture *picture = has_end(path, (const char *const[]){".exr", NULL})
+                                         ? import_picture_read_exr(path, &found)
+                                     : raw_is(path) ? import_picture_read_raw(path, codes, &found)
+                                                    : read_other(path, &found);
     if (!picture)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s",
                     found ? found->message : "it cannot be read");
     return picture;
 }
 
-struct import_picture *import_picture_read(const char *path, GError **error) {
-    return import_picture_read_any(path, NULL, error);
+struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
+                                           GError **error) {
+    g_autoptr(ImportPicture) picture = import_picture_read_any(path, FALSE, error);
+    g_autoptr(GError) found = NULL;
+    if (!picture)
+        return NULL;
+    const struct picture_tone *tone =
+        picture_tone_choose(&picture->tone, picture->bits, wanted, path, &found);
+    if (!tone) {
+        g_set_error_literal(error, DATA_ERROR, DATA_ERROR_INVALID, found->message);
+        return NULL;
+    }
+    if (picture->bits || picture->tone.said || wanted != PICTURE_TONES_UNSAID)
+        picture_tone_apply(tone, picture->bits, picture->rgb,
+                           3 * (gsize)picture->width * (gsize)picture->height);
+    return g_steal_pointer(&picture);
 }
 
-struct import_picture *import_picture_read_codes(const char *path, int *ret_bits, GError **error) {
-    return import_picture_read_any(path, ret_bits, error);
+struct import_picture *import_picture_read_codes(const char *path, GError **error) {
+    return import_picture_read_any(path, TRUE, error);
+}
+
+gboolean import_picture_check_same(const struct import_picture *first,
+                                   const struct import_picture *second, const char *list, int line,
+                                   const char *name, GError **error) {
+    if (second->width != first->width || second->height != first->height)
+        return data_error_fail(list, line, error,
+                               "%s has %d × %d pixels, the first picture %d × %d", name,
+                               second->width, second->height, first->width, first->height);
+    return (second->left_px == first->left_px && second->top_px == first->top_px) ||
+           data_error_fail(
+               list, line, error,
+               "the display window of %s begins at %d, %d, that of the first picture at "
+               "%d, %d, so that they show different parts of the scene; crop all "
+               "pictures alike",
+               name, second->left_px, second->top_px, first->left_px, first->top_px);
+}
+
+gboolean import_picture_check_holes(const struct import_picture *picture, gsize n_bad,
+                                    gsize n_pixels, const char *list, int line, const char *name,
+                                    GError **error) {
+    const gsize masked = MIN(picture->transparent, n_bad);
+    g_autofree char *of = name ? g_strdup_printf("the %zu pixels of %s", n_pixels, name)
+                               : g_strdup_printf("its %zu pixels", n_pixels);
+    if ((double)n_bad > IMPORT_MOST_MASKED * (double)n_pixels && masked > 0)
+        return data_error_fail(list, line, error,
+                               "%zu of %s are masked or not numbers; remove the channel of opacity "
+                               "if they show the sample",
+                               n_bad, of);
+    return (double)(n_bad - masked) <= IMPORT_MOST_HOLES * (double)(n_pixels - masked) ||
+           data_error_fail(list, line, error, "%zu of %s are not numbers", n_bad, of);
 }

@@ -11,6 +11,10 @@
 #define STEPS_A_DEG 10000 /* angles within 1/this degree are equal */
 #define MOST_ROWS   1000000
 
+const char *const import_poses_columns[] = {
+    "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg", "exposure_ms",
+    "sweep_deg", "black_level", "bits", "transfer", "flat_field",    NULL};
+
 static gint64 import_poses_steps(double deg) {
     const gint64 turn = (gint64)360 * STEPS_A_DEG;
     const gint64 at = llround(remainder(deg, 360) * STEPS_A_DEG) % turn;
@@ -97,6 +101,8 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
                                     .arc = text_table_column(table, "arc_deg"),
                                     .exposure = text_table_column(table, "exposure_ms"),
                                     .sweep = text_table_column(table, "sweep_deg")};
+    if (!text_table_check_columns(table, import_poses_columns, error))
+        return FALSE;
     if (columns.file < 0 || columns.camera < 0 || (columns.lamp < 0 && columns.laser < 0))
         return data_error_fail(
             text_table_path(table), 0, error,
@@ -274,6 +280,26 @@ static gboolean check_lights(const struct import_set *set, GError **error) {
     return TRUE;
 }
 
+/* Looks at the view that is nearest to the normal. */
+static struct import_look *new_look(const struct import_set *set) {
+    const guint n = set->lights->len;
+    g_autofree float *theta = g_new(float, MAX(n, 1)), *phi = g_new(float, MAX(n, 1));
+    int steepest = 0;
+    for (guint i = 0; i < n; i++) {
+        const struct session_direction *light =
+            &g_array_index(set->lights, struct session_direction, i);
+        theta[i] = (float)light->theta_deg;
+        phi[i] = (float)light->phi_deg;
+    }
+    for (guint i = 0; i < set->views->len; i++)
+        if (set->first[i] &&
+            (!set->first[steepest] ||
+             g_array_index(set->views, struct session_direction, i).theta_deg <
+                 g_array_index(set->views, struct session_direction, steepest).theta_deg))
+            steepest = (int)i;
+    return import_look_new(set->wish->transfer, (int)set->views->len, (int)n, theta, phi, steepest);
+}
+
 static gboolean import_poses_make(struct import_set *set, const char *path, const struct work *work,
                                   GError **error) {
     struct import_place place;
@@ -293,11 +319,33 @@ static gboolean import_poses_make(struct import_set *set, const char *path, cons
         .n_lasers = (int)set->lasers->len,
         .shots = (const struct session_shot *)(gpointer)set->shots->data,
         .n_shots = (int)set->shots->len};
+    set->look = new_look(set);
     set->session = session_create(place.session, place.name, &texts, &plan, error);
     const gboolean ok = set->session && import_frames_write(set, work, error) &&
+                        import_look_tell(set->look, set->session, set->wish->notes, error) &&
                         session_set_value(set->session, "imported_frames", set->table, error) &&
                         session_set_value(set->session, "state", "done", error);
     return import_place_end(&place, set->session, ok, error);
+}
+
+/* Says how the pictures of cameras that look straight down are taken to lie, since there is no
+ * level to measure their turn by. */
+static void tell_downward(const struct import_set *set) {
+    const struct rig *rig = &set->known->rig;
+    for (int c = 0; set->wish->notes && c < rig->n_cameras; c++) {
+        const struct rig_camera *camera = &rig->cameras[c];
+        const double *right = camera->rotation.m[0];
+        if (!nominal_looks_down(camera))
+            continue;
+        double azimuth = atan2(right[1], right[0]) * 180 / G_PI;
+        azimuth = azimuth < -0.5 ? azimuth + 360 : azimuth;
+        g_ptr_array_add(
+            set->wish->notes,
+            g_strdup_printf(
+                "camera %s looks straight down; the right of its pictures is taken to "
+                "point to %.0f° (0°: x, 90°: y); if it does not, correct turn_deg in %s",
+                camera->name, fabs(azimuth), set->wish->calibration));
+    }
 }
 
 gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
@@ -318,6 +366,8 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&
                         import_poses_read_rows(&set, table, error) &&
                         import_poses_make(&set, path, work, error);
+    if (ok)
+        tell_downward(&set);
     ret->n_views = (int)set.views->len;
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;
@@ -330,6 +380,7 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     g_array_unref(set.lights);
     g_array_unref(set.lasers);
     g_array_unref(set.shots);
+    import_look_free(set.look);
     calibration_free(set.known);
     return ok;
 }

@@ -13,7 +13,8 @@
  *   sweep_deg       of sweeps, how far the laser has turned; evenly spaced
  *   black_level     what a pixel shows without light, a number of the file; 0 if it says nothing
  *   bits            of a number: white is 2^bits − 1; all that the file has
- *   transfer        linear or srgb; srgb of files of 8 bits, else linear
+ *   transfer        linear or srgb; if it says nothing, what the file says (PNG, ICC profile,
+ *                   EXIF), else srgb of files of 8 bits, and linear of others
  *   flat_field      a picture of an even surface, coded likewise, which those for the BTF are
  *                   divided by; it is 1 around its middle
  *
@@ -28,11 +29,12 @@
  * It then has the direction of the first of them in the plan, and the BTF's files say where each
  * lamp was. In a sweep one picture in ten may be
  * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
- * no numbers are holes. Any thread.
+ * no numbers, or masked (transparent), are holes. Any thread.
  */
 #pragma once
 
 #include "import.h"
+#include "pictures/picture_says.h"
 
 enum import_edge {
     IMPORT_LINE,    /* a bright line moves over the sample */
@@ -47,7 +49,9 @@ struct import_poses {
     enum import_edge edge;
     double threshold_dn;   /* least height of a peak */
     double same_light_deg; /* lamps whose directions differ by no more are one light; 0: none */
-    gboolean target;       /* pictures of a calibration target: views need not have all lights */
+    enum picture_tones transfer; /* of rows that say none; PICTURE_TONES_UNSAID: as the files say */
+    GPtrArray *notes;            /* NULL, or where sentences for the user are added, g_free() */
+    gboolean target; /* pictures of a calibration target: views need not have all lights */
 };
 
 struct import_poses_result {

@@ -8,18 +8,15 @@
 
 #define IMPORT_WHITE_DN 4095
 
-enum import_transfer {
-    IMPORT_TRANSFER_BY_BITS, /* sRGB of 8 bits, else linear */
-    IMPORT_TRANSFER_LINEAR,
-    IMPORT_TRANSFER_SRGB,
-};
+/* The names of the table's columns, ending with NULL. */
+extern const char *const import_poses_columns[];
 
 /* How a picture's numbers stand for light. */
 struct import_coding {
-    double black_level; /* the number without light */
-    int bits;           /* white is 2^bits − 1; 0: as many as the file has */
-    enum import_transfer transfer;
-    char *flat_path; /* a picture of an even surface by the same camera; NULL: none */
+    double black_level;          /* the number without light */
+    int bits;                    /* white is 2^bits − 1; 0: as many as the file has */
+    enum picture_tones transfer; /* PICTURE_TONES_UNSAID: as the file says */
+    char *flat_path;             /* a picture of an even surface by the same camera; NULL: none */
 };
 
 struct import_row {
@@ -44,6 +41,7 @@ struct import_set {
     gboolean *in_colour;             /* of each view, whether that one is in colour */
     GArray *shots;                   /* of struct session_shot */
     GHashTable *flats; /* of import_coding.c: key → struct import_picture of factors */
+    struct import_look *look;
     Session *session;
     struct import_poses_result *ret;
 };

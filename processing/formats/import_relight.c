@@ -16,6 +16,7 @@
 
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "btf/btf_directions.h"
 #include "hsh/hsh.h"
 
 #define MOST_LIGHTS    65536
@@ -26,6 +27,7 @@
 
 struct relight {
     const char *path;
+    const struct import_wish *wish;
     JsonObject *info; /* of the parser */
     gboolean hsh, lrgb;
     int n_terms, n_planes; /* planes: pictures */
@@ -83,6 +85,31 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     return NULL;
 }
 
+/* The lights under which the material is made if the file lists none: it can be lit from anywhere.
+ */
+static gboolean relight_take_directions(struct relight *relight, GError **error) {
+    const char *path = relight->wish->directions;
+    struct btf_directions *from = path ? btf_directions_read(path, error) : btf_directions_81();
+    if (!from)
+        return FALSE;
+    relight->n_lights = (int)from->lights.n;
+    relight->lights = g_new(double, 3 * from->lights.n);
+    for (gsize i = 0; i < from->lights.n; i++) {
+        const double theta = (double)from->lights.theta_deg[i] * G_PI / 180;
+        const double phi = (double)from->lights.phi_deg[i] * G_PI / 180;
+        relight->lights[3 * i] = sin(theta) * cos(phi);
+        relight->lights[3 * i + 1] = sin(theta) * sin(phi);
+        relight->lights[3 * i + 2] = cos(theta);
+    }
+    if (relight->wish->notes)
+        g_ptr_array_add(
+            relight->wish->notes,
+            g_strdup_printf("%s lists no lights: the material is made under the %d of %s",
+                            relight->path, relight->n_lights, path ? path : "the papers"));
+    btf_directions_free(from);
+    return TRUE;
+}
+
 static gboolean relight_read_info(struct relight *relight, GError **error) {
     const char *type = relight_word(relight, "type"), *space = relight_word(relight, "colorspace");
     JsonNode *materials = json_object_get_member(relight->info, "materials");
@@ -120,17 +147,13 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
     n = (guint)relight->n_planes * 3;
     JsonObject *material = json_node_get_object(first);
     if (!(relight->scale = relight_numbers(relight, material, "scale", n, NULL, error)) ||
-        !(relight->bias = relight_numbers(relight, material, "bias", n, NULL, error)) ||
-        !(relight->lights = relight_numbers(relight, relight->info, "lights", 0, &n, error)))
+        !(relight->bias = relight_numbers(relight, material, "bias", n, NULL, error)))
         return FALSE;
+    if (!json_object_has_member(relight->info, "lights"))
+        return relight_take_directions(relight, error);
+    relight->lights = relight_numbers(relight, relight->info, "lights", 0, &n, error);
     relight->n_lights = (int)n / 3;
-    return TRUE;
-}
-
-/* Converts linear values back to bytes: exact for all 256. */
-static guint8 relight_byte(float linear) {
-    const double v = (double)linear;
-    return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
+    return relight->lights != NULL;
 }
 
 static gboolean relight_read_plane(struct relight *relight, int plane, GError **error) {
@@ -143,17 +166,19 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
     if (!g_file_test(path, G_FILE_TEST_EXISTS))
         return data_error_fail(relight->path, 0, error,
                                "there is no %s beside it; planes that are cut into tiles (.dzi, "
-                               ".tzi) are to be joined first",
+                               ".tzi, planes.tzi) are to be joined first",
                                name);
-    g_autoptr(ImportPicture) picture = import_picture_read(path, error);
+    g_autoptr(ImportPicture) picture = import_picture_read_codes(path, error);
     if (!picture)
         return FALSE;
     if (picture->width != relight->width || picture->height != relight->height)
         return data_error_fail(path, 0, error, "it has %d × %d pixels, info.json says %d × %d",
                                picture->width, picture->height, relight->width, relight->height);
+    if (picture->bits != 8)
+        return data_error_fail(path, 0, error, "its numbers have not 8 bits, as planes have");
     relight->planes[plane] = g_new(guint8, n);
     for (gsize i = 0; i < n; i++)
-        relight->planes[plane][i] = relight_byte(CLAMP(picture->rgb[i], 0, 1));
+        relight->planes[plane][i] = isfinite(picture->rgb[i]) ? (guint8)picture->rgb[i] : 0;
     return TRUE;
 }
 
@@ -254,7 +279,14 @@ gboolean import_relight(const char *path, const char *file, const struct import_
     g_autofree char *info = g_file_test(file, G_FILE_TEST_IS_DIR)
                                 ? g_build_filename(file, "info.json", NULL)
                                 : g_strdup(file);
-    struct relight relight = {.path = info};
+    struct relight relight = {.path = info, .wish = wish};
+    g_autofree char *folder = g_path_get_dirname(info);
+    g_autofree char *other = g_build_filename(folder, "info.xml", NULL);
+    if (g_str_has_suffix(info, ".xml") ||
+        (!g_file_test(info, G_FILE_TEST_EXISTS) && g_file_test(other, G_FILE_TEST_EXISTS)))
+        return data_error_fail(g_str_has_suffix(info, ".xml") ? info : other, 0, error,
+                               "it is of WebRTI, whose tiles are not read; import the .ptm or .rti "
+                               "that it was made from (mesorig import ptm)");
     GError *found = NULL;
     g_autofree char *text = input_file_read_text(info, MAX_INFO_BYTES, &found);
     g_autoptr(JsonParser) parser = json_parser_new_immutable();

@@ -6,11 +6,13 @@
 #include "base/config.h"
 #include "base/data_error.h"
 #include "base/input_file.h"
+#include "base/nearest.h"
 #include "base/text_table.h"
 #include "import_poses_private.h"
 
 #define LARGEST_MM 1e6
 #define UNFILLED   "?"
+#define STEEP_DEG  1.0 /* a camera within this of straight down has no level of its own */
 
 struct nominal_place {
     double width, height, focal_px, cx_px, cy_px, k1, k2, k3, p1, p2, vignetting, response,
@@ -36,7 +38,9 @@ static const struct nominal_key camera_keys[] = {
     {"eye_mm", POINT(eye_mm), NULL, "where the lens is: x; y; z from the middle of the turntable"},
     {"target_mm", POINT(target_mm), "0; 0; 0", "the point that is in the middle of the picture"},
     {"turn_deg", PLACE(turn_deg), 1, -360, 360, "0",
-     "camera's turn about its line of sight, clockwise from behind; 0: the picture is level"},
+     "camera's turn about its line of sight, clockwise from behind; 0: the picture is level, or, "
+     "of "
+     "a camera that looks straight down, x points to its right and y to its top"},
     {"response", PLACE(response), 1, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE,
      G_STRINGIFY(NOMINAL_RESPONSE),
      "4095 × share of white in a second per W/(sr m²); calibrate radiometry finds it"},
@@ -104,6 +108,10 @@ static struct vec3 nominal_vec3(const double *p) {
     return vec3(p[0], p[1], p[2]);
 }
 
+gboolean nominal_looks_down(const struct rig_camera *camera) {
+    return camera->rotation.m[2][2] < -cos(STEEP_DEG * G_PI / 180);
+}
+
 static gboolean nominal_camera(const struct config_section *section, const struct nominal_place *p,
                                struct rig *rig, GError **error) {
     struct rig_camera *camera = &rig->cameras[rig->n_cameras++];
@@ -129,6 +137,15 @@ static gboolean nominal_camera(const struct config_section *section, const struc
                                   .response = p->response};
     g_strlcpy(camera->name, section->name, RIG_NAME);
     rig_camera_look_at(camera, eye, target);
+    if (nominal_looks_down(camera)) { /* no direction is level: as a map has it */
+        const struct vec3 forward = vec3_unit(vec3_sub(target, eye));
+        const struct vec3 right = vec3_unit(
+            vec3_sub(vec3(1, 0, 0), vec3_scale(forward, vec3_dot(vec3(1, 0, 0), forward))));
+        const struct vec3 down = vec3_cross(forward, right);
+        camera->rotation = (struct mat3){{{right.x, right.y, right.z},
+                                          {down.x, down.y, down.z},
+                                          {forward.x, forward.y, forward.z}}};
+    }
     /* Clockwise seen from behind: the camera's right turns towards its down. */
     const double c = cos(p->turn_deg * G_PI / 180), s = sin(p->turn_deg * G_PI / 180);
     const struct mat3 level = camera->rotation;
@@ -188,11 +205,18 @@ static gboolean nominal_section(const struct config_section *section,
         const struct nominal_key *key = kind->keys;
         while (key->name && strcmp(key->name, *name) != 0)
             key++;
-        if (!key->name)
+        if (!key->name) {
+            struct nearest nearest = nearest_new(*name);
+            for (key = kind->keys; key->name; key++)
+                nearest_consider(&nearest, key->name);
+            if (nearest.name)
+                return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
+                                        "there is no such key; did you mean %s?", nearest.name);
             return config_set_error(error, CONFIG_ERROR_UNKNOWN, section, *name,
                                     "a %s has no such key; import poses --template writes all that "
                                     "there are",
                                     kind->class_name);
+        }
     }
     for (const struct nominal_key *key = kind->keys; key->name; key++)
         if (!nominal_numbers(section, key, &place, error))
@@ -275,7 +299,7 @@ char *nominal_template(const char *path, GError **error) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     g_autofree char *absolute = g_canonicalize_filename(path, NULL);
     g_autofree char *folder = g_path_get_dirname(absolute);
-    if (!table)
+    if (!table || !text_table_check_columns(table, import_poses_columns, error))
         return NULL;
     if (text_table_column(table, "file") < 0 || text_table_column(table, "camera") < 0) {
         data_error_set(path, 0, error,
@@ -292,13 +316,12 @@ char *nominal_template(const char *path, GError **error) {
             g_autofree char *key = g_strdup_printf("%s %s", kinds[k].class_name, name);
             g_autoptr(ImportPicture) picture = NULL;
             g_autoptr(GError) found = NULL;
-            int bits;
             if (!*name || !g_hash_table_add(known, g_steal_pointer(&key)))
                 continue;
             if (k == 0) {
                 g_autofree char *file = g_canonicalize_filename(
                     text_table_text(table, i, text_table_column(table, "file")), folder);
-                picture = import_picture_read_codes(file, &bits, &found);
+                picture = import_picture_read_codes(file, &found);
             }
             if (found) {
                 data_error_set(path, text_table_line(table, i), error, "%s", found->message);

@@ -14,6 +14,10 @@
  * error of calibration_read(). */
 struct calibration *nominal_read(const char *path, GError **error);
 
+/* Whether a camera looks straight down, within a degree. Its pictures are level then if x points to
+ * their right and y to their top; any other camera's if the horizon is level. */
+gboolean nominal_looks_down(const struct rig_camera *camera);
+
 /* A file to fill in for the cameras, lamps and lasers that a table of pictures (import_poses.h)
  * names; sizes are those of each camera's first picture. NULL: DATA_ERROR. g_free() */
 char *nominal_template(const char *table, GError **error);

@@ -20,7 +20,6 @@
 #define TOLERANCE   0.1  /* of the value of a light along the normal */
 #define ROUNDS      8
 #define SHADOWED    0.25
-#define STEEPEST    0.1 /* least z of a normal whose slope is integrated */
 #define PTM_TERMS   6
 #define PTM_COLOURS 3 /* values of a texel before C0 */
 
@@ -209,18 +208,8 @@ static struct exr_part *fit_normals_part(const struct fit *fit, gboolean heights
             part->planes[i % 3][i / 3] = fit->normals[i];
         return part;
     }
-    g_autofree float *p = g_new(float, n), *q = g_new(float, n);
-    for (gsize i = 0; i < n; i++) {
-        const float *normal = fit->normals + 3 * i;
-        const float z = MAX(normal[2], (float)STEEPEST);
-        p[i] = normal[2] > 0 ? -normal[0] / z : NAN;
-        q[i] = normal[2] > 0 ? -normal[1] / z : NAN;
-        part->planes[0][i] = normal[2] > 0;
-    }
-    integrate_normals(p, q, width, height, fit->layout->texel_mm, part->planes[1]);
-    for (gsize i = 0; i < n; i++)
-        if (part->planes[0][i] <= 0)
-            part->planes[1][i] = 0;
+    integrate_normals_of(fit->normals, width, height, fit->layout->texel_mm, part->planes[1],
+                         part->planes[0]);
     return part;
 }
 

@@ -10,6 +10,8 @@
 #include <math.h>
 #include <string.h>
 
+#define STEEPEST 0.1 /* least z of a normal whose slope is integrated */
+
 #define COARSEST   8    /* texels across, below which no coarser grid helps */
 #define ITERATIONS 400  /* at most, on each grid */
 #define PRECISION  1e-7 /* residual, relative to that of all heights 0 */
@@ -134,4 +136,21 @@ void integrate_normals(const float *p, const float *q, int width, int height, do
         }
     for (gsize i = 0; i < n; i++)
         ret_z[i] = joined(&grid, i, i) ? (float)(z[i] - sum / (double)MAX(known, 1)) : NAN;
+}
+
+void integrate_normals_of(const float *normals, int width, int height, double step, float *ret_z,
+                          float *ret_known) {
+    const gsize n = (gsize)width * (gsize)height;
+    g_autofree float *p = g_new(float, n), *q = g_new(float, n);
+    for (gsize i = 0; i < n; i++) {
+        const float *normal = normals + 3 * i;
+        const float z = MAX(normal[2], (float)STEEPEST);
+        p[i] = normal[2] > 0 ? -normal[0] / z : NAN;
+        q[i] = normal[2] > 0 ? -normal[1] / z : NAN;
+        ret_known[i] = normal[2] > 0;
+    }
+    integrate_normals(p, q, width, height, step, ret_z);
+    for (gsize i = 0; i < n; i++)
+        if (ret_known[i] <= 0)
+            ret_z[i] = 0;
 }

@@ -302,6 +302,7 @@ gboolean pipeline_causes(const char *directory, const char *calibration,
         texts_clear(&texts);
         return FALSE;
     }
+    session_suspicions(session, ret);
     explain_mdf(session, &texts, result, ret);
     for (guint i = 0; result->n_views > 0 && i < texts.views->len; i++) {
         struct seen_view one = {.view = texts.views->pdata[i]};

@@ -190,6 +190,22 @@ char *session_value(Session *session, const char *key) {
     return value;
 }
 
+void session_suspicions(Session *session, GPtrArray *ret) {
+    g_autofree char *value = session_value(session, "suspicions");
+    g_auto(GStrv) lines = value ? g_strsplit(value, "\n", -1) : NULL;
+    for (char **line = lines; line && *line; line++)
+        g_ptr_array_add(ret, g_strdup(*line));
+}
+
+gboolean session_suspect(Session *session, const char *sentence, GError **error) {
+    g_autofree char *before = session_value(session, "suspicions");
+    g_auto(GStrv) lines = before ? g_strsplit(before, "\n", -1) : NULL;
+    if (lines && g_strv_contains((const char *const *)lines, sentence))
+        return TRUE;
+    g_autofree char *all = before ? g_strconcat(before, "\n", sentence, NULL) : g_strdup(sentence);
+    return session_set_value(session, "suspicions", all, error);
+}
+
 GHashTable *session_values(Session *session, const char *prefix, GError **error) {
     g_autoptr(GHashTable) values = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     g_autoptr(sqlite3_stmt) statement = session_db_query(

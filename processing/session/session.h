@@ -211,6 +211,12 @@ gboolean session_read_value(Session *session, const char *key, char **ret, GErro
 /* The same, for what is shown to people alone: NULL: not set, or it cannot be read; g_free() */
 char *session_value(Session *session, const char *key);
 
+/* What looks wrong about a session's input, a sentence each: the value "suspicions", which check
+ * and process show. session_suspect() adds one that is not there yet; session_suspicions() adds all
+ * to an array of char *. */
+gboolean session_suspect(Session *session, const char *sentence, GError **error);
+void session_suspicions(Session *session, GPtrArray *ret);
+
 /* All values whose names begin with prefix: name → value, both owned by the table. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);
 

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/text_table.h"
 #include "btf/btf.h"
 
 #define NEAR_DEG                                                                                   \
@@ -17,20 +18,19 @@
 static gboolean chart_session_parse_line(const char *line, struct chart_field *ret) {
     double *const to[] = {&ret->x_mm,   &ret->y_mm,   &ret->radius_mm,
                           &ret->xyz[0], &ret->xyz[1], &ret->xyz[2]};
-    g_auto(GStrv) words = g_strsplit(line, ",", 8);
+    const char *separator = strchr(line, ';') ? ";" : strchr(line, '\t') ? "\t" : ",";
+    g_auto(GStrv) words = g_strsplit(line, separator, 8);
     if (g_strv_length(words) != G_N_ELEMENTS(to))
         return FALSE;
     for (gsize i = 0; i < G_N_ELEMENTS(to); i++) {
-        char *end = NULL, *word = g_strstrip(words[i]);
-        *to[i] = g_ascii_strtod(word, &end);
-        if (end == word || *end != '\0' || !isfinite(*to[i]) || fabs(*to[i]) > 1e4)
+        if (!text_table_parse(g_strstrip(words[i]), *separator != ',', to[i]) || fabs(*to[i]) > 1e4)
             return FALSE;
     }
     return ret->radius_mm > 0 && ret->xyz[1] > 0 && ret->xyz[1] < 2;
 }
 
 GArray *chart_parse(const char *text, const char *path, GError **error) {
-    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    g_auto(GStrv) lines = text_table_lines(text);
     g_autoptr(GArray) fields = g_array_new(FALSE, FALSE, sizeof(struct chart_field));
     for (int i = 0; lines[i]; i++) {
         struct chart_field field = {0};

@@ -140,19 +140,22 @@ struct environment *environment_open(const char *name, GError **error) {
 }
 
 struct environment *environment_read(const char *path, GError **error) {
-    struct exr_file *file = exr_read(path, error);
+    g_autoptr(ExrPart) part = exr_read_picture(path, error);
     struct environment *ret = NULL;
-    if (file == NULL)
+    if (part == NULL)
         return NULL;
-    const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     float *rgb = NULL;
-    if (part == NULL || part->height < 1 || part->width != 2 * part->height)
+    if (part->width != 2 * part->height)
         environment_refuse(path, "its width is not twice its height", error);
+    else if (part->outside > 0)
+        environment_refuse(path,
+                           "it is cropped, its data window being smaller than its display window; "
+                           "save all of it",
+                           error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
         *ret = (struct environment){part->width, part->height, rgb};
     }
-    exr_file_free(file);
     return ret;
 }
 

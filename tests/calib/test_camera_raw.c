@@ -157,16 +157,18 @@ static void write_mosaic(const char *name) {
     static const char cfa[] = "grbg";
     g_autofree char *from = g_strdup_printf("/usr/share/doc/opencv-doc/examples/data/%s.jpg", name);
     g_autofree char *to = g_strdup_printf("%s/boards/%s.dng", folder, name);
-    g_autofree float *rgb = NULL;
+    g_auto(PictureCodes) codes = {0};
     g_autoptr(GError) error = NULL;
-    int width, height;
-    gboolean grey;
-    picture_read_colour(from, &width, &height, &grey, &rgb, &error);
+    float srgb[256];
+    picture_read_codes(from, &codes, &error);
     g_assert_no_error(error);
+    const int width = codes.width, height = codes.height;
+    picture_srgb(srgb);
     g_autofree guint16 *values = g_new(guint16, width * height);
     for (int k = 0; k < width * height; k++) {
         const int c = (int)(strchr("rgb", cfa[2 * (k / width & 1) + (k % width & 1)]) - "rgb");
-        values[k] = (guint16)lround(1024 + gain[c] * (16383 - 1024) * (double)rgb[3 * k + c]);
+        values[k] = (guint16)lround(1024 + gain[c] * (16383 - 1024) *
+                                               (double)srgb[(int)codes.rgb[3 * k + c]]);
     }
     write_dng(to, &(struct dng){.width = width,
                                 .height = height,

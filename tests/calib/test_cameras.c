@@ -179,6 +179,31 @@ static void test_spoilt_pictures(void) {
 }
 
 /* The lens alone, from pictures that are said to be photographs of a board held anyhow. */
+/* A chessboard whose first square has the other colour than said is taken upside down. Markers tell
+ * up from down themselves, so a board of them may lie half a turn from the nominal azimuths. */
+static void test_board_azimuth(void) {
+    static const double degrees[] = {0, 2, -90, 160, 179.5, -179.5, -172};
+    struct cameras_lay lays[2] = {{.tilt_deg = 20, .azimuth_deg = 77}, {.tilt_deg = 0.1}};
+    struct cameras_result result = {.lays = g_array_new(FALSE, FALSE, sizeof *lays)};
+    g_array_append_vals(result.lays, lays, 2);
+    for (gsize i = 0; i < G_N_ELEMENTS(degrees); i++)
+        for (int markers = 0; markers < 2; markers++) {
+            g_autoptr(GError) error = NULL;
+            struct board board;
+            double found;
+            g_assert_true(
+                board_parse(&board, markers ? "8x8,square=9,marker=6.75" : "7x6,square=8", NULL));
+            g_array_index(result.lays, struct cameras_lay, 1).azimuth_deg = degrees[i];
+            const gboolean right = markers || fabs(degrees[i]) < 165;
+            g_assert_true(right == cameras_board_azimuth(&result, &board, &found, &error));
+            if (right)
+                g_assert_cmpfloat(found, ==, degrees[i]);
+            else
+                g_assert_nonnull(strstr(error->message, "add first=white to --board"));
+        }
+    g_array_unref(result.lays);
+}
+
 static void test_lens(void) {
     g_autoptr(GError) error = NULL;
     struct rig rig = {.id = "photographs", .n_cameras = 1};
@@ -235,6 +260,7 @@ int main(int argc, char **argv) {
     for (gsize i = 0; i < G_N_ELEMENTS(refusals); i++)
         g_test_add_data_func(refusals[i].path, &refusals[i], test_refused);
     g_test_add_func("/cameras/never flat", test_never_flat);
+    g_test_add_func("/cameras/board azimuth", test_board_azimuth);
     g_test_add_func("/cameras/empty", test_empty);
     g_test_add_func("/cameras/mirrored", test_mirrored);
     g_test_add_func("/cameras/spoilt pictures", test_spoilt_pictures);

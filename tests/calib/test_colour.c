@@ -52,6 +52,43 @@ static void matrix(void) {
     g_assert_cmpfloat(chi2, <, 1.4);
 }
 
+/* Pictures that are darker or brighter than the chart's values say: the matrix has another scale,
+ * and the patches differ by the same ΔE. */
+static void scales(void) {
+    static const double of[] = {0.01, 0.1, 0.5, 1, 2, 10, 100};
+    double first = 0;
+    for (gsize s = 0; s < G_N_ELEMENTS(of); s++) {
+        struct colour_patch patches[24];
+        struct colour_matrix found;
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GRand) random = g_rand_new_with_seed(7);
+        for (int i = 0; i < 24; i++) {
+            double rgb[3];
+            for (int k = 0; k < 3; k++)
+                rgb[k] = g_rand_double_range(random, 0.05, 0.9);
+            to_xyz(rgb, patches[i].xyz);
+            for (int k = 0; k < 3; k++) {
+                patches[i].rgb[k] = of[s] * rgb[k];
+                patches[i].xyz[k] *= 1 + 0.03 * g_rand_double_range(random, -1, 1);
+            }
+        }
+        g_assert_true(colour_fit(patches, 24, &found, &error));
+        g_assert_no_error(error);
+        g_test_message("brightness %g: %.3f ΔE", of[s], found.residual);
+        first = s == 0 ? found.residual : first;
+        g_assert_cmpfloat_with_epsilon(found.residual, first, 1e-6);
+        for (int i = 0; i < 9; i++)
+            g_assert_cmpfloat(fabs(of[s] * found.matrix[i] - truth[i]), <, 0.05);
+        /* Another chart is refused at every brightness. */
+        for (int i = 0; i < 24; i++)
+            memcpy(patches[i].xyz, patches[(i * 7 + 3) % 24].xyz, sizeof patches[i].xyz);
+        g_assert_false(colour_fit(patches, 24, &found, &error));
+        g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT);
+    }
+    g_assert_cmpfloat(first, >, 1);
+    g_assert_cmpfloat(first, <, 4);
+}
+
 static void refused(const struct colour_patch *patches, int n, enum colour_error code) {
     struct colour_matrix found = {0};
     g_autoptr(GError) error = NULL;
@@ -86,6 +123,23 @@ static void bad_charts(void) {
         g_assert_null(chart_parse(wrong[i], "chart.csv", &error));
         g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE);
         g_assert_nonnull(strstr(error->message, "chart.csv:"));
+    }
+}
+
+/* As spreadsheets save it. */
+static void chart_forms(void) {
+    static const char *const forms[] = {"1.5,2,3,0.25,1,0.5\n1,2,3,1,1,1\n",
+                                        "1,5;2;3;0,25;1;0,5\r\n1;2;3;1;1;1\r\n",
+                                        "1.5\t2\t3\t0,25\t1\t0.5\r1\t2\t3\t1\t1\t1"};
+    for (gsize i = 0; i < G_N_ELEMENTS(forms); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GArray) fields = chart_parse(forms[i], "chart.csv", &error);
+        g_assert_no_error(error);
+        g_assert_cmpuint(fields->len, ==, 2);
+        const struct chart_field *field = &g_array_index(fields, struct chart_field, 0);
+        g_assert_cmpfloat(field->x_mm, ==, 1.5);
+        g_assert_cmpfloat(field->xyz[0], ==, 0.25);
+        g_assert_cmpfloat(field->xyz[2], ==, 0.5);
     }
 }
 
@@ -144,7 +198,9 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/colour/difference", difference);
     g_test_add_func("/colour/matrix", matrix);
+    g_test_add_func("/colour/scales", scales);
     g_test_add_func("/colour/bad-charts", bad_charts);
+    g_test_add_func("/colour/chart", chart_forms);
     g_test_add_func("/colour/session", session);
     int status = g_test_run();
     world_fixture_clean();

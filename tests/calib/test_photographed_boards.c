@@ -452,14 +452,13 @@ static void test_formats(void) {
     double rms_px;
     for (int i = 0; i < N; i++) {
         g_autofree char *path = path_of("left", i);
-        g_autofree float *rgb = NULL;
-        int width, height, bits;
-        gboolean is_grey;
-        g_assert_true(picture_read_codes(path, &width, &height, &is_grey, &bits, &rgb, &error));
-        g_autofree guint8 *grey = g_new(guint8, width * height);
-        for (int k = 0; k < width * height; k++)
-            grey[k] = (guint8)rgb[3 * k];
-        write_as(folder, i, grey, (guint32)width, (guint32)height);
+        g_auto(PictureCodes) codes = {0};
+        g_assert_true(picture_read_codes(path, &codes, &error));
+        const int n = codes.width * codes.height;
+        g_autofree guint8 *grey = g_new(guint8, n);
+        for (int k = 0; k < n; k++)
+            grey[k] = (guint8)codes.rgb[3 * k];
+        write_as(folder, i, grey, (guint32)codes.width, (guint32)codes.height);
     }
     const char *const arguments[] = {MESORIG, "calibrate", "cameras", "--images",
                                      folder,  "--board",   BOARD,     "-o",

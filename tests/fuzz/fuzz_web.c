@@ -54,7 +54,7 @@ static gboolean answer(gpointer data) {
     if (question->picture)
         question->picture(why ? NULL : &picture, why, question->data);
     else
-        question->done(why, question->data);
+        question->done(NULL, why, question->data);
     g_bytes_unref(picture.png);
     g_free(question);
     return G_SOURCE_REMOVE;
@@ -105,7 +105,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static GSocketAddress *address;
     g_autoptr(GError) error = NULL;
     if (!server) {
-        const struct web_options options = {.token = TOKEN};
+        /* The corpus names no port, which is 80. */
+        static const char *const hosts[] = {"localhost:80", "127.0.0.1:80", "[::1]:80", NULL};
+        const struct web_options options = {.token = TOKEN, .hosts = hosts};
         server = web_server_new(&rig, &options, &error);
         g_assert_no_error(error);
         address = g_inet_socket_address_new_from_string("127.0.0.1", port_of(server));

@@ -7,6 +7,7 @@ const pictureInterval = 2000; // ms between two pictures of a camera
 const clockTime = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
 let state = {};
 let acts = true; // whether the server has a token
+let safeNeedsToken = false;
 
 function text(id, value) {
   if ($(id).textContent !== String(value)) $(id).textContent = value;
@@ -49,6 +50,8 @@ function showState() {
     ? `${Math.floor(100 * state.shots_done / state.shots)} % ${state.state}` : `Mesorig: ${state.state}`;
   text("session", state.session || state.rig || "no rig is open");
   text("doing", state.doing || "");
+  showUnsafe(away);
+  showLatched();
   showNotice(paused);
   showPose();
   $("bar").value = state.shots ? state.shots_done / state.shots : 0;
@@ -65,11 +68,14 @@ function showState() {
   $("pause").disabled = !token || !runs;
   $("continue").disabled = !token || (!paused && !state.prompt);
   $("abort").disabled = !token || !busy;
-  $("safe").disabled = !token || away;
-  $("unlock").hidden = !!token;
-  $("actions").hidden = !acts;
+  $("safe").disabled = away || (safeNeedsToken && !token);
+  $("release").hidden = !state.latched;
+  $("release").disabled = !token || away;
+  $("unlock").hidden = !acts || !!token;
+  for (const name of ["pause", "continue", "abort"]) $(name).hidden = !acts;
+  if (!acts) $("release").hidden = true;
   const rows = (state.devices || []).map(device => {
-    const row = element("tr");
+    const row = element("tr", device.health.startsWith("unsafe") ? "unsafe" : "");
     for (const key of ["class", "name", "driver", "health"]) row.append(element("td", "", device[key]));
     return row;
   });
@@ -77,6 +83,25 @@ function showState() {
   showQueue();
   for (const device of state.devices || [])
     if (device.class === "camera") watchCamera(device.name);
+}
+
+// Devices that may give light or move although they should not. Nothing is known while no daemon answers.
+function showUnsafe(away) {
+  const names = away ? [] : state.unsafe || [];
+  const lines = names.map(name => {
+    const device = (state.devices || []).find(each => `${each.class} ${each.name}` === name);
+    return device && device.health.startsWith("unsafe: ") ? `${name}: ${device.health.slice(8)}` : name;
+  });
+  $("unsafe").hidden = lines.length === 0;
+  if (lines.length > 0) text("done", "");
+  if ($("unsafe-devices").dataset.shown === lines.join("\n")) return;
+  $("unsafe-devices").dataset.shown = lines.join("\n");
+  $("unsafe-devices").replaceChildren(...lines.map(line => element("li", "", line)));
+}
+
+function showLatched() {
+  $("latched").hidden = !state.latched || state.state === "away";
+  text("latched-text", "Nothing shines or moves until the rig is released: " + (!acts ? "run mesorig release." : sessionStorage.getItem("token") ? "press Release." : "enter the token and press Release."));
 }
 
 // What stopped the capture, and how to go on. The message itself says what to do about a device.
@@ -122,12 +147,26 @@ function degrees(value) {
   return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
 }
 
+// Whether a lamp or laser shines. While shots are taken it is that of the shot; otherwise a laser's device says
+// so. A bank of lamps says how many are on, and not which.
+function shines(at) {
+  if (["running", "homing", "pausing"].includes(state.state))
+    return at.class === state.light_class && at.name === state.light;
+  const device = (state.devices || []).find(each => each.class === at.class && each.name === at.name);
+  return state.state !== "away" && at.class === "laser" && !!device && /^(on|unsafe)/.test(device.health);
+}
+
+function isUnsafe(at) {
+  return (state.unsafe || []).includes(`${at.class} ${at.name}`);
+}
+
 function showPose() {
   const places = state.places || [];
   $("pose-section").hidden = places.length === 0;
   if (places.length === 0) return;
   const turn = state.turntable_deg || 0, arc = state.arc_deg || 0;
-  const key = JSON.stringify([places, turn, arc, state.light_class, state.light]);
+  const on = places.filter(shines);
+  const key = JSON.stringify([places, turn, arc, state.light_class, state.light, on, state.unsafe]);
   if ($("pose").dataset.shown === key) return;
   $("pose").dataset.shown = key;
   const shapes = [svg("circle", { r: horizon, class: "horizon" })];
@@ -139,31 +178,31 @@ function showPose() {
   table.append(svg("circle", { r: 34, class: "table" }), svg("rect", { x: -20, y: -20, width: 40, height: 40, class: "sample" }),
                svg("line", { x1: 20, y1: 0, x2: 34, y2: 0, class: "zero" }));
   shapes.push(table);
-  let lit = null;
+  let last = null;
   for (const at of places) {
     const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // beside the lamp
     let [x, y] = place(at.theta_deg, phi);
     x -= aside * Math.sin(phi * Math.PI / 180);
     y -= aside * Math.cos(phi * Math.PI / 180);
-    const on = at.class === state.light_class && at.name === state.light;
-    if (on) {
-      lit = { at, phi };
-      shapes.push(svg("line", { x1: x, y1: y, x2: 0, y2: 0, class: `ray ${at.class}` }));
-    }
+    if (at.class === state.light_class && at.name === state.light)
+      last = `${at.name} ${!on.includes(at) ? "lit the last shot" : isUnsafe(at) ? "may shine" : "shines"} from θ ` +
+             `${degrees(at.theta_deg)}, φ ${degrees(phi - turn)} of the sample.`;
+    if (on.includes(at)) shapes.push(svg("line", { x1: x, y1: y, x2: 0, y2: 0, class: `ray ${at.class}${isUnsafe(at) ? " unsafe" : ""}` }));
     const mark = at.class === "camera"
       ? svg("rect", { x: x - 4, y: y - 4, width: 8, height: 8, transform: `rotate(${-phi} ${x} ${y})` })
       : at.class === "laser" ? svg("path", { d: `M${x} ${y - 5}L${x + 4.5} ${y + 3}L${x - 4.5} ${y + 3}Z` })
                              : svg("circle", { cx: x, cy: y, r: 3.5 });
-    mark.setAttribute("class", `${at.class}${on ? " on" : ""}`);
+    mark.setAttribute("class", `${at.class}${on.includes(at) ? " on" : ""}`);
     const title = svg("title", {});
     title.textContent = `${at.name}: θ ${degrees(at.theta_deg)}, φ ${degrees(phi)}`;
     mark.append(title);
     shapes.push(mark);
   }
   $("pose").replaceChildren(...shapes);
-  text("pose-text", `Seen from above: turntable ${degrees(turn)}, arc ${degrees(arc)}; ` + (lit
-    ? `${lit.at.name} shines from θ ${degrees(lit.at.theta_deg)}, φ ${degrees(lit.phi - turn)} of the sample.`
-    : state.light_class === "dark" ? "dark frames." : "no shot yet.") + " Squares are cameras, discs lamps, triangles lasers.");
+  const others = on.filter(at => at.class !== state.light_class || at.name !== state.light);
+  text("pose-text", `Seen from above: turntable ${degrees(turn)}, arc ${degrees(arc)}; ` +
+    (last || (state.light_class === "dark" ? "dark frames." : "no shot yet.")) +
+    others.map(at => ` ${at.name} ${isUnsafe(at) ? "may shine" : "shines"}.`).join("") + " Squares are cameras, discs lamps, triangles lasers.");
 }
 
 // --- queue
@@ -271,17 +310,34 @@ function addEvent(event) {
 // --- actions
 
 async function act(name) {
+  const token = sessionStorage.getItem("token");
   text("answer", "");
+  text("done", "");
   const answer = await fetch(api + name, {
-    method: "POST", headers: { Authorization: `Bearer ${sessionStorage.getItem("token")}` }
+    method: "POST", headers: token ? { Authorization: `Bearer ${token}` } : {}
   }).catch(error => ({ ok: false, json: () => ({ error: String(error) }) }));
-  if (answer.ok) return;
+  const told = await answer.json().catch(() => ({ error: "the server has sent no answer" }));
+  if (answer.ok) {
+    if (name === "safe") showSafe(told);
+    return;
+  }
   if (answer.status === 401) sessionStorage.removeItem("token");
-  text("answer", (await answer.json()).error);
+  text("answer", told.error);
   showState();
 }
 
-for (const name of ["pause", "continue", "safe"]) $(name).onclick = () => act(name);
+// What SafeState says: each device that was not read back is named. One that was only told may answer yet; if it
+// does not, it is among the unsafe ones.
+function showSafe(told) {
+  const list = (told.devices || []).filter(device => device.state !== "read back");
+  const names = list.map(device => `${device.class} ${device.name}`).join(", ");
+  if (told.safe) text("done", "The rig is safe: every device was read back.");
+  else if (list.every(device => device.state === "commanded only"))
+    text("answer", `Not confirmed yet: ${names}. Press again to see whether they have.`);
+  else text("answer", `NOT safe: ${names}. Switch them off by hand.`);
+}
+
+for (const name of ["pause", "continue", "release", "safe"]) $(name).onclick = () => act(name);
 $("abort").onclick = () => confirm("Abort the capture? What was taken stays, and can be resumed.") && act("abort");
 $("unlock").onclick = () => { $("token-form").hidden = false; $("token").focus(); };
 $("token-form").onsubmit = event => {
@@ -299,7 +355,9 @@ async function getJson(name) {
 }
 
 async function reload() {
-  ({ acts } = await getJson("access"));
+  const access = await getJson("access");
+  acts = access.acts;
+  safeNeedsToken = access.safe_needs_token;
   showState();
   $("events").replaceChildren();
   for (const event of await getJson("log")) addEvent(event);
@@ -307,19 +365,31 @@ async function reload() {
 }
 
 let course = 0;
-const stream = new EventSource(api + "events");
-stream.onopen = () => reload().catch(() => {});
-stream.onerror = () => { state = { ...state, state: "away" }; showState(); };
-stream.addEventListener("event", event => addEvent(JSON.parse(event.data)));
-stream.addEventListener("picture", event => {
-  const { camera } = JSON.parse(event.data);
-  if (cameras.has(camera)) loadPicture(camera); else watchCamera(camera);
-});
-stream.addEventListener("state", event => {
-  state = JSON.parse(event.data);
+function away() {
+  state = { ...state, state: "away" };
   showState();
-  if (Date.now() > course + 5000) {
-    course = Date.now();
-    getJson("progress").then(drawCourse).catch(() => {});
-  }
-});
+}
+
+// A browser does not ask again for a stream that was refused, because too many are open for instance.
+function openStream() {
+  const stream = new EventSource(api + "events");
+  stream.onopen = () => reload().catch(() => {});
+  stream.onerror = () => {
+    away();
+    if (stream.readyState === EventSource.CLOSED) setTimeout(openStream, 5000);
+  };
+  stream.addEventListener("event", event => addEvent(JSON.parse(event.data)));
+  stream.addEventListener("picture", event => {
+    const { camera } = JSON.parse(event.data);
+    if (cameras.has(camera)) loadPicture(camera); else watchCamera(camera);
+  });
+  stream.addEventListener("state", event => {
+    state = JSON.parse(event.data);
+    showState();
+    if (Date.now() > course + 5000) {
+      course = Date.now();
+      getJson("progress").then(drawCourse).catch(() => {});
+    }
+  });
+}
+openStream();

@@ -1,4 +1,5 @@
 #include "texel_model.h"
+#include "base/plural.h"
 
 #include <math.h>
 
@@ -77,9 +78,10 @@ char *texel_model_describe_file(const struct exr_file *file) {
     exr_get_int(first, "mesorig.height", &height, NULL);
     exr_get_double(first, "mesorig.error", &error, NULL);
     exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
-    return g_strdup_printf("%d × %d texels, of %d views × %d lights; error %.2f %%, luminance off "
+    return g_strdup_printf("%d × %d texels, of %d %s × %d %s; error %.2f %%, luminance off "
                            "by %.4f",
-                           width, height, views->width, lights->width, 100 * error, luminance);
+                           width, height, PLURAL(views->width, "view"),
+                           PLURAL(lights->width, "light"), 100 * error, luminance);
 }
 
 gboolean texel_model_check(const struct btf_matrix *btf, GError **error) {

@@ -1,4 +1,5 @@
 #include "eigenmaps_codec.h"
+#include "base/plural.h"
 
 #include "base/data_error.h"
 
@@ -132,8 +133,9 @@ static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
     const struct exr_part *map = exr_file_part(file, "E000_light_0000");
     if (!weights || !lights || !map)
         return NULL;
-    return g_strdup_printf("eigen-maps: %d terms of %d views × %d lights, %d × %d texels",
-                           weights->height, weights->width, lights->width, map->width, map->height);
+    return g_strdup_printf("eigen-maps: %d %s of %d %s × %d %s, %d × %d texels",
+                           PLURAL(weights->height, "term"), PLURAL(weights->width, "view"),
+                           PLURAL(lights->width, "light"), map->width, map->height);
 }
 
 /* Maps as halves, weights as floats. */

@@ -1,4 +1,5 @@
 #include "mdf_codec.h"
+#include "base/plural.h"
 
 #include "mdf_blocks.h"
 #include "mdf_factors.h"
@@ -53,8 +54,8 @@ static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct md
 
 static char *mdf_codec_maps_describe(const struct mdf_codec_job *job,
                                      const struct mdf_codec_result *result) {
-    return g_strdup_printf("%d maps for %d views, and %d traced ones along the surface",
-                           result->n_terms, job->n_measured, result->n_traced);
+    return g_strdup_printf("%d maps for %d %s, and %d traced ones along the surface",
+                           result->n_terms, PLURAL(job->n_measured, "view"), result->n_traced);
 }
 
 static char *mdf_codec_maps_describe_file(const struct exr_file *file) {
@@ -67,10 +68,10 @@ static char *mdf_codec_maps_describe_file(const struct exr_file *file) {
     exr_get_int(maps, "mesorig.measured", &measured, NULL);
     exr_get_double(maps, "mesorig.error_mm", &error_mm, NULL);
     exr_get_double(maps, "texel_mm", &texel_mm, NULL);
-    return g_strdup_printf("distances (MDF): %d maps of %d × %d texels of %.3g mm, for %d views "
+    return g_strdup_printf("distances (MDF): %d maps of %d × %d texels of %.3g mm, for %d %s "
                            "measured and %d traced; off by %.3f mm RMS",
-                           maps->n_channels, maps->width, maps->height, texel_mm, measured,
-                           views->width - measured, error_mm);
+                           maps->n_channels, maps->width, maps->height, texel_mm,
+                           PLURAL(measured, "view"), views->width - measured, error_mm);
 }
 
 /* --quantise of views. */

@@ -7,7 +7,9 @@
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
 
+#include <errno.h>
 #include <glib/gstdio.h>
+#include <poll.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -28,6 +30,15 @@ struct fixture {
     int sockets[MANY];
 };
 
+static void assert_answers(GDBusConnection *client) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GVariant) answer =
+        g_dbus_connection_call_sync(client, NULL, BUS_PATH, BUS_NAME, "SafeState", NULL, NULL,
+                                    G_DBUS_CALL_FLAGS_NONE, -1, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_nonnull(answer);
+}
+
 static void set_up(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
     fixture->folder = g_dir_make_tmp("mesorig-many-XXXXXX", NULL);
@@ -42,6 +53,7 @@ static void set_up(struct fixture *fixture, gconstpointer unused) {
     fixture->pid = atoi(g_subprocess_get_identifier(fixture->daemon));
     fixture->client = bus_client_connect(fixture->address, &error);
     g_assert_no_error(error);
+    assert_answers(fixture->client); /* the daemon's side has joined as well */
     g_assert_cmpint(prlimit(fixture->pid, RLIMIT_NOFILE, NULL, &fixture->limit), ==, 0);
     memset(fixture->sockets, -1, sizeof fixture->sockets);
 }
@@ -71,18 +83,17 @@ static void connect_many(struct fixture *fixture) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     g_strlcpy(to.sun_path, strchr(fixture->address, '=') + 1, sizeof to.sun_path);
     for (int i = 0; i < MANY; i++) {
-        fixture->sockets[i] = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        g_assert_cmpint(connect(fixture->sockets[i], (struct sockaddr *)&to, sizeof to), ==, 0);
+        fixture->sockets[i] = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        g_assert_true(connect(fixture->sockets[i], (struct sockaddr *)&to, sizeof to) == 0 ||
+                      errno == EAGAIN); /* many wait already */
     }
 }
 
-static void assert_answers(GDBusConnection *client) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(GVariant) answer =
-        g_dbus_connection_call_sync(client, NULL, BUS_PATH, BUS_NAME, "SafeState", NULL, NULL,
-                                    G_DBUS_CALL_FLAGS_NONE, -1, NULL, &error);
-    g_assert_no_error(error);
-    g_assert_nonnull(answer);
+/* By the daemon, within a minute. */
+static gboolean is_dropped(int fd) {
+    struct pollfd at = {.fd = fd, .events = POLLIN};
+    char byte;
+    return poll(&at, 1, 60000) == 1 && recv(fd, &byte, 1, 0) == 0;
 }
 
 static void assert_short_log(struct fixture *fixture, const char *words) {
@@ -111,18 +122,17 @@ static void set_limit(struct fixture *fixture, rlim_t files) {
     g_assert_cmpint(prlimit(fixture->pid, RLIMIT_NOFILE, &limit, NULL), ==, 0);
 }
 
-/* One more than the largest descriptor of the daemon: its table is full. */
-static rlim_t count_files(struct fixture *fixture) {
+static int count_files(struct fixture *fixture) {
     g_autofree char *folder = g_strdup_printf("/proc/%d/fd", (int)fixture->pid);
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
-    int most = 0;
-    for (const char *name; (name = g_dir_read_name(dir));)
-        most = MAX(most, atoi(name));
-    return (rlim_t)most + 1;
+    int n = 0;
+    while (g_dir_read_name(dir))
+        n++;
+    return n;
 }
 
 static void test_full_table(struct fixture *fixture, gconstpointer unused) {
-    set_limit(fixture, count_files(fixture));
+    set_limit(fixture, 3); /* the table is full: what is open stays open */
     connect_many(fixture);
     for (int i = 0; i < 6; i++) {
         g_usleep(G_USEC_PER_SEC / 2);
@@ -135,15 +145,15 @@ static void test_full_table(struct fixture *fixture, gconstpointer unused) {
     assert_answers(fixture->client);
 }
 
-/* The last eighth of the table is for devices and files. */
+/* An eighth of the table is for devices and files. */
 static void test_reserve(struct fixture *fixture, gconstpointer unused) {
-    const rlim_t files = count_files(fixture) + 16;
-    set_limit(fixture, files);
+    const int files = count_files(fixture) + 40;
+    set_limit(fixture, (rlim_t)files);
     connect_many(fixture);
     for (int i = 0; i < 6; i++) {
         g_usleep(G_USEC_PER_SEC / 2);
         assert_answers(fixture->client);
-        g_assert_cmpuint(count_files(fixture), <=, files - files / 8 + 1);
+        g_assert_cmpint(count_files(fixture), <=, files - files / 8 + 1);
     }
     assert_short_log(fixture, "no more clients are accepted");
     disconnect(fixture);
@@ -153,19 +163,16 @@ static void test_reserve(struct fixture *fixture, gconstpointer unused) {
 
 /* One program takes all that it gets; another one is served all the same. */
 static void test_one_program(struct fixture *fixture, gconstpointer unused) {
-    char byte;
-    int refused = 0;
     connect_many(fixture);
     assert_answers(fixture->client);
     for (int i = OF_ONE; i < MANY; i++)
-        refused += recv(fixture->sockets[i], &byte, 1, 0) == 0;
-    g_assert_cmpint(refused, ==, MANY - OF_ONE);
+        g_assert_true(is_dropped(fixture->sockets[i]));
     g_autofree char *said = process_text(
         0, (const char *[]){BUILD_DIR "/bin/mesorig", "safe", "--address", fixture->address, NULL});
     assert_short_log(fixture, "connections: no more of its connections are accepted");
     /* Those that have not authenticated themselves are dropped after a while. */
     for (int i = 0; i < OF_ONE - 1; i++)
-        g_assert_cmpint(recv(fixture->sockets[i], &byte, 1, 0), ==, 0);
+        g_assert_true(is_dropped(fixture->sockets[i]));
     assert_joins(fixture);
 }
 

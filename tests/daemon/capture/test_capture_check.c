@@ -82,6 +82,45 @@ static void test_rig(void) {
     }
 }
 
+/* A rig file that was changed between pause and resume. */
+static void test_options(void) {
+    static const struct {
+        struct change changes[3];
+        const char *words; /* NULL: no warning */
+    } cases[] = {
+        {{{0}}, NULL},
+        {{{"[axis arc]", "speed_deg_s = 30"}, {0}}, "[axis arc] speed_deg_s was"},
+        {{{"[lamp lamp60]", NULL}, {0}}, "[lamp lamp60] is not there now"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct run *run = run_new(NULL);
+        g_autoptr(Session) session = create(run);
+        run_change_rig(run, cases[i].changes);
+        g_autofree char *warning = capture_check_options(session, run->devices);
+        g_assert_cmpint(warning != NULL, ==, cases[i].words != NULL);
+        if (warning)
+            assert_has(warning, cases[i].words);
+        run_free(run);
+    }
+}
+
+/* Sentences about a session are kept once each. */
+static void test_suspicions(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) all = g_ptr_array_new_with_free_func(g_free);
+    Session *made = create(run);
+    session_close(made);
+    g_autoptr(Session) session = session_open(run->session, SESSION_PRODUCTS, &error);
+    g_assert_no_error(error);
+    for (int i = 0; i < 4; i++)
+        g_assert_true(session_suspect(session, i % 2 ? "one" : "another", &error));
+    session_suspicions(session, all);
+    g_assert_cmpuint(all->len, ==, 2);
+    g_assert_cmpstr(all->pdata[1], ==, "one");
+    run_free(run);
+}
+
 static void write_calibration(const struct run *run, const char *path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibration_new(&run->devices->geometry);
@@ -178,6 +217,8 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/capture-check/disk", test_disk);
     g_test_add_func("/capture-check/rig", test_rig);
+    g_test_add_func("/capture-check/options", test_options);
+    g_test_add_func("/capture-check/suspicions", test_suspicions);
     g_test_add_func("/capture-check/calibration", test_calibration);
     g_test_add_func("/capture-check/duration", test_duration);
     return run_tests();

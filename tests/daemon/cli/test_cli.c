@@ -157,7 +157,7 @@ static void test_usage(void) {
     };
     struct output output = {0};
     runs(2, &output, NULL);
-    assert_has(output.out, "Commands:");
+    assert_has(output.out, "\nCapture a session:\n");
     run_steps(NULL, &output, steps);
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
         runs(0, &output, "--help");
@@ -321,15 +321,16 @@ static void test_info(void) {
 static const struct step compress_steps[] = {
     {0, "compress S -k 3 --components 2", "3 clusters of 2 components"},
     {0, "info S/products/lpca.exr", "clusters × components 3 × 2 in half, of "},
-    {0, "compress --json S/products/btf -k 2 --error 50% -q 8bit -o other.exr", "\"clusters\": 2"},
+    {0, "compress --json S/products/btf -k 2 --error 50% -q 8bit -o other.exr --force",
+     "\"clusters\": 2"},
     {0, "info other.exr"},
-    {0, "compress S -m eigenmaps --components 1 -o other.exr", "1 eigen-maps"},
+    {0, "compress S -m eigenmaps --components 1 -o other.exr --force", "1 eigen-maps"},
     {0, "compress S -m eigenmaps -o matrix.exr"},
     /* A view takes 3 kB as floats. */
-    {0, "compress S -m eigenmaps --memory 7kB --components 1 -o other.exr", "1 eigen-maps"},
-    {1, "compress S -m eigenmaps --memory 5kB --components 1 -o other.exr", "allow more"},
-    {0, "compress S -m eigenmaps --error 99% -o other.exr", "1 eigen-maps"},
-    {1, "compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr",
+    {0, "compress S -m eigenmaps --memory 7kB --components 1 -o other.exr --force", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps --memory 5kB --components 1 -o other.exr --force", "allow more"},
+    {0, "compress S -m eigenmaps --error 99% -o other.exr --force", "1 eigen-maps"},
+    {1, "compress S -m eigenmaps --error 0.0001% --components 1 -o other.exr --force",
      "is not reached with 1 eigen-maps"},
     {2, "compress S -m ptm --memory 7kB"},
     {1, "compress S -k 1 --components 1 --error 0.0001%", "is not reached"},
@@ -338,16 +339,16 @@ static const struct step compress_steps[] = {
     {0, "compress S --model fields --components 1", "fields of 1 lobe, luminance off by"},
     {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
     {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
-    {0, "compress S -m ptm --mips -o other.exr", "ptm, 4 mip levels, luminance off by"},
+    {0, "compress S -m ptm --mips -o other.exr --force", "ptm, 4 mip levels, luminance off by"},
     {2, "compress S -m eigenmaps --mips -o other.exr"},
     {1, "compress S -m ptm --error 0.0001%"},
     {1, "compress S -m fields --components 4"},
     {2, "compress S -m ward -k 2"},
-    {0, "compress S --grid 5 -k 1 --components 1 -o other.exr",
+    {0, "compress S --grid 5 -k 1 --components 1 -o other.exr --force",
      "1 cluster of 1 component on a grid of 5"},
-    {0, "compress --json S --size 20kB -o other.exr"},
-    {1, "compress S --size 10B -o other.exr"},
-    {0, "compress S -q packed --error 40% -o other.exr", "on disk, 1:"},
+    {0, "compress --json S --size 20kB -o other.exr --force"},
+    {1, "compress S --size 10B -o other.exr --force"},
+    {0, "compress S -q packed --error 40% -o other.exr --force", "on disk, 1:"},
     {0, "compare S other.exr"},
     {0, "compress S -q packed --size 4500B -o packed.exr"},
     {2, "compress S --memory little"},
@@ -367,11 +368,13 @@ static const struct step compress_steps[] = {
     {0, "compare --json S S/products/lpca.exr"},
     {2, "compress S -q packed -o other.exr"},
     {2, "compress S -q packed --error 40% --mips -o other.exr"},
-    {0, "compress S --mips -k 2 --components 1 -o other.exr",
+    {0, "compress S --mips -k 2 --components 1 -o other.exr --force",
      "2 clusters of 1 component, 4 mip levels"},
-    {0, "compress S --memory 60MB --colours log -k 1 --components 1 -q 8bit-weights -o other.exr",
+    {0,
+     "compress S --memory 60MB --colours log -k 1 --components 1 -q 8bit-weights -o other.exr "
+     "--force",
      "1 cluster of 1 component"},
-    {1, "compress S --memory 1kB -k 1 --components 1 -o other.exr", "of memory, not"},
+    {1, "compress S --memory 1kB -k 1 --components 1 -o other.exr --force", "of memory, not"},
 };
 
 /* With packed.exr cut short. */

@@ -10,9 +10,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "bus/bus.h"
 #include "lib/operator.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "rig/devices.h"
 
 #define HOOKS  BUILD_DIR "/bin/mesorig-hooks"
 #define WAIT_S 60
@@ -167,12 +169,18 @@ static void test_mail(struct fixture *fixture, gconstpointer data) {
     g_autofree char *mail = g_strdup_printf(
         "[mail]\nto = anna@lab.example; rig@lab.example\nsendmail = %s\n", sendmail);
     write_conf(fixture, mail);
-    g_free(run_check(fixture));
+    g_autofree char *log = run_check(fixture);
+    g_assert_null(strstr(log, "NoNewPrivileges"));
     g_autofree char *out = read_out(fixture);
     g_assert_true(g_str_has_prefix(out, "-i -- anna@lab.example rig@lab.example\n"));
     assert_has(out, "\nTo: anna@lab.example, rig@lab.example\n");
     assert_has(out, "\nSubject: check: the queue is empty\n");
     assert_has(out, "\n\ncheck: the queue is empty\n\nmesorig-hooks --check: nothing has happened");
+    /* In the service's sandbox the sendmail of a mail server would not get through. */
+    g_autofree char *boxed =
+        process_text(0, (const char *[]){"setpriv", "--no-new-privs", HOOKS, "--check", "--config",
+                                         fixture->conf, NULL});
+    assert_has(boxed, "may gain no privileges here (NoNewPrivileges)");
     g_autofree char *fewer = g_strconcat(mail, "events = fault\n", NULL);
     write_conf(fixture, fewer);
     g_unlink(fixture->out);
@@ -435,22 +443,7 @@ static void test_desktop(struct fixture *fixture, gconstpointer data) {
     g_object_unref(dbus);
 }
 
-/* The whole way: a daemon captures, a hook that hangs is run for each event, and nothing waits for
- * it. */
-static void test_capture(struct fixture *fixture, gconstpointer data) {
-    struct operation *run = operator_new(NULL);
-    g_autofree char *bus = g_strdup_printf("unix:path=%s/bus", run->directory);
-    write_hook(fixture, "1-note", "echo \"$MESORIG_EVENT $MESORIG_SESSION\" >>$out; sleep 987",
-               0755);
-    GSubprocess *daemon = process_start_ready(
-        G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
-        (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", bus, "--rig", run->rig, NULL});
-    GSubprocess *hooks = process_start_ready(
-        G_SUBPROCESS_FLAGS_NONE, fixture->log,
-        (const char *[]){HOOKS, "--address", bus, "--config", fixture->conf, NULL});
-    operator_does(run, 0, "capture", "--address", bus, run->rig, run->conf, "-o", run->session,
-                  NULL);
-    g_autofree char *wanted = g_strdup_printf("begun %s\ndone %s\n", run->session, run->session);
+static void wait_for_out(const struct fixture *fixture, const char *wanted) {
     g_autofree char *out = NULL;
     for (int i = 0; i < 10 * WAIT_S && g_strcmp0(out, wanted) != 0; i++) {
         g_usleep(G_USEC_PER_SEC / 10);
@@ -458,13 +451,131 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
         out = read_out(fixture);
     }
     g_assert_cmpstr(out, ==, wanted);
-    g_subprocess_send_signal(daemon, SIGTERM);
-    g_subprocess_wait(daemon, NULL, NULL);
-    g_subprocess_wait(hooks, NULL, NULL); /* its daemon has gone */
-    g_assert_cmpint(g_subprocess_get_exit_status(hooks), ==, 1);
-    g_object_unref(daemon);
-    g_object_unref(hooks);
+}
+
+/* after: what must come before it, or "". */
+static void wait_for_log(const struct fixture *fixture, const char *after, const char *wanted) {
+    g_autofree char *log = NULL;
+    const char *at = NULL;
+    for (int i = 0; i < 10 * WAIT_S && !(at && strstr(at, wanted)); i++) {
+        g_usleep(G_USEC_PER_SEC / 10);
+        g_clear_pointer(&log, g_free);
+        at = g_file_get_contents(fixture->log, &log, NULL, NULL) ? strstr(log, after) : NULL;
+    }
+    assert_has(at ? at : "", wanted);
+}
+
+static GSubprocess *start_daemon(const struct operation *run, const char *bus) {
+    return process_start_ready(
+        G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+        (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen", bus, "--rig", run->rig, NULL});
+}
+
+static void end(GSubprocess *program) {
+    g_subprocess_send_signal(program, SIGTERM);
+    g_subprocess_wait(program, NULL, NULL);
+    g_assert_true(g_subprocess_get_successful(program));
+    g_object_unref(program);
+}
+
+/* The whole way: a daemon captures, a hook that hangs is run for each event, and nothing waits for
+ * it. The daemon comes after the program, at the address that the environment names, goes, and
+ * comes again. */
+static void test_capture(struct fixture *fixture, gconstpointer data) {
+    struct operation *run = operator_new(NULL);
+    g_autofree char *bus = g_strdup_printf("unix:path=%s/bus", run->directory);
+    write_hook(fixture, "1-note", "echo \"$MESORIG_EVENT $MESORIG_SESSION\" >>$out; sleep 987",
+               0755);
+    g_autofree char *variable = g_strdup_printf("MESORIG_ADDRESS=%s", bus);
+    GSubprocess *hooks = process_start_ready(
+        G_SUBPROCESS_FLAGS_NONE, fixture->log,
+        (const char *[]){"/usr/bin/env", variable, HOOKS, "--config", fixture->conf, NULL});
+    g_autofree char *none = g_strdup_printf("mesorig-hooks: no mesorigd answers at %s", bus);
+    wait_for_log(fixture, "", none);
+    GSubprocess *daemon = start_daemon(run, bus);
+    g_autofree char *answers = g_strdup_printf("mesorig-hooks: mesorigd answers at %s\n", bus);
+    wait_for_log(fixture, "", answers);
+    operator_does(run, 0, "capture", "--address", bus, run->rig, run->conf, "-o", run->session,
+                  NULL);
+    g_autofree char *wanted = g_strdup_printf("begun %s\ndone %s\n", run->session, run->session);
+    wait_for_out(fixture, wanted);
+    end(daemon);
+    g_autofree char *ended = g_strdup_printf("mesorig-hooks: mesorigd at %s has ended", bus);
+    wait_for_log(fixture, "", ended);
+    daemon = start_daemon(run, bus);
+    wait_for_log(fixture, ended, answers);
+    g_autofree char *second = g_strconcat(run->directory, "/second.session", NULL);
+    operator_does(run, 0, "capture", "--address", bus, run->rig, run->conf, "-o", second, NULL);
+    g_autofree char *more = g_strdup_printf("%sbegun %s\ndone %s\n", wanted, second, second);
+    wait_for_out(fixture, more);
+    end(daemon);
+    end(hooks);
     operator_free(run);
+}
+
+/* A daemon of this process, which reports what it is told to. */
+static gboolean on_client(GDBusServer *server, GDBusConnection *connection, gpointer data) {
+    GDBusConnection **ret = data;
+    *ret = g_object_ref(connection);
+    return TRUE;
+}
+
+static void report(GDBusConnection *connection, const char *level, const char *message) {
+    g_autoptr(GError) error = NULL;
+    g_dbus_connection_emit_signal(connection, NULL, BUS_PATH, BUS_NAME, "Event",
+                                  g_variant_new("(sss)", level, "top", message), &error);
+    g_assert_no_error(error);
+    g_dbus_connection_flush_sync(connection, NULL, NULL);
+}
+
+/* A laser that does not confirm that it is off, and then does. */
+static void test_unsafe(struct fixture *fixture, gconstpointer data) {
+    g_assert_cmpstr(hooks_what_of_event("error", DEVICES_UNSAFE ": laser top: why"), ==, "unsafe");
+    g_assert_cmpstr(hooks_what_of_event("info", "confirmed off again"), ==, "confirmed");
+    g_assert_cmpstr(hooks_what_of_event("info", "confirmed to stand again"), ==, "confirmed");
+    g_assert_null(hooks_what_of_event("error", "cannot open"));
+    g_assert_null(hooks_what_of_event("info", "all shots are taken"));
+    g_autofree char *address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
+    g_autofree char *guid = g_dbus_generate_guid();
+    g_autoptr(GError) error = NULL;
+    GDBusConnection *client = NULL;
+    g_autoptr(GDBusServer) server =
+        g_dbus_server_new_sync(address, G_DBUS_SERVER_FLAGS_NONE, guid, NULL, NULL, &error);
+    g_assert_no_error(error);
+    g_signal_connect(server, "new-connection", G_CALLBACK(on_client), &client);
+    g_dbus_server_start(server);
+    write_hook(fixture, "1-note",
+               "echo \"$MESORIG_EVENT $MESORIG_DEVICE: $MESORIG_MESSAGE\" >>$out", 0755);
+    GSubprocess *hooks = process_start(
+        G_SUBPROCESS_FLAGS_NONE, NULL,
+        (const char *[]){HOOKS, "--address", address, "--config", fixture->conf, NULL});
+    while (!client)
+        g_main_context_iteration(NULL, TRUE);
+    /* It is not told when the program listens. */
+    g_autofree char *out = g_strdup("");
+    for (int i = 0; i < 2 * WAIT_S && !*out; i++) {
+        report(client, "info", "the rig is open");
+        report(client, "error", DEVICES_UNSAFE ": laser top: no answer");
+        g_usleep(G_USEC_PER_SEC / 2);
+        g_free(out);
+        out = read_out(fixture);
+    }
+    g_assert_true(g_str_has_prefix(out, "unsafe top: " DEVICES_UNSAFE ": laser top: no answer\n"));
+    report(client, "info", "confirmed off again");
+    for (int i = 0; i < 10 * WAIT_S && !strstr(out, "confirmed"); i++) {
+        g_usleep(G_USEC_PER_SEC / 10);
+        g_free(out);
+        out = read_out(fixture);
+    }
+    g_assert_true(g_str_has_suffix(out, "\nconfirmed top: confirmed off again\n"));
+    g_assert_null(strstr(out, "open"));
+    end(hooks);
+    g_dbus_connection_close_sync(client, NULL, NULL);
+    g_object_unref(client);
+    g_dbus_server_stop(server);
+    g_autoptr(GVariant) details = g_variant_ref_sink(hooks_details_of_event("top", "why"));
+    g_autofree char *title = hooks_title("unsafe", details);
+    g_assert_cmpstr(title, ==, "top: NOT SAFE: it may shine or move");
 }
 
 int main(int argc, char **argv) {
@@ -483,6 +594,7 @@ int main(int argc, char **argv) {
     ADD("mistakes", test_mistakes);
     ADD("shipped", test_shipped);
     ADD("capture", test_capture);
+    ADD("unsafe", test_unsafe);
     const int result = operator_tests();
     g_string_free(warnings, TRUE);
     return result;

@@ -1,4 +1,5 @@
 #include "lib/gige_rig.h"
+#include "lib/lock_keeper.h"
 
 #include <arpa/inet.h>
 #include <string.h>
@@ -189,6 +190,21 @@ static void in_use(void) {
     eye_end(&eye, NULL);
 }
 
+/* Another daemon has it, and may not control it at this moment. */
+static void locked(void) {
+    struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
+    g_autofree char *key = g_strconcat("gige ", virtual_gige_address(eye.device), NULL);
+    const pid_t keeper = lock_keeper_start(key);
+    GError *error = NULL;
+    g_assert_false(eye_open(&eye, "", &error));
+    lock_keeper_expect(keeper, &error);
+    lock_keeper_end(keeper);
+    eye_close(&eye);
+    eye_start(&eye, "", 1000);
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    eye_end(&eye, NULL);
+}
+
 static void not_there(void) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     struct virtual_camera_faults faults = {.unplugged = TRUE};
@@ -241,6 +257,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/gige/restarted-within-heartbeat", restarted_within_heartbeat);
     g_test_add_func("/gige/in-use", in_use);
+    g_test_add_func("/gige/locked", locked);
     g_test_add_func("/gige/not-there", not_there);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
         g_test_add(cases[i].name, struct eye, cases[i].keys, eye_begin, cases[i].run, eye_end);

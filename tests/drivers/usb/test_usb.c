@@ -1,6 +1,7 @@
 #include "conformance/conformance.h"
 
-#include "drivers/lock.h"
+#include "lib/lock_keeper.h"
+#include "lib/process.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "virtual/testbed.h"
@@ -8,10 +9,7 @@
 #include "virtual/usb_tic.h"
 
 #include <math.h>
-#include <signal.h>
 #include <string.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 /*
@@ -649,22 +647,11 @@ static void test_relays_held(void) {
     g_autofree char *key = lock_key_of_node("usb", "/dev/bus/usb/001/002"); /* after the hub */
     GError *error = NULL;
     pid_t holder = 0;
-    const pid_t child = fork();
-    if (child == 0) {
-        prctl(PR_SET_PDEATHSIG, SIGKILL);
-        lock_take(key, LOCK_ALONE, "it", NULL);
-        pause();
-        _exit(0);
-    }
-    while (!lock_holder(key, &holder))
-        g_usleep(1000);
-    g_assert_cmpint(holder, ==, child);
-    g_autofree char *words = g_strdup_printf("(process %d) uses it; end that program", child);
+    const pid_t keeper = lock_keeper_start(key);
     g_assert_null(open_laser(clock, "relay = 1\n", &error));
-    g_assert_nonnull(strstr(error->message, ": cannot open USB device 1-"));
-    conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, words);
-    kill(child, SIGKILL);
-    waitpid(child, NULL, 0);
+    assert_has(error->message, ": cannot open USB device 1-");
+    lock_keeper_expect(keeper, &error);
+    lock_keeper_end(keeper);
     g_autoptr(Laser) laser = open_laser(clock, "relay = 1\n", &error);
     g_assert_no_error(error);
     g_assert_true(lock_holder(key, &holder));

@@ -1,5 +1,6 @@
 #include "conformance/conformance.h"
 
+#include "lib/lock_keeper.h"
 #include "v4l2/formats.h"
 #include "v4l2/load.h"
 #include "v4l2/v4l2.h"
@@ -175,6 +176,22 @@ static void test_unplugged(void) {
     g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_EXPOSURE_ABSOLUTE), ==, 300);
     g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_WHITE_BALANCE_TEMPERATURE), ==, 5200);
     end(&rig, NULL);
+}
+
+/* Another daemon has it, named by its node; the kernel would let both set it up. */
+static void test_locked(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    VirtualV4l2 *device = virtual_v4l2_new(&(struct virtual_v4l2_config){0});
+    g_autofree char *key = lock_key_of_node("video", "/dev/video0");
+    const pid_t keeper = lock_keeper_start(key);
+    GError *error = NULL;
+    g_assert_null(open_camera(clock, "", &error));
+    lock_keeper_expect(keeper, &error);
+    lock_keeper_end(keeper);
+    Camera *camera = open_camera(clock, "", &error);
+    g_assert_no_error(error);
+    camera_close(camera);
+    virtual_v4l2_free(device);
 }
 
 /* Nobody waits for a frame: it is told at the next trigger, which ends in a fault. */
@@ -675,6 +692,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/v4l2/trigger/matters", test_trigger_matters);
     g_test_add_func("/v4l2/trigger/stale-from-future", test_stale_from_future);
     g_test_add_func("/v4l2/fault/unplugged", test_unplugged);
+    g_test_add_func("/v4l2/locked", test_locked);
     for (gsize i = 0; i < G_N_ELEMENTS(plain); i++)
         g_test_add(plain[i].name, struct rig, "", begin_plain, plain[i].run, end);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {

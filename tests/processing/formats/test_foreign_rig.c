@@ -542,7 +542,8 @@ static void test_bad_nominal(void) {
         {"[camera c]\nwidth = ?\n", "nominal.conf:2: [camera c] width: “?” is not a number"},
         {"[camera c]\nwidth = 0\n",
          "nominal.conf:2: [camera c] width: 0 is out of range: 1 to 65536"},
-        {"[camera c]\nwide = 9\n", "nominal.conf:2: [camera c] wide: a camera has no such key"},
+        {"[camera c]\nwide = 9\n",
+         "nominal.conf:2: [camera c] wide: there is no such key; did you mean width?"},
         {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 1; 2\n",
          "nominal.conf:5: [camera c] eye_mm: “1; 2” is not three numbers x; y; z"},
         {"[camera c]\nwidth = 9\nheight = 9\nfocal_px = 9\neye_mm = 0; 0; 0\n",
@@ -558,6 +559,36 @@ static void test_bad_nominal(void) {
         g_assert_null(nominal_read(path, &error));
         g_assert_nonnull(error);
         assert_has(error->message, bad[i].what);
+    }
+}
+
+/* A camera that looks straight down, or nearly, shows x to the right at turn 0, as a map does, and
+ * is aimed at its target all the same. */
+static void test_downward(void) {
+    static const struct {
+        const char *eye;
+        double turn_deg, right[2];
+    } cameras[] = {{"0; 0; 500", 0, {1, 0}},
+                   {"0; 0; 500", 90, {0, -1}},
+                   {"3; -4; 500", 0, {1, 0}},
+                   {"0; -200; 500", 0, {1, 0}},
+                   {"-200; 0; 500", 0, {0, -1}}};
+    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "nominal.conf", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(cameras); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = g_strdup_printf("[camera c]\nwidth = 9\nheight = 9\nfocal_px = 90\n"
+                                                "eye_mm = %s\nturn_deg = %g\n",
+                                                cameras[i].eye, cameras[i].turn_deg);
+        g_assert_true(g_file_set_contents(path, text, -1, NULL));
+        g_autoptr(Calibration) made = nominal_read(path, &error);
+        g_assert_no_error(error);
+        const struct rig_camera *made_camera = &made->rig.cameras[0];
+        const double *right = made_camera->rotation.m[0];
+        g_assert_cmpfloat_with_epsilon(right[0], cameras[i].right[0], 0.01);
+        g_assert_cmpfloat_with_epsilon(right[1], cameras[i].right[1], 0.01);
+        g_assert_cmpint(nominal_looks_down(made_camera), ==, i < 3);
+        g_assert_cmpfloat_with_epsilon(made_camera->translation_mm.x, 0, 1e-9); /* of the middle */
+        g_assert_cmpfloat_with_epsilon(made_camera->translation_mm.y, 0, 1e-9);
     }
 }
 
@@ -731,6 +762,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/foreign_rig/target", test_target);
     g_test_add_func("/foreign_rig/nominal", test_nominal);
     g_test_add_func("/foreign_rig/nominal/bad", test_bad_nominal);
+    g_test_add_func("/foreign_rig/nominal/downward", test_downward);
     g_test_add_func("/foreign_rig/nominal/template", test_template);
     g_test_add_func("/foreign_rig/tutorial", test_tutorial);
     const int status = g_test_run();

@@ -222,6 +222,8 @@ static void test_bad(void) {
     assert_refused(dir, "file,camera\na.exr,cam30\n",
                    "the header line lacks the column lamp or laser");
     assert_refused(dir, "file,file\n", "poses.csv:1: there are two columns “file”");
+    assert_refused(dir, "file,camera,lamp,exposure\na.exr,cam30,lamp30,2\n",
+                   "poses.csv:1: there is no column “exposure”; did you mean exposure_ms?");
     assert_refused(dir, HEAD "a.exr,cam30\n",
                    "poses.csv:2: it has 2 fields, but the header line has 7");
     assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");

@@ -192,10 +192,46 @@ static void test_command(void) {
     assert_has(said, "\"width\": 2");
 }
 
+/* A set that lists no lights is made under those of the papers, or of a table; one of WebRTI is
+ * named. */
+static void test_no_lights(void) {
+    g_autofree char *info = write_info("ptm", "rgb", 6, ""), *text = NULL;
+    g_autofree char *table = in_folder("lights.csv"), *web = in_folder("web");
+    g_autofree char *xml = g_build_filename(web, "info.xml", NULL);
+    write_planes(6);
+    g_assert_true(g_file_get_contents(info, &text, NULL, NULL));
+    *strstr(text, ", \"lights\"") = '\0';
+    g_autofree char *without = g_strconcat(text, "}", NULL);
+    g_assert_true(g_file_set_contents(info, without, -1, NULL));
+    g_assert_true(g_file_set_contents(
+        table, "of,theta_deg,phi_deg\nview,0,0\nlight,10,0\nlight,50,90\n", -1, NULL));
+    for (int k = 0; k < 2; k++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
+        g_autofree char *path = session_fixture_path("no_lights");
+        const struct import_wish wish = {.directions = k ? table : NULL, .notes = notes};
+        struct import_result result;
+        import_relight(path, info, &wish, NULL, &result, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(result.n_lights, ==, k ? 2 : 81);
+        g_assert_cmpuint(notes->len, ==, 1);
+        assert_has(notes->pdata[0], k ? "under the 2 of " : "under the 81 of the papers");
+    }
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = session_fixture_path("web");
+    const struct import_wish wish = {0};
+    struct import_result result;
+    g_assert_cmpint(g_mkdir(web, 0700), ==, 0);
+    g_assert_true(g_file_set_contents(xml, "<MultiRes/>", -1, NULL));
+    g_assert_false(import_relight(path, web, &wish, NULL, &result, &error));
+    assert_has(error->message, "info.xml: it is of WebRTI");
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-relight-XXXXXX", NULL);
     g_test_add_func("/import_relight/sets", test_sets);
+    g_test_add_func("/import_relight/no-lights", test_no_lights);
     g_test_add_func("/import_relight/bad", test_bad);
     g_test_add_func("/import_relight/command", test_command);
     const int code = session_fixture_run();

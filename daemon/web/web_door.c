@@ -1,0 +1,458 @@
+#include "web_door.h"
+
+#include "web_log.h"
+
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <string.h>
+
+#define BACKLOG     128         /* connections that wait to be accepted */
+#define SEND_BUFFER (256 << 10) /* bytes that the kernel holds for a reader that is slow */
+#define READER_GONE_MS                                                                             \
+    60000 /* until a reader that acknowledges nothing is taken for one that is gone */
+#define LOOK_MS         500  /* between two looks at the clock */
+#define ACCEPT_AGAIN_MS 200  /* after an accept() that failed */
+#define MOST_PEERS      1024 /* that are remembered for wrong tokens */
+#define FREE_PORTS      8    /* attempts to find one that is free on both loopback addresses */
+
+struct peer {
+    char *name;
+    int connections, streams;
+    int failures; /* wrong tokens in a row */
+    gint64 failed_us, allowed_us;
+    gint64 told_us; /* when the log last said that it has too many connections */
+};
+
+struct WebVisitor {
+    WebDoor *door;
+    struct peer *peer; /* NULL: it has left */
+    GSocket *socket;
+    SoupServerMessage *message; /* borrowed; NULL: none yet, or no longer */
+    enum web_phase phase;
+    gint64 since_us; /* of the phase */
+    gsize read;      /* bytes of the request's body */
+    gboolean answering, closing;
+    GSource *watch; /* of a stream's end; NULL: it is no stream */
+};
+
+struct WebDoor {
+    SoupServer *soup;
+    GPtrArray *listeners; /* of GSocket */
+    GPtrArray *sources;   /* of GSource, one for each */
+    GPtrArray *visitors;  /* that have not left; each is freed with its stream */
+    GHashTable *peers;    /* name → struct peer */
+    guint look_id, again_id;
+    int streams;
+    gint64 told_us; /* when the log last said that there are too many connections */
+};
+
+static void listen_again(WebDoor *door);
+
+static void peer_free(gpointer data) {
+    struct peer *peer = data;
+    g_free(peer->name);
+    g_free(peer);
+}
+
+static char *peer_name(GSocketAddress *address) {
+    GInetAddress *inet = g_inet_socket_address_get_address(G_INET_SOCKET_ADDRESS(address));
+    const guint8 *bytes = g_inet_address_to_bytes(inet);
+    static const guint8 mapped[12] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+    if (g_inet_address_get_family(inet) != G_SOCKET_FAMILY_IPV6)
+        return g_inet_address_to_string(inet);
+    if (memcmp(bytes, mapped, sizeof mapped) == 0) {
+        g_autoptr(GInetAddress) inner =
+            g_inet_address_new_from_bytes(bytes + sizeof mapped, G_SOCKET_FAMILY_IPV4);
+        return g_inet_address_to_string(inner);
+    }
+    guint8 network[16] = {0};
+    memcpy(network, bytes, 8);
+    g_autoptr(GInetAddress) first = g_inet_address_new_from_bytes(network, G_SOCKET_FAMILY_IPV6);
+    g_autofree char *text = g_inet_address_to_string(first);
+    return g_strconcat(text, "/64", NULL);
+}
+
+static gboolean is_forgiven(const struct peer *peer) {
+    return peer->failures == 0 ||
+           g_get_monotonic_time() - peer->failed_us > WEB_DOOR_FORGIVEN_S * G_USEC_PER_SEC;
+}
+
+/* Forgets peers without connections whose wrong tokens are long ago, and of the others, if they are
+ * too many, the one that has sent none for the longest time. */
+static void forget_peers(WebDoor *door) {
+    GHashTableIter iter;
+    gpointer value;
+    const struct peer *oldest = NULL;
+    g_hash_table_iter_init(&iter, door->peers);
+    while (g_hash_table_iter_next(&iter, NULL, &value)) {
+        const struct peer *peer = value;
+        if (peer->connections == 0 && is_forgiven(peer))
+            g_hash_table_iter_remove(&iter);
+        else if (peer->connections == 0 && (!oldest || peer->failed_us < oldest->failed_us))
+            oldest = peer;
+    }
+    if (oldest && g_hash_table_size(door->peers) >= MOST_PEERS)
+        g_hash_table_remove(door->peers, oldest->name);
+}
+
+static struct peer *find_peer(WebDoor *door, GSocketAddress *address) {
+    g_autofree char *name = peer_name(address);
+    struct peer *peer = g_hash_table_lookup(door->peers, name);
+    if (!peer) {
+        if (g_hash_table_size(door->peers) >= MOST_PEERS)
+            forget_peers(door);
+        peer = g_new0(struct peer, 1);
+        peer->name = g_steal_pointer(&name);
+        g_hash_table_insert(door->peers, peer->name, peer);
+    }
+    return peer;
+}
+
+static void source_free(gpointer data) {
+    g_source_destroy(data);
+    g_source_unref(data);
+}
+
+static void visitor_free(WebVisitor *visitor) {
+    g_clear_pointer(&visitor->watch, source_free);
+    g_clear_weak_pointer(&visitor->message);
+    g_object_unref(visitor->socket);
+    g_free(visitor);
+}
+
+/* It counts no longer: libsoup closes the connection, or has closed it. */
+static void leave(WebVisitor *visitor) {
+    WebDoor *door = visitor->door;
+    struct peer *peer = g_steal_pointer(&visitor->peer);
+    if (!peer)
+        return;
+    peer->connections--;
+    if (visitor->phase == WEB_STREAMS) {
+        peer->streams--;
+        door->streams--;
+    }
+    g_clear_pointer(&visitor->watch, source_free);
+    g_ptr_array_remove_fast(door->visitors, visitor);
+    if (peer->connections == 0 && is_forgiven(peer))
+        g_hash_table_remove(door->peers, peer->name);
+}
+
+/* This is later where somebody holds the message, which holds what libsoup has of the connection.
+ */
+static void on_stream_gone(gpointer data, GObject *stream) {
+    leave(data);
+    visitor_free(data);
+}
+
+static void on_headers_written(SoupServerMessage *message, gpointer data) {
+    ((WebVisitor *)data)->answering = TRUE;
+}
+
+static void on_finished(SoupServerMessage *message, gpointer data) {
+    leave(data);
+}
+
+WebVisitor *web_door_visitor(SoupServerMessage *message) {
+    GSocketAddress *remote = soup_server_message_get_remote_address(message);
+    WebVisitor *visitor = remote ? g_object_get_data(G_OBJECT(remote), "visitor") : NULL;
+    return visitor && visitor->peer ? visitor : NULL;
+}
+
+static void on_chunk(SoupServerMessage *message, GBytes *chunk, gpointer data) {
+    WebVisitor *visitor = data;
+    visitor->read += g_bytes_get_size(chunk);
+    if (visitor->read > WEB_DOOR_MOST_READ)
+        web_visitor_close(visitor, "413 Content Too Large");
+}
+
+void web_visitor_begin(WebVisitor *visitor, SoupServerMessage *message) {
+    g_set_weak_pointer(&visitor->message, message);
+    soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
+    g_signal_connect(message, "got-chunk", G_CALLBACK(on_chunk), visitor);
+    g_signal_connect(message, "wrote-headers", G_CALLBACK(on_headers_written), visitor);
+    g_signal_connect(message, "finished", G_CALLBACK(on_finished), visitor);
+}
+
+void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase) {
+    visitor->phase = phase;
+    visitor->since_us = g_get_monotonic_time();
+}
+
+void web_visitor_close(WebVisitor *visitor, const char *status) {
+    if (visitor->closing)
+        return;
+    visitor->closing = TRUE;
+    if (status && !visitor->answering) {
+        g_autofree char *answer = g_strdup_printf(
+            "HTTP/1.1 %s\r\nConnection: close\r\nContent-Length: 0\r\n\r\n", status);
+        g_socket_send_with_blocking(visitor->socket, answer, strlen(answer), FALSE, NULL, NULL);
+    }
+    /* libsoup notices the end of what it reads or writes, and closes. A message that waits for its
+     * answer does neither. */
+    g_socket_shutdown(visitor->socket, TRUE, TRUE, NULL);
+    if (!visitor->message || visitor->phase == WEB_ASKS)
+        return;
+    if (visitor->phase == WEB_STREAMS) /* to have something that fails */
+        soup_message_body_append(soup_server_message_get_response_body(visitor->message),
+                                 SOUP_MEMORY_STATIC, "\n", 1);
+    soup_server_message_unpause(visitor->message);
+}
+
+/* Whether a is less worth keeping than b. */
+static gboolean is_less(const WebVisitor *a, const WebVisitor *b) {
+    if (a->peer->connections != b->peer->connections)
+        return a->peer->connections > b->peer->connections;
+    if (a->phase != b->phase)
+        return a->phase < b->phase;
+    return a->since_us < b->since_us;
+}
+
+/* Closes one connection for a new one: of this peer, or of any if peer is NULL. */
+static void make_room(WebDoor *door, const struct peer *peer) {
+    WebVisitor *least = NULL;
+    for (guint i = 0; i < door->visitors->len; i++) {
+        WebVisitor *visitor = door->visitors->pdata[i];
+        if (!visitor->closing && (!peer || visitor->peer == peer) &&
+            (!least || is_less(visitor, least)))
+            least = visitor;
+    }
+    if (!least)
+        return;
+    gint64 *told_us = peer ? &least->peer->told_us : &door->told_us;
+    const gint64 now_us = g_get_monotonic_time();
+    if (*told_us == 0 || now_us - *told_us > 60 * G_USEC_PER_SEC) {
+        g_autofree char *whose =
+            peer ? g_strconcat(peer->name, " has", NULL) : g_strdup("all peers together have");
+        *told_us = now_us;
+        web_log("%s %u connections, which is the most: older ones are closed for new ones", whose,
+                peer ? (guint)peer->connections : door->visitors->len);
+    }
+    web_visitor_close(least, "503 Service Unavailable");
+}
+
+/* Closes what takes too long. */
+static gboolean look(gpointer data) {
+    WebDoor *door = data;
+    const gint64 now_us = g_get_monotonic_time();
+    for (guint i = 0; i < door->visitors->len; i++) {
+        WebVisitor *visitor = door->visitors->pdata[i];
+        const int limit_s = visitor->phase == WEB_ASKS ? WEB_DOOR_REQUEST_S : WEB_DOOR_ANSWER_S;
+        if (visitor->phase != WEB_STREAMS && now_us - visitor->since_us > limit_s * G_USEC_PER_SEC)
+            web_visitor_close(visitor, visitor->phase == WEB_ASKS ? "408 Request Timeout"
+                                                                  : "504 Gateway Timeout");
+    }
+    if (door->visitors->len > 0)
+        return G_SOURCE_CONTINUE;
+    door->look_id = 0;
+    return G_SOURCE_REMOVE;
+}
+
+static void count_in(WebDoor *door, GSocket *socket) {
+    g_autoptr(GSocketAddress) remote = g_socket_get_remote_address(socket, NULL);
+    g_autoptr(GSocketAddress) local = g_socket_get_local_address(socket, NULL);
+    if (!remote || !local) /* it has gone already */
+        return;
+    struct peer *peer = find_peer(door, remote);
+    if (peer->connections >= WEB_DOOR_PEER_CONNECTIONS)
+        make_room(door, peer);
+    else if (door->visitors->len >= WEB_DOOR_CONNECTIONS)
+        make_room(door, NULL);
+    g_socket_set_blocking(socket, FALSE);
+    g_socket_set_option(socket, IPPROTO_TCP, TCP_NODELAY, TRUE, NULL);
+    g_socket_set_option(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, READER_GONE_MS, NULL);
+    g_socket_set_option(socket, SOL_SOCKET, SO_SNDBUF, SEND_BUFFER, NULL);
+    g_autoptr(GSocketConnection) stream = g_socket_connection_factory_create_connection(socket);
+    WebVisitor *visitor = g_new0(WebVisitor, 1);
+    visitor->door = door;
+    visitor->peer = peer;
+    visitor->socket = g_object_ref(socket);
+    visitor->since_us = g_get_monotonic_time();
+    peer->connections++;
+    g_ptr_array_add(door->visitors, visitor);
+    g_object_weak_ref(G_OBJECT(stream), on_stream_gone, visitor);
+    g_object_set_data(G_OBJECT(remote), "visitor", visitor);
+    if (!door->look_id)
+        door->look_id = g_timeout_add(LOOK_MS, look, door);
+    soup_server_accept_iostream(door->soup, G_IO_STREAM(stream), local, remote, NULL);
+}
+
+static gboolean accept_again(gpointer data) {
+    WebDoor *door = data;
+    door->again_id = 0;
+    listen_again(door);
+    return G_SOURCE_REMOVE;
+}
+
+static gboolean on_connection(GSocket *listener, GIOCondition condition, gpointer data) {
+    WebDoor *door = data;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSocket) socket = g_socket_accept(listener, NULL, &error);
+    if (socket) {
+        count_in(door, socket);
+    } else if (!g_error_matches(error, G_IO_ERROR, G_IO_ERROR_WOULD_BLOCK) && !door->again_id) {
+        /* No file descriptor is left, for instance: the condition stays. */
+        web_log("cannot accept a connection: %s", error->message);
+        g_ptr_array_set_size(door->sources, 0);
+        door->again_id = g_timeout_add(ACCEPT_AGAIN_MS, accept_again, door);
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+static void listen_again(WebDoor *door) {
+    for (guint i = 0; i < door->listeners->len; i++) {
+        GSource *source = g_socket_create_source(door->listeners->pdata[i], G_IO_IN, NULL);
+        g_source_set_callback(source, G_SOURCE_FUNC(on_connection), door, NULL);
+        g_source_attach(source, NULL);
+        g_ptr_array_add(door->sources, source);
+    }
+}
+
+static GSocket *listen_at(GSocketAddress *address, GError **error) {
+    const GSocketFamily family = g_socket_address_get_family(address);
+    g_autoptr(GSocket) socket =
+        g_socket_new(family, G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_TCP, error);
+    if (!socket)
+        return NULL;
+    g_socket_set_blocking(socket, FALSE);
+    g_socket_set_listen_backlog(socket, BACKLOG);
+    if (family == G_SOCKET_FAMILY_IPV6)
+        g_socket_set_option(socket, IPPROTO_IPV6, IPV6_V6ONLY, TRUE, NULL);
+    if (!g_socket_bind(socket, address, TRUE, error) || !g_socket_listen(socket, error)) {
+        g_autofree char *text = g_socket_connectable_to_string(G_SOCKET_CONNECTABLE(address));
+        g_prefix_error(error, "cannot listen on %s: ", text);
+        return NULL;
+    }
+    return g_steal_pointer(&socket);
+}
+
+static gboolean add_listener(WebDoor *door, const char *ip, guint port, GError **error) {
+    g_autoptr(GSocketAddress) address = g_inet_socket_address_new_from_string(ip, port);
+    if (!address) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s is not an IP address to listen on: 0.0.0.0 listens on all IPv4 addresses",
+                    ip);
+        return FALSE;
+    }
+    GSocket *socket = listen_at(address, error);
+    if (socket)
+        g_ptr_array_add(door->listeners, socket);
+    return socket != NULL;
+}
+
+/* On both loopback addresses with the same port. A computer without IPv6 has one of them. */
+static gboolean add_loopback(WebDoor *door, guint port, GError **error) {
+    for (int i = 0;; i++) {
+        g_autoptr(GError) why = NULL;
+        g_ptr_array_set_size(door->listeners, 0);
+        if (!add_listener(door, "127.0.0.1", port, error))
+            return FALSE;
+        if (add_listener(door, "::1", web_door_port(door), &why) ||
+            !g_error_matches(why, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE))
+            return TRUE;
+        if (port != 0 || i + 1 == FREE_PORTS) {
+            g_propagate_error(error, g_steal_pointer(&why));
+            return FALSE;
+        }
+    }
+}
+
+WebDoor *web_door_new(SoupServer *soup, const char *address, guint port, GError **error) {
+    WebDoor *door = g_new0(WebDoor, 1);
+    door->soup = soup;
+    door->listeners = g_ptr_array_new_with_free_func(g_object_unref);
+    door->sources = g_ptr_array_new_with_free_func(source_free);
+    door->visitors = g_ptr_array_new();
+    door->peers = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, peer_free);
+    if (address ? add_listener(door, address, port, error) : add_loopback(door, port, error)) {
+        listen_again(door);
+        return door;
+    }
+    web_door_free(door);
+    return NULL;
+}
+
+void web_door_free(WebDoor *door) {
+    if (!door)
+        return;
+    g_clear_handle_id(&door->again_id, g_source_remove);
+    g_clear_handle_id(&door->look_id, g_source_remove);
+    g_ptr_array_unref(door->sources);
+    g_ptr_array_unref(door->listeners);
+    for (guint i = 0; i < door->visitors->len; i++)
+        web_visitor_close(door->visitors->pdata[i], NULL);
+    while (door->visitors->len > 0 && g_main_context_iteration(NULL, FALSE)) /* libsoup closes */
+        ;
+    while (door->visitors->len > 0)
+        leave(door->visitors->pdata[0]);
+    g_ptr_array_unref(door->visitors);
+    g_hash_table_unref(door->peers);
+    g_free(door);
+}
+
+guint web_door_port(const WebDoor *door) {
+    g_autoptr(GSocketAddress) address = g_socket_get_local_address(door->listeners->pdata[0], NULL);
+    return address ? g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(address)) : 0;
+}
+
+/* The stream that is closed for one of this peer: of the peer that has most, its oldest one. NULL:
+ * no peer has so many that this one would still have fewer. */
+static WebVisitor *find_stream(WebDoor *door, const struct peer *peer) {
+    WebVisitor *found = NULL;
+    for (guint i = 0; i < door->visitors->len; i++) {
+        WebVisitor *visitor = door->visitors->pdata[i];
+        if (visitor->phase != WEB_STREAMS || visitor->closing ||
+            visitor->peer->streams <= peer->streams + 1)
+            continue;
+        if (!found || visitor->peer->streams > found->peer->streams ||
+            (visitor->peer->streams == found->peer->streams && visitor->since_us < found->since_us))
+            found = visitor;
+    }
+    return found;
+}
+
+/* libsoup does not look for the end of a connection to which it has nothing to write. */
+static gboolean on_stream_readable(GSocket *socket, GIOCondition condition, gpointer data) {
+    web_visitor_close(data, NULL);
+    return G_SOURCE_REMOVE;
+}
+
+gboolean web_visitor_stream(WebVisitor *visitor) {
+    WebDoor *door = visitor->door;
+    if (visitor->peer->streams >= WEB_DOOR_PEER_STREAMS)
+        return FALSE;
+    if (door->streams >= WEB_DOOR_STREAMS) {
+        WebVisitor *other = find_stream(door, visitor->peer);
+        if (!other)
+            return FALSE;
+        web_visitor_close(other, NULL);
+    }
+    web_visitor_set_phase(visitor, WEB_STREAMS);
+    visitor->peer->streams++;
+    door->streams++;
+    visitor->watch = g_socket_create_source(visitor->socket, G_IO_IN | G_IO_HUP, NULL);
+    g_source_set_callback(visitor->watch, G_SOURCE_FUNC(on_stream_readable), visitor, NULL);
+    g_source_attach(visitor->watch, NULL);
+    return TRUE;
+}
+
+double web_visitor_penalty_s(const WebVisitor *visitor) {
+    const gint64 left_us = visitor->peer->allowed_us - g_get_monotonic_time();
+    return left_us > 0 ? (double)left_us / G_USEC_PER_SEC : 0;
+}
+
+void web_visitor_token(WebVisitor *visitor, gboolean right) {
+    struct peer *peer = visitor->peer;
+    if (right) {
+        peer->failures = 0;
+        return;
+    }
+    if (is_forgiven(peer))
+        peer->failures = 0;
+    peer->failures++;
+    const double wait_s = MIN((double)(1 << MIN(peer->failures, 20)) / 8, WEB_DOOR_MOST_PENALTY_S);
+    peer->failed_us = g_get_monotonic_time();
+    peer->allowed_us = peer->failed_us + (gint64)(wait_s * G_USEC_PER_SEC);
+    web_log("%s has sent a wrong token, the %d. in a row: the next one is looked at in %g s",
+            peer->name, peer->failures, wait_s);
+}
