@@ -15,8 +15,8 @@
  * wraps: deg and deg + 360 are the same. */
 double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
 
-/* Until when, on the rig's clock, a device neither obeys nor answers (fault_dead_s); a time that has
- * passed: it does. */
+/* Until when, on the rig's clock, a device neither obeys nor answers (fault_dead_s); a time that
+ * has passed: it does. */
 gint64 sim_laser_dead_until_us(const Laser *laser);
 gint64 sim_lamps_dead_until_us(const LampBank *bank);
 gint64 sim_axis_dead_until_us(const Axis *axis);

@@ -1,14 +1,12 @@
 #include "bus_clients.h"
 
 #include <errno.h>
-#include <math.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include "held_time.h"
-#include "rig1-bus.h"
 
 #define ERRORS "org.mesorig.Error."
 
@@ -25,10 +23,10 @@ struct bus_clients {
     Bus *bus;
     char *guid;
     struct client named[BUS_CLIENTS];
-    GArray *calls;   /* of struct bus_call */
+    GArray *calls;    /* of struct bus_call */
     GArray *answered; /* of guint */
-    GArray *gone_us; /* by number; −1: connected */
-    int greeting;    /* the descriptor of a client that has still to say the rest */
+    GArray *gone_us;  /* by number; −1: connected */
+    int greeting;     /* the descriptor of a client that has still to say the rest */
 };
 
 static gint64 clients_now_us(const struct bus_clients *clients) {
@@ -118,11 +116,11 @@ static GDBusConnection *client_connect(struct bus_clients *clients, struct clien
     g_autoptr(GSocketConnection) stream = g_socket_connection_factory_create_connection(socket);
     clients->greeting = client->fd;
     held_time_set_feeder(client_say_rest, clients);
-    GDBusConnection *connection = g_dbus_connection_new_sync(
-        G_IO_STREAM(stream), clients->guid,
-        G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
-            G_DBUS_CONNECTION_FLAGS_DELAY_MESSAGE_PROCESSING,
-        NULL, NULL, &error);
+    GDBusConnection *connection =
+        g_dbus_connection_new_sync(G_IO_STREAM(stream), clients->guid,
+                                   G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
+                                       G_DBUS_CONNECTION_FLAGS_DELAY_MESSAGE_PROCESSING,
+                                   NULL, NULL, &error);
     held_time_set_feeder(NULL, NULL);
     if (!connection)
         g_error("simulate: a client is not let in: %s", error->message);
@@ -155,22 +153,14 @@ static void client_close(struct bus_clients *clients, struct client *client) {
     held_time_wait();
 }
 
-static gboolean takes_lease(const char *method) {
-    const GDBusMethodInfo *info = g_dbus_interface_info_lookup_method(
-        bus_rig1_interface_info(), method);
-    return info && info->in_args && info->in_args[0] && info->in_args[1] && info->in_args[2];
-}
-
 static GVariant *step_parameters(const struct bus_clients *clients, const struct bus_step *step) {
-    const char *method = bus_schedule_method(step->method);
     const char *device = bus_schedule_device(step->method, step->device);
     g_autofree char *conf = g_build_filename(clients->scene->folder, "session.conf", NULL);
     g_autofree char *rig = g_build_filename(clients->scene->folder, "rig.conf", NULL);
     switch (step->method) {
     case BUS_SET_LASER:
     case BUS_SET_LAMP:
-        return takes_lease(method) ? g_variant_new("(sbd)", device, step->on, step->for_s)
-                                   : g_variant_new("(sb)", device, step->on);
+        return g_variant_new("(sbd)", device, step->on, step->for_s);
     case BUS_MOVE_AXIS:
         return g_variant_new("(sd)", device, step->deg);
     case BUS_HOME_AXIS:
@@ -212,7 +202,7 @@ static void client_send(struct bus_clients *clients, struct client *client,
                                   .method = step->method,
                                   .device = step->device,
                                   .on = step->on,
-                                  .for_s = takes_lease(method) ? step->for_s : INFINITY,
+                                  .for_s = step->for_s,
                                   .sent_us = clients_now_us(clients),
                                   .answered_us = -1,
                                   .deaf = client->deaf};
@@ -297,8 +287,8 @@ static void client_hear(const struct bus_clients *clients, const struct client *
     g_autofree char *text = body ? g_variant_print(body, FALSE) : g_strdup("");
     g_autofree char *neutral = disk_neutral(disk, text);
     if (type == G_DBUS_MESSAGE_TYPE_SIGNAL) {
-        disk_say(disk, "client %d hears %s %08x%s", client->number,
-                 g_dbus_message_get_member(message), g_str_hash(neutral), g_getenv("DBG") ? neutral : "");
+        disk_say(disk, "client %d hears %s %08x", client->number,
+                 g_dbus_message_get_member(message), g_str_hash(neutral));
         return;
     }
     const int at = find_call(clients, client->number, g_dbus_message_get_reply_serial(message));
@@ -328,14 +318,14 @@ static void client_read(struct bus_clients *clients, struct client *client) {
     g_autoptr(GError) error = NULL;
     const gboolean open = client_take(client);
     while (client->in->len >= 16) {
-        const gssize needed = g_dbus_message_bytes_needed(client->in->data, client->in->len, &error);
+        const gssize needed =
+            g_dbus_message_bytes_needed(client->in->data, client->in->len, &error);
         if (needed < 0)
             g_error("simulate: a client hears no D-Bus: %s", error->message);
         if ((guint)needed > client->in->len)
             break;
-        g_autoptr(GDBusMessage) message =
-            g_dbus_message_new_from_blob(client->in->data, (gsize)needed,
-                                         G_DBUS_CAPABILITY_FLAGS_UNIX_FD_PASSING, &error);
+        g_autoptr(GDBusMessage) message = g_dbus_message_new_from_blob(
+            client->in->data, (gsize)needed, G_DBUS_CAPABILITY_FLAGS_UNIX_FD_PASSING, &error);
         if (!message)
             g_error("simulate: a client hears no D-Bus: %s", error->message);
         g_byte_array_remove_range(client->in, 0, (guint)needed);

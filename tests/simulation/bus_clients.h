@@ -20,7 +20,7 @@ struct bus_call {
     gboolean on;
     double for_s;
     gint64 sent_us, answered_us; /* −1: it was not answered */
-    gboolean deaf; /* its client did not read for some of the time in between */
+    gboolean deaf;               /* its client did not read for some of the time in between */
     gboolean ok;
     char error[64]; /* "Busy"; empty: none */
     gboolean safe;  /* what SafeState answered */

@@ -10,7 +10,7 @@
 #include "held_time.h"
 #include "plan/report.h"
 
-#define HANG_S    60 /* of a life, really: SIGALRM ends it */
+#define HANG_S     60 /* of a life, really: SIGALRM ends it */
 #define MOST_TURNS 200000
 
 /* After the last step until leases have ended and devices have been asked again; at the end, once

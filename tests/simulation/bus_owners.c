@@ -44,7 +44,6 @@ struct bus_owners {
     Bus *bus;
     const struct bus_clients *clients;
     World *world;
-    gboolean has_latch; /* the bus has the method Release */
     guint n_sent, n_answered; /* calls that were noted */
     GArray *wants;            /* of guint: calls that want light or motion */
     int released;             /* the last call that ended a safe state; −1: none */
@@ -73,8 +72,6 @@ struct bus_owners *bus_owners_new(struct scene *scene, const struct bus_schedule
     owners->world = world_get(path, &error);
     if (!owners->world)
         g_error("simulate: %s", error->message);
-    owners->has_latch =
-        g_dbus_interface_info_lookup_method(bus_rig1_interface_info(), "Release") != NULL;
     owners->latched_us = -1;
     owners->released = -1;
     owners->wants = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -83,14 +80,15 @@ struct bus_owners *bus_owners_new(struct scene *scene, const struct bus_schedule
         const char *name = bus_schedule_device(method, i % 2);
         owners->lights[i] =
             (struct watched_light){.name = name,
-                           .method = method,
-                           .device = i % 2,
-                           .at = i < 2 ? world_find_laser(owners->world, name)
-                                       : world_find_lamp(owners->world, name),
-                           .wanted_us = G_MININT64 / 2,
-                           .off_us = -1};
-        owners->axes[i] = (struct watched_axis){
-            .name = bus_schedule_device(BUS_MOVE_AXIS, i), .device = i, .wanted_us = G_MININT64 / 2};
+                                   .method = method,
+                                   .device = i % 2,
+                                   .at = i < 2 ? world_find_laser(owners->world, name)
+                                               : world_find_lamp(owners->world, name),
+                                   .wanted_us = G_MININT64 / 2,
+                                   .off_us = -1};
+        owners->axes[i] = (struct watched_axis){.name = bus_schedule_device(BUS_MOVE_AXIS, i),
+                                                .device = i,
+                                                .wanted_us = G_MININT64 / 2};
     }
     return owners;
 }
@@ -113,7 +111,8 @@ static gboolean is_unsafe(const char *health) {
 }
 
 /* All lamps are in one bank, which tells how many are on. */
-static enum said said_of(const struct bus_owners *owners, const struct watched_light *light, int n_lit) {
+static enum said said_of(const struct bus_owners *owners, const struct watched_light *light,
+                         int n_lit) {
     const gboolean is_lamp = light->method == BUS_SET_LAMP;
     const char *health =
         health_of(owners, is_lamp ? "lamps" : "laser", is_lamp ? NULL : light->name);
@@ -151,33 +150,39 @@ static gboolean call_ends(const struct bus_owners *owners, guint at, guint wants
     const struct bus_call *call = call_at(owners, at), *earlier = call_at(owners, wants);
     if (call->method == BUS_SAFE_STATE)
         return call->ok && (wants < at || owners->released < (int)at);
-    if (call->method == BUS_CLOSE_RIG ||
-        call->method == BUS_START || call->method == BUS_RESUME)
+    if (call->method == BUS_CLOSE_RIG || call->method == BUS_START || call->method == BUS_RESUME)
         return call->ok;
     return call_lights(call) && !call->on && call->method == earlier->method &&
-           call->device == earlier->device &&
-           (call->ok || g_str_has_prefix(call->error, "Device"));
+           call->device == earlier->device && (call->ok || g_str_has_prefix(call->error, "Device"));
 }
 
 /* A call wants light from its sending until its lease ends, its client goes, or another ends it;
  * motion, until it is answered. Who does not read may have been answered at any time. */
-static gboolean call_wants(const struct bus_owners *owners, const struct bus_call *call) {
-    const gint64 now = owners_now_us(owners);
+static gint64 call_wants_until(const struct bus_owners *owners, const struct bus_call *call) {
     const gboolean answered = call->answered_us >= 0;
-    if (bus_clients_gone_us(owners->clients, call) >= 0 || (answered && !call->ok))
-        return FALSE;
-    if (call_moves(call))
-        return !answered;
-    const gint64 from_us =
-        answered ? call->answered_us : call->sent_us + LIGHT_ANSWER_US + latency_us(owners);
-    return (double)(now - from_us) <= MAX(call->for_s, 0) * 1e6;
+    const gint64 gone_us = bus_clients_gone_us(owners->clients, call);
+    const double lease_us = call_lights(call) ? MAX(call->for_s, 0) * 1e6 : 0;
+    if (gone_us >= 0)
+        return gone_us;
+    if (answered && (!call->ok || call_moves(call)))
+        return call->answered_us;
+    if (call_moves(call) || !(lease_us < 1e15))
+        return G_MAXINT64;
+    return (answered ? call->answered_us : call->sent_us + LIGHT_ANSWER_US + latency_us(owners)) +
+           (gint64)lease_us;
 }
 
-/* Without Release, what is sent after the answer to SafeState counts as one. */
-static gboolean call_releases(const struct bus_owners *owners, const struct bus_call *call) {
-    return owners->has_latch ? call->method == BUS_RELEASE || call->method == BUS_OPEN_RIG
-                             : call_lights(call) || call_moves(call) ||
-                                   call->method == BUS_START || call->method == BUS_RESUME;
+/* The main loop may have slept since a lease was over. */
+static void note_wanted(struct bus_owners *owners, const struct bus_call *call, gint64 until_us) {
+    for (int i = 0; i < 4; i++) {
+        gint64 *wanted_us =
+            call_moves(call) ? &owners->axes[i].wanted_us : &owners->lights[i].wanted_us;
+        const gboolean is_its = call_moves(call) ? owners->axes[i].device == call->device
+                                                 : owners->lights[i].method == call->method &&
+                                                       owners->lights[i].device == call->device;
+        if (is_its)
+            *wanted_us = MAX(*wanted_us, MIN(until_us, owners_now_us(owners)));
+    }
 }
 
 /* Takes note of calls that were sent since the last look, and of those that were answered. */
@@ -188,7 +193,7 @@ static void take_calls(struct bus_owners *owners) {
         const struct bus_call *call = call_at(owners, owners->n_sent);
         if (call_moves(call) || (call_lights(call) && call->on))
             g_array_append_val(owners->wants, owners->n_sent);
-        if (call_releases(owners, call)) {
+        if (call->method == BUS_RELEASE) {
             owners->latched_us = -1;
             owners->released = (int)owners->n_sent;
         }
@@ -202,24 +207,18 @@ static void take_calls(struct bus_owners *owners) {
         if (call->method == BUS_SAFE_STATE && call->ok && owners->released < (int)at &&
             owners->latched_us < 0)
             owners->latched_us = call->answered_us;
-        if (call->method == BUS_SAFE_STATE && owners->has_latch && !call->deaf &&
+        if (call->method == BUS_SAFE_STATE && !call->deaf &&
             call->answered_us - call->sent_us > SAFE_ANSWER_US)
             scene_break(owners->scene, "answered", "SafeState is answered after %.3f s",
                         (double)(call->answered_us - call->sent_us) * 1e-6);
     }
-    for (guint i = owners->wants->len; i-- > 0;)
-        if (!call_wants(owners, call_at(owners, g_array_index(owners->wants, guint, i))))
-            g_array_remove_index(owners->wants, i);
-}
-
-static gboolean is_wanted(const struct bus_owners *owners, gboolean moves, enum bus_method method,
-                          int device) {
-    for (guint i = 0; i < owners->wants->len; i++) {
+    for (guint i = owners->wants->len; i-- > 0;) {
         const struct bus_call *call = call_at(owners, g_array_index(owners->wants, guint, i));
-        if (call->device == device && (moves ? call_moves(call) : call->method == method))
-            return TRUE;
+        const gint64 until_us = call_wants_until(owners, call);
+        note_wanted(owners, call, until_us);
+        if (until_us < owners_now_us(owners))
+            g_array_remove_index(owners->wants, i);
     }
-    return is_capturing(owners);
 }
 
 static gint64 dead_until_us(const struct bus_owners *owners, const struct watched_light *light) {
@@ -236,9 +235,8 @@ static void check_light(struct bus_owners *owners, struct watched_light *light, 
     struct scene *scene = owners->scene;
     const gint64 now = owners_now_us(owners);
     const enum said said = said_of(owners, light, n_lit);
-    const gboolean wanted = is_wanted(owners, FALSE, light->method, light->device);
     const gint64 grace = DARK_US + latency_us(owners);
-    if (wanted)
+    if (is_capturing(owners))
         light->wanted_us = now;
     if (!light->lit || said != SAID_OFF)
         light->off_us = -1;
@@ -263,7 +261,7 @@ static void check_axis(struct bus_owners *owners, struct watched_axis *axis, dou
     const gint64 now = owners_now_us(owners);
     const gboolean moves = deg != axis->deg;
     axis->deg = deg;
-    if (is_wanted(owners, TRUE, BUS_MOVE_AXIS, axis->device))
+    if (is_capturing(owners))
         axis->wanted_us = now;
     if (!moves || is_unsafe(health_of(owners, "axis", axis->name)))
         return;

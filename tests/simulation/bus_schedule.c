@@ -5,20 +5,20 @@
 #define LONGEST_GAP_S 4.0
 
 static const char *const method_names[BUS_METHODS] = {
-    [BUS_SET_LASER] = "SetLaser",   [BUS_SET_LAMP] = "SetLamp",  [BUS_MOVE_AXIS] = "MoveAxis",
-    [BUS_HOME_AXIS] = "HomeAxis",   [BUS_SNAP] = "Snap",         [BUS_SAFE_STATE] = "SafeState",
-    [BUS_RELEASE] = "Release",      [BUS_START] = "Start",       [BUS_RESUME] = "Resume",
-    [BUS_PAUSE] = "Pause",          [BUS_CONTINUE] = "Continue", [BUS_ABORT] = "Abort",
-    [BUS_CLOSE_RIG] = "CloseRig",   [BUS_OPEN_RIG] = "OpenRig",  [BUS_GET_ALL] = "GetAll",
+    [BUS_SET_LASER] = "SetLaser", [BUS_SET_LAMP] = "SetLamp",  [BUS_MOVE_AXIS] = "MoveAxis",
+    [BUS_HOME_AXIS] = "HomeAxis", [BUS_SNAP] = "Snap",         [BUS_SAFE_STATE] = "SafeState",
+    [BUS_RELEASE] = "Release",    [BUS_START] = "Start",       [BUS_RESUME] = "Resume",
+    [BUS_PAUSE] = "Pause",        [BUS_CONTINUE] = "Continue", [BUS_ABORT] = "Abort",
+    [BUS_CLOSE_RIG] = "CloseRig", [BUS_OPEN_RIG] = "OpenRig",  [BUS_GET_ALL] = "GetAll",
 };
 
 /* How often each is drawn. Sessions take most of a life's time and are begun in one life of five.
  */
 static const int method_weights[BUS_METHODS] = {
-    [BUS_SET_LASER] = 12, [BUS_SET_LAMP] = 8, [BUS_MOVE_AXIS] = 4, [BUS_HOME_AXIS] = 3,
-    [BUS_SNAP] = 1,       [BUS_SAFE_STATE] = 4, [BUS_RELEASE] = 6, [BUS_START] = 3,
-    [BUS_RESUME] = 1,     [BUS_PAUSE] = 1,    [BUS_CONTINUE] = 1,  [BUS_ABORT] = 1,
-    [BUS_CLOSE_RIG] = 1,  [BUS_OPEN_RIG] = 1, [BUS_GET_ALL] = 1,
+    [BUS_SET_LASER] = 12, [BUS_SET_LAMP] = 8,   [BUS_MOVE_AXIS] = 4, [BUS_HOME_AXIS] = 3,
+    [BUS_SNAP] = 1,       [BUS_SAFE_STATE] = 4, [BUS_RELEASE] = 6,   [BUS_START] = 3,
+    [BUS_RESUME] = 1,     [BUS_PAUSE] = 1,      [BUS_CONTINUE] = 1,  [BUS_ABORT] = 1,
+    [BUS_CLOSE_RIG] = 1,  [BUS_OPEN_RIG] = 1,   [BUS_GET_ALL] = 1,
 };
 
 static const char *const lasers[] = {"laser30", "laser60"};
@@ -31,11 +31,11 @@ const char *bus_schedule_method(enum bus_method method) {
 }
 
 const char *bus_schedule_device(enum bus_method method, int device) {
-    return method == BUS_SET_LASER                                ? lasers[device]
-           : method == BUS_SET_LAMP                               ? lamps[device]
+    return method == BUS_SET_LASER                              ? lasers[device]
+           : method == BUS_SET_LAMP                             ? lamps[device]
            : method == BUS_MOVE_AXIS || method == BUS_HOME_AXIS ? axes[device]
-           : method == BUS_SNAP                                   ? cameras[device]
-                                                                  : "";
+           : method == BUS_SNAP                                 ? cameras[device]
+                                                                : "";
 }
 
 /* Evenly on a scale of logarithms. */

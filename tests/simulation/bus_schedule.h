@@ -32,12 +32,12 @@ enum bus_method {
 };
 
 enum bus_action {
-    STEP_CALL,    /* by a client, which connects first if need be */
-    STEP_CLOSE,   /* the client's connection */
-    STEP_DEAF,    /* the client stops reading */
-    STEP_HEARS,   /* and reads again */
-    STEP_FLOOD,   /* n of that call */
-    STEP_FLASH,   /* a fresh connection, the call, and the end of the connection */
+    STEP_CALL,  /* by a client, which connects first if need be */
+    STEP_CLOSE, /* the client's connection */
+    STEP_DEAF,  /* the client stops reading */
+    STEP_HEARS, /* and reads again */
+    STEP_FLOOD, /* n of that call */
+    STEP_FLASH, /* a fresh connection, the call, and the end of the connection */
     STEP_ACTIONS,
 };
 
@@ -73,5 +73,5 @@ void bus_schedule_make(struct bus_schedule *schedule, guint32 seed);
 /* A line for each of it; g_free(). */
 char *bus_schedule_describe(const struct bus_schedule *schedule);
 
-const char *bus_schedule_method(enum bus_method method); /* "SetLaser" */
+const char *bus_schedule_method(enum bus_method method);             /* "SetLaser" */
 const char *bus_schedule_device(enum bus_method method, int device); /* "laser30" */

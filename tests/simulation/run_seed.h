@@ -16,12 +16,12 @@ struct seed_result {
     int life;            /* after which it was found, from 1; 0: the one on the bus */
     int lives, kills, cuts, failed_calls, rotten, misplaced;
     int served, bus_calls; /* lives on the bus, and what their clients called */
-    int in_groups;  /* kills and power cuts while several lamps at once were taken */
-    guint64 digest; /* of everything that happened, in order; 0: the order is not fixed */
+    int in_groups;         /* kills and power cuts while several lamps at once were taken */
+    guint64 digest;        /* of everything that happened, in order; 0: the order is not fixed */
 };
 
-/* The folder in which runs are made, and undisturbed ones of every session to compare with, if lives
- * of captures are to be run. */
+/* The folder in which runs are made, and undisturbed ones of every session to compare with, if
+ * lives of captures are to be run. */
 typedef struct Reference Reference;
 /* ret_broken: what is broken in an undisturbed run, or NULL; g_free() */
 Reference *reference_new(const char *folder, enum seed_lives lives, char **ret_broken);

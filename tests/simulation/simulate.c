@@ -113,8 +113,8 @@ static void take_result(struct tally *tally, const struct seed_result *result) {
         tally->n_failed++;
         g_array_append_val(tally->failed, *result);
         g_autofree char *where = life_name(result);
-        g_printerr("%sseed %u, %s: %s\n", isatty(STDERR_FILENO) ? "\r" : "simulate: ",
-                   result->seed, where, result->violation);
+        g_printerr("%sseed %u, %s: %s\n", isatty(STDERR_FILENO) ? "\r" : "simulate: ", result->seed,
+                   where, result->violation);
     }
     tell_progress(tally, FALSE);
 }
@@ -157,12 +157,12 @@ static int compare_results(gconstpointer a, gconstpointer b) {
 }
 
 static void print_json(const struct tally *tally) {
-    g_print(
-        "{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
-        "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, \"served\": %d, "
-        "\"bus_calls\": %d, \"failed\": [",
-        tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
-        tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
+    g_print("{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
+            "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, "
+            "\"served\": %d, "
+            "\"bus_calls\": %d, \"failed\": [",
+            tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
+            tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
         g_autoptr(GString) broken = g_string_new(NULL);
