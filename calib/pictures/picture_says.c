@@ -301,7 +301,7 @@ char *picture_tone_describe(const struct picture_tone *said, int bits, enum pict
 
 void picture_tone_apply(const struct picture_tone *tone, int bits, float *numbers, gsize n) {
     const int white = bits ? (1 << bits) - 1 : 1;
-    g_autofree float *table = bits ? g_new(float, white + 1) : NULL;
+    g_autofree float *table = bits ? g_new0(float, white + 1) : NULL;
     for (int i = 0; table && i <= white; i++)
         table[i] = (float)picture_tone_light(tone, (double)i / white);
     for (gsize i = 0; i < n; i++)

@@ -172,6 +172,7 @@ static int window_height(const exr_attr_box2i_t *window) {
 
 static gboolean read_size(struct source *source, int index, struct exr_part *part,
                           struct windows *ret, GError **error) {
+    *ret = (struct windows){0};
     exr_result_t rc = exr_get_data_window(source->context, index, &ret->data);
     const exr_attr_box2i_t *data = &ret->data, *display = &ret->display;
     ret->display = ret->data;
@@ -362,6 +363,8 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
                                   (left - display->min.x)
                             : NULL;
             float *line = unpack->line ? unpack->line : to;
+            if (!line) /* lines that are not shown have a buffer */
+                return EXR_ERR_BAD_CHUNK_LEADER;
             from = unpack_line(from, decode->channels[c].data_type, line, width);
             if (to && to != line)
                 memcpy(to, line + (left - data->min.x), sizeof *to * (gsize)(right - left + 1));
@@ -472,7 +475,7 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
 static struct exr_part *exr_read_one_part(struct source *source, int index, gsize *left,
                                           GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
-    struct windows windows;
+    struct windows windows = {0};
 
     if (!read_header(source, index, part, &windows, error))
         return NULL;

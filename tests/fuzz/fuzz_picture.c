@@ -15,7 +15,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (ok) {
         g_assert_cmpint(codes.width, >, 0);
         g_assert_cmpint(codes.height, >, 0);
-        g_autofree char *described = picture_codes_describe(&codes, PICTURE_TONES_UNSAID);
+        g_autofree char *described =
+            picture_tone_describe(&codes.says.tone, codes.bits, PICTURE_TONES_UNSAID);
         /* A picture whose tone curve is not known is no grey picture. */
         if (codes.says.tone.tones != PICTURE_TONES_OTHER) {
             g_assert_true(picture != NULL);

@@ -5,6 +5,7 @@
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
 #include "pictures/picture_says.h"
+#include "scene/environment.h"
 
 #include <glib/gstdio.h>
 
@@ -418,6 +419,23 @@ static void test_cropped_pictures(void) {
     g_assert_cmpint(result.holes, ==, 2 * (30 - 12));
 }
 
+/* A map of the surroundings that is cropped would be stretched over the whole sphere. */
+static void test_environment(void) {
+    static const gint32 wide[4] = {-1, 0, 4, 2}, beyond[4] = {0, 0, 3, 1};
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "sky.exr", NULL);
+    write_window(path, wide, "", NULL);
+    g_assert_null(environment_read(path, &error));
+    assert_has(error->message, "it is cropped, its data window being smaller");
+    g_clear_error(&error);
+    write_window(path, beyond, "", NULL);
+    struct environment *sky = environment_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(sky->width, ==, 4);
+    g_assert_cmpint(sky->height, ==, 2);
+    environment_free(sky);
+}
+
 static void test_channels(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "a.exr", NULL);
@@ -551,6 +569,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/import_inputs/opacity", test_opacity);
     g_test_add_func("/import_inputs/windows", test_windows);
     g_test_add_func("/import_inputs/cropped", test_cropped_pictures);
+    g_test_add_func("/import_inputs/environment", test_environment);
     g_test_add_func("/import_inputs/channels", test_channels);
     g_test_add_func("/import_inputs/order", test_order);
     g_test_add_func("/import_inputs/lists", test_lists);
