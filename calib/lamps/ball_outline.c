@@ -12,7 +12,8 @@
 #define FARTHEST 1.3
 #define STEP_PX  0.5
 #define REACH    4     /* steps on both sides that an edge compares */
-#define ABOVE    6.0   /* least edge, in units of the ray's median difference */
+#define CLOSE    2     /* the same to say where it is: what the ball mirrors moves wide ones */
+#define ABOVE    2.0   /* least edge above the ray's median change, in robust deviations of it */
 #define LEAST    0.002 /* least edge, in the square root of light */
 #define TRIALS   400
 #define SEEN                                                                                       \
@@ -32,32 +33,74 @@ struct edges {
     int n;
 };
 
-/* Absolute smoothed derivatives along a ray, of the picture and of its square; 0 outside of the
- * picture. */
-static void changes_on_ray(const struct picture *picture, const struct ball_outline *given,
-                           double angle, int n, double *changes, double *squared) {
-    g_autofree double *values = g_new(double, n);
-    for (int i = 0; i < n; i++) {
-        const double radius = NEAREST * given->radius_px + i * STEP_PX;
-        const double x = given->x_px + radius * cos(angle), y = given->y_px + radius * sin(angle);
-        const int column = (int)floor(x), row = (int)floor(y);
-        values[i] = NAN; /* outside of the picture */
-        if (column < 0 || row < 0 || column + 1 >= picture->width || row + 1 >= picture->height)
-            continue;
-        const float *v = picture->values + (gsize)row * (gsize)picture->width + column;
-        const double s = x - column, t = y - row;
-        values[i] = (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
-                    t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
-    }
-    for (int i = REACH; i < n - REACH; i++) {
-        double sum = 0, sum2 = 0;
-        for (int k = 1; k <= REACH; k++) {
-            const double a = values[i - k], b = values[i + k];
-            sum += (b - a) / REACH;
-            sum2 += (b * b - a * a) / REACH;
+struct BallEdges {
+    struct ball_outline given;
+    int n;                     /* places on a ray */
+    int pictures;              /* that were added */
+    double *changes, *squared; /* RAYS × n, sums over the pictures */
+};
+
+BallEdges *ball_edges_new(const struct ball_outline *given) {
+    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
+    if (given->radius_px < SMALLEST_PX || n <= 4 * REACH)
+        return NULL;
+    BallEdges *edges = g_new0(BallEdges, 1);
+    edges->given = *given;
+    edges->n = n;
+    edges->changes = g_new0(double, RAYS *n);
+    edges->squared = g_new0(double, RAYS *n);
+    return edges;
+}
+
+void ball_edges_free(BallEdges *edges) {
+    if (!edges)
+        return;
+    g_free(edges->changes);
+    g_free(edges->squared);
+    g_free(edges);
+}
+
+/* Square root of light at a place, bilinear: highlights do not outshine outlines. NaN: outside of
+ * the picture. */
+static double root_at(const struct picture *picture, double x, double y) {
+    const int column = (int)floor(x), row = (int)floor(y);
+    if (column < 0 || row < 0 || column + 1 >= picture->width || row + 1 >= picture->height)
+        return NAN;
+    const float *v = picture->values + (gsize)row * (gsize)picture->width + column,
+                *next = v + picture->width;
+    const double s = x - column, t = y - row;
+    return (1 - t) * ((1 - s) * sqrt(MAX((double)v[0], 0)) + s * sqrt(MAX((double)v[1], 0))) +
+           t * ((1 - s) * sqrt(MAX((double)next[0], 0)) + s * sqrt(MAX((double)next[1], 0)));
+}
+
+/* Absolute smoothed derivatives along each ray, of the root of light and of light. Light is
+ * relative to the brightest on the ray: a highlight in one picture does not outweigh the outline
+ * in the others. */
+void ball_edges_add(BallEdges *edges, const struct picture *picture) {
+    const struct ball_outline *given = &edges->given;
+    g_autofree double *values = g_new(double, edges->n);
+    edges->pictures++;
+    for (int ray = 0; ray < RAYS; ray++) {
+        const double angle = 2 * G_PI * ray / RAYS;
+        double most = 0;
+        for (int i = 0; i < edges->n; i++) {
+            const double radius = NEAREST * given->radius_px + i * STEP_PX;
+            values[i] = root_at(picture, given->x_px + radius * cos(angle),
+                                given->y_px + radius * sin(angle));
+            most = fmax(most, values[i]);
         }
-        changes[i] = isnan(sum) ? 0 : fabs(sum);
-        squared[i] = isnan(sum) ? 0 : fabs(sum2);
+        for (int i = REACH; i < edges->n - REACH; i++) {
+            double sum = 0, sum2 = 0;
+            for (int k = 1; k <= REACH; k++) {
+                const double a = values[i - k], b = values[i + k];
+                sum += (b - a) / REACH;
+                if (k <= CLOSE)
+                    sum2 += (b * b - a * a) / CLOSE;
+            }
+            edges->changes[ray * edges->n + i] += isnan(sum) ? 0 : fabs(sum);
+            edges->squared[ray * edges->n + i] +=
+                isnan(sum) || !(most > 0) ? 0 : fabs(sum2) / (most * most);
+        }
     }
 }
 
@@ -171,31 +214,41 @@ static gboolean ball_outline_improve(const struct edges *e, double within_px,
     return TRUE;
 }
 
-gboolean ball_outline_find(const struct picture *picture, const struct ball_outline *given,
-                           double reach_px, struct ball_outline *ret, double *ret_sigma_px) {
+/* The strongest edges of a ray. */
+static void edges_of_ray(const BallEdges *from, int ray, struct edges *to) {
+    const int n = from->n;
+    const double angle = 2 * G_PI * ray / RAYS;
+    g_autofree double *changes = g_new(double, n), *squared = g_new(double, n);
+    g_autofree double *sorted = g_new(double, n);
+    for (int i = 0; i < n; i++) {
+        sorted[i] = changes[i] = from->changes[ray * n + i] / MAX(from->pictures, 1);
+        squared[i] = from->squared[ray * n + i];
+    }
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
+    const double median = sorted[n / 2];
+    for (int i = 0; i < n; i++)
+        sorted[i] = fabs(changes[i] - median);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
+    const double least = MAX(LEAST, median + ABOVE * 1.4826 * sorted[n / 2]);
+    double at;
+    for (int k = 0; k < EDGES && (at = take_edge(changes, squared, n, least)) > 0; k++) {
+        const double radius = NEAREST * from->given.radius_px + at;
+        to->x[to->n] = from->given.x_px + radius * cos(angle);
+        to->y[to->n] = from->given.y_px + radius * sin(angle);
+        to->ray[to->n++] = ray;
+    }
+}
+
+gboolean ball_outline_find(const BallEdges *from, double reach_px, struct ball_outline *ret,
+                           double *ret_sigma_px) {
+    const struct ball_outline *given = &from->given;
     const double within_px = MAX(0.5, AGREE * given->radius_px);
     g_autofree struct edges *edges = g_new(struct edges, 1);
     struct ball_outline circle;
     double sigma_px = 0;
-    if (given->radius_px < SMALLEST_PX)
-        return FALSE;
-    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
     edges->n = 0;
-    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
-        const double angle = 2 * G_PI * ray / RAYS;
-        g_autofree double *changes = g_new0(double, n), *squared = g_new0(double, n);
-        changes_on_ray(picture, given, angle, n, changes, squared);
-        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
-        qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
-        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
-        double at;
-        for (int k = 0; k < EDGES && (at = take_edge(changes, squared, n, least)) > 0; k++) {
-            const double radius = NEAREST * given->radius_px + at;
-            edges->x[edges->n] = given->x_px + radius * cos(angle);
-            edges->y[edges->n] = given->y_px + radius * sin(angle);
-            edges->ray[edges->n++] = ray;
-        }
-    }
+    for (int ray = 0; ray < RAYS; ray++)
+        edges_of_ray(from, ray, edges);
     if (most_agreed(edges, given, reach_px, within_px, &circle) == 0)
         return FALSE;
     for (int round = 0; round < ROUNDS; round++)

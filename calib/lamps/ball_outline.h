@@ -1,15 +1,27 @@
 /*
- * Finds the outline of a ball in a picture: the circle that most edges near a given one lie on.
- * The picture holds the square root of light, so that highlights do not outshine outlines.
- * Pure; any thread.
+ * Finds the outline of a ball in pictures: the circle that most edges near a given one lie on.
+ * Edges are gathered picture by picture, and those of the outline are at the same place in all of
+ * them; edges of shadows and highlights are not. The mean picture has no outline where the shadows
+ * of many lamps hide it. Pure; any thread.
  */
 #pragma once
 
 #include "ball_light.h"
 #include "pictures/picture.h"
 
+/* Mean changes of brightness along rays from the centre of a given circle. */
+typedef struct BallEdges BallEdges;
+
+/* NULL: the circle is too small for an outline to be found. */
+BallEdges *ball_edges_new(const struct ball_outline *given);
+void ball_edges_free(BallEdges *edges); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(BallEdges, ball_edges_free)
+
+/* Adds a picture of linear light. */
+void ball_edges_add(BallEdges *edges, const struct picture *picture);
+
 /* Finds a circle whose centre and radius are within reach_px of the given one's; reach_px is at
  * most a quarter of the radius. FALSE: too little of such an outline is visible. ret_sigma_px:
  * standard deviation of the centre, per axis, and of the radius. */
-gboolean ball_outline_find(const struct picture *picture, const struct ball_outline *given,
-                           double reach_px, struct ball_outline *ret, double *ret_sigma_px);
+gboolean ball_outline_find(const BallEdges *edges, double reach_px, struct ball_outline *ret,
+                           double *ret_sigma_px);

@@ -1,6 +1,7 @@
 /* Highlights are connected regions above a share of their peak. The lamp is the one with the
- * largest energy Σ (I − background)²; its position is the centroid of the light above EDGE ·
- * peak. */
+ * largest energy Σ (I − background)²; its position is the centroid of the light above that share.
+ * The share is EDGE, and more where the region is then too large: a plate that the ball mirrors as
+ * a ring, or glare, is brighter than a fifth of the lamp. */
 #include "highlights.h"
 
 #include "geometry/fit.h"
@@ -8,23 +9,32 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define EDGE        0.2   /* share of the peak that bounds a spot */
-#define ABOVE_NOISE 12.0  /* least peak, in robust standard deviations of the surroundings */
-#define FLAT        0.998 /* share of the maximum that counts as equal to it */
-#define FLAT_PIXELS 7     /* from this number of equal pixels on the spot is saturated */
-#define SIGHT_PX    0.03  /* standard deviation of a centroid */
-#define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
-#define SPECK       4     /* smaller spots are dust or hot pixels */
-#define STREAK      4.0   /* aspect ratio from which a spot is a hair or a scratch, */
-#define CORE        0.8 /* unless its part above this share of the peak is round: a brushed ball */
-#define COMPARABLE  0.3 /* share of the best spot's energy from which another may be the lamp */
-#define MOST_SPOTS  256 /* number of spots that are examined, brightest first */
-#define SLANT       0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
-#define SPOT_SHARE  0.2 /* largest area of a spot, in areas of the ball's picture */
+#define EDGE             0.2  /* share of the peak that bounds a spot, the first of shares[] */
+#define ABOVE_NOISE      12.0 /* least peak, in robust standard deviations of the darker half */
+#define ABOVE_REST       4.0 /* least peak, in heights of the brightest tenth of the other pixels */
+#define FAR_ABOVE        10.0  /* the same of a spot as small as a speck */
+#define FLAT             0.998 /* share of the maximum that counts as equal to it */
+#define FLAT_PIXELS      7     /* from this number of equal pixels on the spot is saturated */
+#define SIGHT_PX         0.03  /* standard deviation of a centroid */
+#define CLIPPED_PX       0.1   /* the same for a saturated spot, whose border alone determines it */
+#define WHITE            0.98  /* of photographs, whose white is 1: clipped */
+#define SMALL_PX         0.25 /* over the number of pixels: the same of a small spot, by their grid, */
+#define SMALL_CLIPPED_PX 2.0 /* and of a small clipped one */
+#define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest; */
+#define LEAST_PIXELS     2   /* one pixel always is */
+#define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch, */
+#define CORE             0.8 /* unless its part above this share of the peak is round: a brushed ball */
+#define COMPARABLE       0.3 /* share of the best spot's energy from which another may be the lamp, */
+#define LOWER            0.67 /* unless both its energy and its height are below this share */
+#define MOST_SPOTS       256  /* number of spots that are examined, brightest first */
+#define SLANT            0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
+#define SPOT_SHARE       0.2 /* largest area of a spot, in areas of the ball's picture */
 
 #define STAYS 0.5 /* a spot that other pictures show at this share of its height is no lamp */
 
 #define NOWHERE 0 /* label of pixels without a spot */
+
+static const double shares[] = {EDGE, 0.35, 0.5, 0.7}; /* that may bound a spot */
 
 struct window {
     const struct picture *picture;
@@ -34,6 +44,8 @@ struct window {
     int *members;    /* pixels of the spots, spot by spot */
     int n_members;
     float level, floor;
+    float *sorted; /* values within the circle */
+    int n_sorted;
 };
 
 struct spot {
@@ -44,6 +56,7 @@ struct spot {
     struct highlight light; /* position in the window */
     double share;           /* share of the peak above which pixels belong to the light */
     gboolean streak, halo, cut, stays;
+    gboolean large; /* too large to be a lamp's mirror image */
 };
 
 /* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
@@ -67,20 +80,25 @@ static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     return TRUE;
 }
 
-/* Background level (median) and least peak; 1.4826 · median |I − level| is the robust standard
- * deviation. */
+/* Background level (median) and least peak. 1.4826 · (median − lower quartile) is the robust
+ * standard deviation of the darker half, to which a bright plate does not add. */
 static void background(struct window *w) {
     int n = 0, all = w->width * w->height;
-    g_autofree float *sorted = g_new(float, all);
+    w->sorted = g_new(float, all);
     for (int i = 0; i < all; i++)
         if (w->values[i] > -G_MAXFLOAT)
-            sorted[n++] = w->values[i];
-    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
-    w->level = sorted[n / 2];
-    for (int i = 0; i < n; i++)
-        sorted[i] = fabsf(sorted[i] - w->level);
-    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare_floats);
-    w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
+            w->sorted[n++] = w->values[i];
+    qsort(w->sorted, (gsize)n, sizeof *w->sorted, fit_compare_floats);
+    w->n_sorted = n;
+    w->level = w->sorted[n / 2];
+    w->floor =
+        MAX((float)ABOVE_NOISE * 1.4826f * (w->level - w->sorted[n / 4]), 0.05f * fabsf(w->level));
+}
+
+/* Height of the brightest tenth of the pixels that are not of a spot, whose pixels are the
+ * brightest. */
+static float height_of_rest(const struct window *w, const struct spot *spot) {
+    return w->sorted[(int)(0.9 * MAX(w->n_sorted - 1 - spot->pixels, 0))] - w->level;
 }
 
 /* The brightest pixel without a spot. */
@@ -94,9 +112,11 @@ static int brightest(const struct window *w) {
 
 /* Flood fill: labels the region connected with the peak. halo: it touches another spot; cut: it
  * reaches the border of the circle. */
-static void grow(struct window *w, int peak, struct spot *spot) {
-    const float least = w->level + (float)EDGE * spot->height;
+static void grow(struct window *w, int peak, double share, struct spot *spot) {
+    const float least = w->level + (float)share * spot->height;
     spot->first = w->n_members;
+    spot->pixels = 0;
+    spot->halo = spot->cut = FALSE;
     w->members[w->n_members++] = peak;
     w->labels[peak] = spot->label;
     while (spot->first + spot->pixels < w->n_members) {
@@ -114,6 +134,21 @@ static void grow(struct window *w, int peak, struct spot *spot) {
                 w->members[w->n_members++] = next;
             }
         }
+    }
+}
+
+/* Grows a spot above the least share of its peak with which it is neither too large nor reaches
+ * the border of the circle; if there is none, above EDGE. */
+static void grow_least(struct window *w, int peak, double most_px, struct spot *spot) {
+    const int tries = (int)G_N_ELEMENTS(shares);
+    for (int i = 0; i <= tries; i++) {
+        spot->share = shares[i % tries];
+        grow(w, peak, spot->share, spot);
+        spot->large = spot->pixels > most_px;
+        if ((!spot->large && !spot->cut) || i == tries)
+            return;
+        for (; w->n_members > spot->first; w->n_members--)
+            w->labels[w->members[w->n_members - 1]] = NOWHERE;
     }
 }
 
@@ -192,7 +227,7 @@ static gboolean highlights_stays(const struct window *w, const struct spot *spot
 
 /* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
  * is dropped. */
-static GArray *find_spots(struct window *w, const struct highlight_mean *mean) {
+static GArray *find_spots(struct window *w, const struct highlight_mean *mean, double most_px) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
     int peak;
@@ -200,14 +235,13 @@ static GArray *find_spots(struct window *w, const struct highlight_mean *mean) {
         struct spot spot = {.label = label++, .height = w->values[peak] - w->level};
         if (!(spot.height > w->floor))
             break;
-        grow(w, peak, &spot);
-        if (spot.halo)
+        grow_least(w, peak, most_px, &spot);
+        if (spot.halo || !(spot.height > (float)ABOVE_REST * height_of_rest(w, &spot)))
             continue;
         for (int k = 0; k < spot.pixels; k++)
             spot.energy += pow((double)(w->values[w->members[spot.first + k]] - w->level), 2);
-        spot.share = EDGE;
-        spot.streak = aspect(w, &spot, EDGE) >= STREAK;
-        if (spot.streak && spot.pixels >= SPECK && aspect(w, &spot, CORE) < STREAK) {
+        spot.streak = spot.pixels >= SPECK && aspect(w, &spot, spot.share) >= STREAK;
+        if (spot.streak && aspect(w, &spot, CORE) < STREAK) {
             spot.share = CORE;
             spot.streak = FALSE;
         }
@@ -225,9 +259,35 @@ static gboolean any_stays(const GArray *spots) {
     return FALSE;
 }
 
+/* Whether a spot may be a lamp's mirror image. A speck may be dust or a hot pixel: it must be far
+ * brighter than the rest, and other photographs must show that it does not stay. */
+static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
+                            const struct highlight_mean *mean) {
+    if (spot->streak || spot->stays || spot->large || spot->pixels < LEAST_PIXELS)
+        return FALSE;
+    return spot->pixels >= SPECK ||
+           (mean && mean->n >= 3 &&
+            spot->height > (float)FAR_ABOVE * MAX(height_of_rest(w, spot), fabsf(w->level)));
+}
+
+/* Whether two spots are too much alike to say which is the lamp. */
+static gboolean alike(const struct spot *best, const struct spot *other) {
+    return other->energy > COMPARABLE * best->energy &&
+           !(other->energy < LOWER * best->energy && other->height < (float)LOWER * best->height);
+}
+
 /* NULL, or the reason to refuse the best spot. */
 static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
-                            const struct spot *other, double most_px) {
+                            const struct spot *other) {
+    const struct spot *brightest_large = NULL;
+    for (guint i = 0; i < spots->len && !brightest_large; i++) {
+        const struct spot *spot = &g_array_index(spots, struct spot, i);
+        if (spot->large && !spot->stays)
+            brightest_large = spot;
+    }
+    if (brightest_large && (!best || best->height * (float)LOWER < brightest_large->height))
+        return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
+                        "enough?");
     if (!best)
         return g_strdup(spots->len == 0 ? "shows no lamp: nothing in it is brighter than the rest"
                         : any_stays(spots)
@@ -235,35 +295,41 @@ static char *reason_against(const struct window *w, const GArray *spots, const s
                               "photographs show them, too; light each from another direction"
                             : "shows no lamp: its bright spots are specks or streaks");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
-    if (best->pixels > most_px)
-        return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
-                        "enough?");
     if (best->cut)
         return g_strdup_printf("shows the lamp at the edge of where it is looked for, at %.1f, "
                                "%.1f px; is the ball where it is said to be?",
                                x, y);
-    if (other && other->energy > COMPARABLE * best->energy)
+    if (other && alike(best, other))
         return g_strdup_printf("shows two highlights, at %.1f, %.1f and at %.1f, %.1f px, either "
                                "of which may be the lamp; cover what else shines",
                                x, y, w->left + other->light.x_px, w->top + other->light.y_px);
     return NULL;
 }
 
+/* The spot with the largest energy; one that reaches the border of the circle only if it is the
+ * higher one. */
+static gboolean is_better(const struct spot *spot, const struct spot *best) {
+    if (best && spot->cut != best->cut)
+        return spot->cut ? spot->height * (float)LOWER > best->height
+                         : best->height * (float)LOWER <= spot->height;
+    return !best || spot->energy > best->energy;
+}
+
 static const struct spot *highlights_choose(const struct window *w, const GArray *spots,
-                                            double most_px, char **ret_why) {
+                                            const struct highlight_mean *mean, char **ret_why) {
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
-        if (spot->pixels < SPECK || spot->streak || spot->stays)
-            continue;
-        if (!best || spot->energy > best->energy) {
-            other = best;
+        if (may_be_lamp(w, spot, mean) && is_better(spot, best))
             best = spot;
-        } else if (!other || spot->energy > other->energy) {
-            other = spot;
-        }
     }
-    *ret_why = reason_against(w, spots, best, other, most_px);
+    for (guint i = 0; i < spots->len; i++) {
+        const struct spot *spot = &g_array_index(spots, struct spot, i);
+        if (spot != best && may_be_lamp(w, spot, mean) && !(best && spot->cut && !best->cut) &&
+            (!other || spot->energy > other->energy))
+            other = spot;
+    }
+    *ret_why = reason_against(w, spots, best, other);
     return *ret_why ? NULL : best;
 }
 
@@ -273,9 +339,9 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
     if (!highlights_cut(&window, x_px, y_px, radius_px))
         return g_strdup("is not wholly in the picture");
     background(&window);
-    g_autoptr(GArray) spots = find_spots(&window, mean);
+    g_autoptr(GArray) spots = find_spots(&window, mean, most_px);
     char *why;
-    const struct spot *spot = highlights_choose(&window, spots, most_px, &why);
+    const struct spot *spot = highlights_choose(&window, spots, mean, &why);
     if (spot) {
         /* Number of pixels of the spot that equal the maximum of their colour filter phase; each
          * phase may saturate at its own value. */
@@ -296,20 +362,28 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
         ret->y_px += window.top;
         /* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are
          * not round. */
-        static const double shares[] = {0.35, 0.5, 0.7, 0.9};
+        static const double higher[] = {0.35, 0.5, 0.7, 0.9};
         double sum = 0;
-        for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+        int n = 0;
+        for (gsize i = 0; i < G_N_ELEMENTS(higher); i++) {
             struct highlight of;
-            highlights_weigh(&window, spot, shares[i], &of);
+            if (higher[i] <= spot->share)
+                continue;
+            highlights_weigh(&window, spot, higher[i], &of);
             sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
+            n++;
         }
-        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, sqrt(sum / G_N_ELEMENTS(shares)));
+        const gboolean white = (double)(window.level + spot->height) >= WHITE;
+        const double small = (white ? SMALL_CLIPPED_PX : SMALL_PX) / spot->pixels;
+        ret->sigma_px =
+            hypot(hypot(saturated ? CLIPPED_PX : SIGHT_PX, small), sqrt(sum / MAX(n, 1)));
         ret->energy = spot->energy;
         ret->saturated = saturated;
     }
     g_free(window.values);
     g_free(window.labels);
     g_free(window.members);
+    g_free(window.sorted);
     return why;
 }
 

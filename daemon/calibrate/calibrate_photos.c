@@ -15,6 +15,7 @@
 #define SPOT_SHARE 0.05 /* of a ball's disc, that a highlight may take up: 26° around the lamp */
 #define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
 #define MOVED      0.05 /* of the radius: largest error of such a circle */
+#define MOVED_PX   4    /* the same of small balls */
 #define WHITE      0.98 /* of the brightest pixel, that counts as clipped */
 #define LOST       0.25 /* of the radius: an outline within this shows that the circle is a mistake */
 #define DEG        (180 / G_PI)
@@ -31,6 +32,7 @@ struct job {
     struct ball_outline given[BALL_LIGHT_MOST], balls[BALL_LIGHT_MOST];
     double sigma_px[BALL_LIGHT_MOST];   /* of balls */
     gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
+    BallEdges *edges[BALL_LIGHT_MOST];  /* NULL: the ball is too small */
     int n_balls;
     GPtrArray *names; /* paths */
     Picture *mean;    /* of the square roots of light, of pictures that are not overexposed */
@@ -70,40 +72,35 @@ static gboolean overexposed(const struct job *job, const struct picture *picture
 }
 
 /* Adds the square root of a picture's light, so that highlights do not outshine outlines. */
-static gboolean add_to_mean(struct job *job, const struct picture *picture, GError **error) {
+static void add_to_mean(struct job *job, const struct picture *picture) {
     const int pixels = picture->width * picture->height;
     struct picture **mean = &job->mean;
     if (!*mean)
         *mean = picture_new("mean", "", picture->width, picture->height);
-    if ((*mean)->width != picture->width || (*mean)->height != picture->height) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: has %d × %d pixels, and the first picture %d × %d; the balls must be at "
-                    "the same place in all of them",
-                    picture->name, picture->width, picture->height, (*mean)->width,
-                    (*mean)->height);
-        return FALSE;
-    }
     for (int i = 0; i < job->n_balls; i++)
         if (overexposed(job, picture, i))
-            return TRUE;
+            return;
+    for (int i = 0; i < job->n_balls; i++)
+        if (job->edges[i])
+            ball_edges_add(job->edges[i], picture);
     for (int i = 0; i < pixels; i++)
         (*mean)->values[i] += sqrtf(MAX(picture->values[i], 0));
     job->n_mean++;
-    return TRUE;
 }
 
 /* Takes the ball's outline from the pictures, since it is nearer to the truth than a circle that
  * somebody has drawn. If the only outline in the pictures is far from that circle, the circle is a
  * mistake. */
-static gboolean outline(struct job *job, const struct picture *mean, int i, GError **error) {
+static gboolean outline(struct job *job, int i, GError **error) {
     const struct ball_outline *given = &job->given[i];
     struct ball_outline seen;
     double sigma_px;
-    job->outlined[i] = ball_outline_find(mean, given, MAX(MOVED * given->radius_px, 1),
-                                         &job->balls[i], &job->sigma_px[i]);
+    const BallEdges *edges = job->edges[i];
+    job->outlined[i] = edges && ball_outline_find(edges, MAX(MOVED * given->radius_px, MOVED_PX),
+                                                  &job->balls[i], &job->sigma_px[i]);
     if (job->outlined[i])
         return TRUE;
-    if (ball_outline_find(mean, given, LOST * given->radius_px, &seen, &sigma_px)) {
+    if (edges && ball_outline_find(edges, LOST * given->radius_px, &seen, &sigma_px)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "ball %d is said to be at %.1f, %.1f px with a radius of %.1f px, but the "
                     "pictures show an outline at %.1f, %.1f px with a radius of %.1f px; measure "
@@ -117,19 +114,61 @@ static gboolean outline(struct job *job, const struct picture *mean, int i, GErr
     return TRUE;
 }
 
+struct size {
+    int width, height;
+};
+
+static int count_of(const GArray *sizes, const struct size *size) {
+    int n = 0;
+    for (guint i = 0; i < sizes->len; i++)
+        n += memcmp(&g_array_index(sizes, struct size, i), size, sizeof *size) == 0;
+    return n;
+}
+
+/* Leaves out pictures of another size than most have, since the balls must be at the same place in
+ * all of them: thumbnails, or pictures of something else. */
+static gboolean leave_out_sizes(struct job *job, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    const int n = (int)job->names->len;
+    g_autoptr(GArray) sizes = g_array_new(FALSE, FALSE, sizeof(struct size));
+    struct size usual = {0};
+    for (int i = 0; i < n; i++) {
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
+        if (!picture || !work_tell(work, "sizes", i + 1, n, begun_us, error))
+            return FALSE;
+        const struct size size = {picture->width, picture->height};
+        g_array_append_val(sizes, size);
+        if (count_of(sizes, &size) > count_of(sizes, &usual))
+            usual = size;
+    }
+    for (guint i = sizes->len; i-- > 0;) {
+        const struct size *size = &g_array_index(sizes, struct size, i);
+        if (size->width == usual.width && size->height == usual.height)
+            continue;
+        g_ptr_array_add(job->rejected,
+                        g_strdup_printf("%s: has %d × %d pixels, and most pictures have %d × %d",
+                                        (char *)job->names->pdata[i], size->width, size->height,
+                                        usual.width, usual.height));
+        g_ptr_array_remove_index(job->names, i);
+    }
+    return TRUE;
+}
+
 static gboolean find_outlines(struct job *job, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     const int n = (int)job->names->len;
+    for (int i = 0; i < job->n_balls; i++)
+        job->edges[i] = ball_edges_new(&job->given[i]);
     for (int i = 0; i < n; i++) {
         g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
-        if (!picture || !add_to_mean(job, picture, error) ||
-            !work_tell(work, "outlines", i + 1, n, begun_us, error))
+        if (!picture || !work_tell(work, "outlines", i + 1, n, begun_us, error))
             return FALSE;
+        add_to_mean(job, picture);
     }
     for (int i = 0; i < job->mean->width * job->mean->height; i++)
         job->mean->values[i] /= (float)MAX(job->n_mean, 1);
     for (int i = 0; i < job->n_balls; i++)
-        if (!outline(job, job->mean, i, error))
+        if (!outline(job, i, error))
             return FALSE;
     return TRUE;
 }
@@ -279,7 +318,7 @@ static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data
     struct job *job = data;
     g_autoptr(GPtrArray) hidden = g_ptr_array_new_with_free_func(g_free);
     if (!(job->names = calibrate_photographs(photos_folder, G_MAXUINT, hidden, error)) ||
-        !find_outlines(job, work, error))
+        !leave_out_sizes(job, work, error) || !find_outlines(job, work, error))
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
     for (guint i = 0; i < job->names->len; i++) {
@@ -382,6 +421,8 @@ int photos_calibrate(const struct call *call, GError **error) {
     output_file_free(job.to);
     g_clear_pointer(&job.names, g_ptr_array_unref);
     g_clear_pointer(&job.mean, picture_free);
+    for (int i = 0; i < job.n_balls; i++)
+        ball_edges_free(job.edges[i]);
     g_ptr_array_unref(job.rejected);
     g_array_unref(job.lights);
     return ok ? CLI_DONE : CLI_FAILED;
