@@ -227,7 +227,7 @@ static void end_one_guardian(void) {
     }
 }
 
-static void end_guardian(enum end end) {
+static void end_guardians(enum end end) {
     if (end == BOTH)
         kill(find_guardian(RIG), SIGKILL);
     if (end == GUARDIAN_FIRST || end == GUARDIAN_TWICE)
@@ -285,8 +285,7 @@ static double after_s(gint64 us, gint64 from_us) {
 static void repair(struct lines *lines, struct cell *cell) {
     const gint64 began_us = g_get_monotonic_time();
     if (cell->failure == GONE) {
-        for (pid_t guardian; (guardian = find_guardian(RIG)) != 0; g_usleep(10000))
-            kill(guardian, SIGKILL);
+        end_guardian(RIG);
         return;
     }
     g_assert_cmpint(find_guardian(RIG), >, 0);
@@ -333,7 +332,7 @@ static void run_cell(struct cell *cell, GDBusConnection *bus) {
 
     if (cell->failure != LOST)
         lines_fail(&lines, cell->line, cell->failure);
-    end_guardian(cell->end);
+    end_guardians(cell->end);
     const pid_t guardian = find_guardian(RIG);
     const gint64 began_us = g_get_monotonic_time();
     if (cell->end != ALIVE)
