@@ -435,7 +435,8 @@ static void test_fuse(void) {
         g_assert_cmpint(g_unlink(from), ==, 0);
     }
     place_run_all(&place);
-    places_agree(&ordinary, &place);
+    if (ordinary.folder) /* else that test was left out */
+        places_agree(&ordinary, &place);
     if (fuse) {
         const char *const unmounts[] = {"fusermount3", "-u", place.folder, NULL};
         g_free(process_text(0, unmounts));
@@ -456,7 +457,8 @@ static void test_comma(void) {
     g_autofree char *point = process_text(0, asks);
     g_assert_cmpstr(point, ==, ",\n");
     place_run_all(&place);
-    places_agree(&ordinary, &place);
+    if (ordinary.folder) /* else that test was left out */
+        places_agree(&ordinary, &place);
     g_unsetenv("LOCPATH");
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
     place_clear(&place);
