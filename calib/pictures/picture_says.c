@@ -177,18 +177,21 @@ static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     if (!end || (gsize)(data + n - end) < 3)
         return;
     g_autoptr(GZlibDecompressor) inflate = g_zlib_decompressor_new(G_ZLIB_COMPRESSOR_FORMAT_ZLIB);
-    g_autofree guint8 *profile = g_malloc(MOST_PROFILE);
-    gsize used = 2, made = 0;
-    while (made < MOST_PROFILE) {
+    g_autoptr(GByteArray) profile = g_byte_array_new();
+    guint8 piece[1 << 14];
+    gsize used = 2;
+    while (profile->len < MOST_PROFILE) {
         gsize read = 0, written = 0;
         const GConverterResult result = g_converter_convert(
-            G_CONVERTER(inflate), end + used, (gsize)(data + n - end) - used, profile + made,
-            MOST_PROFILE - made, G_CONVERTER_INPUT_AT_END, &read, &written, NULL);
+            G_CONVERTER(inflate), end + used, (gsize)(data + n - end) - used, piece, sizeof piece,
+            G_CONVERTER_INPUT_AT_END, &read, &written, NULL);
+        if (result == G_CONVERTER_ERROR)
+            return;
         used += read;
-        made += written;
+        g_byte_array_append(profile, piece, (guint)written);
         if (result == G_CONVERTER_FINISHED)
-            read_profile(profile, made, ret);
-        if (result == G_CONVERTER_FINISHED || result == G_CONVERTER_ERROR || read + written == 0)
+            read_profile(profile->data, profile->len, ret);
+        if (result == G_CONVERTER_FINISHED || read + written == 0)
             return;
     }
 }
