@@ -140,7 +140,7 @@ static void draw(const struct dome_case *c, struct xyz lamp, struct scene *to, s
 }
 
 static void blur(const struct scene *scene, double sigma_px, double *ret) {
-    const int n = scene->side, reach = (int)ceil(3.5 * sigma_px);
+    const int n = scene->side, reach = MAX(1, (int)ceil(3.5 * sigma_px));
     g_autofree double *rows = g_new0(double, n *n), *kernel = g_new0(double, 2 * reach + 1);
     double sum = 0;
     for (int k = -reach; k <= reach; k++)
