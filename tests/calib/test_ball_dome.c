@@ -212,7 +212,7 @@ static void test_case(gconstpointer data) {
     int found = 0, wrong = 0;
     double worst = 0, squares = 0;
     scene.middle = 0.5 * scene.side + 0.3;
-    scene.light = g_new(double, scene.side *scene.side);
+    scene.light = g_new0(double, scene.side *scene.side);
     g_mkdir(photos, 0700);
     clean_folder(photos);
     for (int i = 0; i < LAMPS; i++) {
