@@ -78,7 +78,7 @@ static double root_at(const struct picture *picture, double x, double y) {
  * in the others. */
 void ball_edges_add(BallEdges *edges, const struct picture *picture) {
     const struct ball_outline *given = &edges->given;
-    g_autofree double *values = g_new(double, edges->n);
+    g_autofree double *values = g_new0(double, edges->n);
     edges->pictures++;
     for (int ray = 0; ray < RAYS; ray++) {
         const double angle = 2 * G_PI * ray / RAYS;
@@ -218,8 +218,8 @@ static gboolean ball_outline_improve(const struct edges *e, double within_px,
 static void edges_of_ray(const BallEdges *from, int ray, struct edges *to) {
     const int n = from->n;
     const double angle = 2 * G_PI * ray / RAYS;
-    g_autofree double *changes = g_new(double, n), *squared = g_new(double, n);
-    g_autofree double *sorted = g_new(double, n);
+    g_autofree double *changes = g_new0(double, n), *squared = g_new0(double, n);
+    g_autofree double *sorted = g_new0(double, n);
     for (int i = 0; i < n; i++) {
         sorted[i] = changes[i] = from->changes[ray * n + i] / MAX(from->pictures, 1);
         squared[i] = from->squared[ray * n + i];

@@ -141,7 +141,7 @@ void integrate_normals(const float *p, const float *q, int width, int height, do
 void integrate_normals_of(const float *normals, int width, int height, double step, float *ret_z,
                           float *ret_known) {
     const gsize n = (gsize)width * (gsize)height;
-    g_autofree float *p = g_new(float, n), *q = g_new(float, n);
+    g_autofree float *p = g_new0(float, n), *q = g_new0(float, n);
     for (gsize i = 0; i < n; i++) {
         const float *normal = normals + 3 * i;
         const float z = MAX(normal[2], (float)STEEPEST);

@@ -140,8 +140,8 @@ static void draw(const struct dome_case *c, struct xyz lamp, struct scene *to, s
 }
 
 static void blur(const struct scene *scene, double sigma_px, double *ret) {
-    const int n = scene->side, reach = (int)ceil(3.5 * sigma_px);
-    g_autofree double *rows = g_new(double, n *n), *kernel = g_new(double, 2 * reach + 1);
+    const int n = scene->side, reach = MAX(1, (int)ceil(3.5 * sigma_px));
+    g_autofree double *rows = g_new0(double, n *n), *kernel = g_new0(double, 2 * reach + 1);
     double sum = 0;
     for (int k = -reach; k <= reach; k++)
         sum += kernel[k + reach] = exp(-0.5 * pow(k / sigma_px, 2));
@@ -212,7 +212,7 @@ static void test_case(gconstpointer data) {
     int found = 0, wrong = 0;
     double worst = 0, squares = 0;
     scene.middle = 0.5 * scene.side + 0.3;
-    scene.light = g_new(double, scene.side *scene.side);
+    scene.light = g_new0(double, scene.side *scene.side);
     g_mkdir(photos, 0700);
     clean_folder(photos);
     for (int i = 0; i < LAMPS; i++) {

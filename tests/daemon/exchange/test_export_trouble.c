@@ -11,13 +11,13 @@
 #include <sys/mount.h>
 
 /* What lacks: an export that needs it says so. */
-enum need { ONE_VIEW, MANY_VIEWS, RELIEF };
+enum need { ONE_VIEW, MANY_VIEWS, RELIEF, LIGHTS };
 
 static const struct kind {
     const char *name, *end;
     enum need need;
 } kinds[] = {{"btf", ".btf", ONE_VIEW},       {"points", ".ply", RELIEF},
-             {"height", ".exr", RELIEF},      {"normals", ".exr", RELIEF},
+             {"height", ".exr", LIGHTS},      {"normals", ".exr", LIGHTS},
              {"web", ".html", ONE_VIEW},      {"web", ".mesoweb", ONE_VIEW},
              {"maps", "", ONE_VIEW},          {"gltf", ".glb", ONE_VIEW},
              {"gltf", ".gltf", ONE_VIEW},     {"materialx", "", ONE_VIEW},
@@ -106,6 +106,8 @@ static void test_one_view(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (kinds[i].need == RELIEF)
             refused_session(&kinds[i], "one", "there is no MDF");
+        else if (kinds[i].need == LIGHTS)
+            refused_session(&kinds[i], "one", "normals need three lights or more");
         else if (kinds[i].need == MANY_VIEWS)
             refused_session(&kinds[i], "one", "a BRDF needs 4 of each or more");
         else if (g_str_equal(kinds[i].name, "ptm") || g_str_equal(kinds[i].name, "relight"))
