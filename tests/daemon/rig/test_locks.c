@@ -48,13 +48,6 @@ static void stop_daemon(struct fixture *fixture, int signal) {
     g_clear_object(&fixture->daemon);
 }
 
-/* It goes on until the devices answer that it has not found safe, and here they are gone. */
-static void end_guardian(const char *rig) {
-    const pid_t guardian = find_guardian(rig);
-    if (guardian)
-        kill(guardian, SIGKILL);
-}
-
 static void tear_down(struct fixture *fixture, gconstpointer unused) {
     if (fixture->daemon)
         stop_daemon(fixture, SIGTERM);
