@@ -29,8 +29,8 @@ enum colour_error {
 };
 
 /* Least squares for XYZ = matrix · RGB with each patch weighted for a uniform error in L* (dL* ∝
- * Y^(−2/3) dY). Refused if the patches differ by more than 10 ΔE*ab (CIE 1976) on average. White has the
- * chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change ΔE. */
+ * Y^(−2/3) dY). Refused if the patches differ by more than 10 ΔE*ab (CIE 1976) on average. White
+ * has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 

@@ -55,8 +55,8 @@ void status_say_devices(Record *to, GVariant *devices, const char *reason) {
             if (g_str_has_prefix(health, prefixes[i]))
                 text = health + strlen(prefixes[i]);
         record_say(to, "%-10s %-16s %-16s %s\n", class_name, name, driver,
-                   g_str_has_prefix(health, "unsafe: ") ? "UNSAFE: not confirmed off or standing"
-                   : text                               ? "fault"
+                   g_str_has_prefix(health, "unsafe: ")  ? "UNSAFE: not confirmed off or standing"
+                   : text                                ? "fault"
                    : faulty && strcmp(health, "ok") == 0 ? "ok before the fault"
                                                          : health);
         if (text && !strstr(reason, text) && !strstr(faults->str, text))

@@ -13,9 +13,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#define WORLD    SOURCE_DIR "/tests/small/world.conf"
-#define BEHAVIOR "MESORIG_TEST_GUARDIAN" /* in the environment: of guardians started from now on   \
-                                          */
+#define WORLD SOURCE_DIR "/tests/small/world.conf"
+#define BEHAVIOR                                                                                   \
+    "MESORIG_TEST_GUARDIAN" /* in the environment: of guardians started from now on                \
+                             */
 #define WAIT_US (60 * G_USEC_PER_SEC)
 
 static GString *told; /* warnings of this process, and what it prints */
