@@ -143,13 +143,16 @@ static gboolean call_moves(const struct bus_call *call) {
     return call->method == BUS_MOVE_AXIS || call->method == BUS_HOME_AXIS;
 }
 
-/* Whether a call that was answered ends what another one wants. A device's error is no refusal: the
- * call was carried out, perhaps. SafeState ends also what was called after it, unless it was
- * released meanwhile. */
+/* Whether a call that was answered ends what another one wants that was sent before it: the daemon
+ * begins with calls in the order in which they were sent. A device's error is no refusal: the call
+ * was carried out, perhaps. SafeState ends also what was sent after it, unless it was released
+ * meanwhile. */
 static gboolean call_ends(const struct bus_owners *owners, guint at, guint wants) {
     const struct bus_call *call = call_at(owners, at), *earlier = call_at(owners, wants);
     if (call->method == BUS_SAFE_STATE)
         return call->ok && (wants < at || owners->released < (int)at);
+    if (wants > at)
+        return FALSE;
     if (call->method == BUS_CLOSE_RIG || call->method == BUS_START || call->method == BUS_RESUME)
         return call->ok;
     return call_lights(call) && !call->on && call->method == earlier->method &&
