@@ -214,10 +214,9 @@ static int cli_check_run(const struct call *call, GError **error) {
     struct check check = {.path = call->arguments[0],
                           .texel = texel_option,
                           .suspicions = g_ptr_array_new_with_free_func(g_free)};
-    g_autoptr(OutputFile) plot = NULL;
-    const gboolean ok =
-        (!plot_option || (plot = check.plot = cli_output(plot_option, "plot", error))) &&
-        cli_work_run(check_session, &check, NULL, error);
+    g_autoptr(OutputFile) plot = plot_option ? cli_output(plot_option, "plot", error) : NULL;
+    check.plot = plot;
+    const gboolean ok = (!plot_option || plot) && cli_work_run(check_session, &check, NULL, error);
     const gboolean suspect = check.suspicions->len > 0;
     if (ok)
         cli_check_tell(call->record, &check);

@@ -38,8 +38,15 @@ void status_say_sentences(Record *to, const char *key, const char *text) {
     record_say(to, "%-10s %s\n", key, lines->str);
 }
 
+/* The text of a device that is unsafe or has a fault, which is told below the table unless the
+ * reason tells it; or NULL. */
+static const char *text_of(const char *health) {
+    if (g_str_has_prefix(health, "unsafe: "))
+        return health + strlen("unsafe: ");
+    return g_str_has_prefix(health, "fault: ") ? health + strlen("fault: ") : NULL;
+}
+
 void status_say_devices(Record *to, GVariant *devices, const char *reason) {
-    static const char *const prefixes[] = {"unsafe: ", "fault: "};
     const char *class_name, *name, *driver, *health;
     g_autoptr(GString) faults = g_string_new(NULL);
     gboolean faulty = FALSE;
@@ -50,15 +57,12 @@ void status_say_devices(Record *to, GVariant *devices, const char *reason) {
     record_say(to, "\n%-10s %-16s %-16s %s\n", "CLASS", "NAME", "DRIVER", "HEALTH");
     g_variant_iter_init(&iter, devices);
     while (g_variant_iter_next(&iter, "(&s&s&s&s)", &class_name, &name, &driver, &health)) {
-        const char *text = NULL; /* told below the table, unless the reason tells it */
-        for (gsize i = 0; i < G_N_ELEMENTS(prefixes) && !text; i++)
-            if (g_str_has_prefix(health, prefixes[i]))
-                text = health + strlen(prefixes[i]);
+        const char *text = text_of(health);
         record_say(to, "%-10s %-16s %-16s %s\n", class_name, name, driver,
-                   g_str_has_prefix(health, "unsafe: ")  ? "UNSAFE: not confirmed off or standing"
-                   : text                                ? "fault"
-                   : faulty && strcmp(health, "ok") == 0 ? "ok before the fault"
-                                                         : health);
+                   g_str_has_prefix(health, "unsafe: ") ? "UNSAFE: not confirmed off or standing"
+                   : text                               ? "fault"
+                   : faulty && g_strcmp0(health, "ok") == 0 ? "ok before the fault"
+                                                            : health);
         if (text && !strstr(reason, text) && !strstr(faults->str, text))
             g_string_append_printf(faults, "%s: %s\n", name, text);
     }

@@ -182,8 +182,8 @@ static int export_gltf_run(const struct call *call, GError **error) {
     g_autofree char *lower = output ? g_ascii_strdown(output, -1) : NULL;
     job.text = lower && g_str_has_suffix(lower, ".gltf");
     static const struct exchange_format glb = {"scenes", "glTF", ".glb", NULL};
-    g_autoptr(OutputFile) file = NULL;
-    if (output && !job.text && !(file = exchange_output(output, &glb, error)))
+    g_autoptr(OutputFile) file = output && !job.text ? exchange_output(output, &glb, error) : NULL;
+    if (output && !job.text && !file)
         return CLI_FAILED;
     return export_maps_job(call, &job, error);
 }

@@ -380,7 +380,9 @@ static void sim_axis_close_axis(Axis *axis) {
     clock_cancel(axis->device.clock, &sim->unanswered);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
-    update_world(axis, 0);
+    /* An axis that has not moved since it was opened stands where an earlier program left it. */
+    if (sim->phase != STANDING)
+        update_world(axis, 0);
     g_clear_pointer(&sim->world, world_unref);
 }
 
