@@ -119,6 +119,7 @@ static const struct call_case {
     {"watch", "--no-pictures"},
     {"abort", "", .code = 1},
     {"safe", ""},
+    {"release", ""},
     {"close", ""},
     /* Other programs. */
     {"../mesorig-view", "small.session --render view.png --size 40x30 --light-theta-deg 12.5",

@@ -183,7 +183,7 @@ static void abandoned(void) {
 /* Two pictures of each camera come incomplete, all lines answer late again and again, and one
  * camera is without power for a while: the session goes on by itself and says what happened. */
 static void mishaps(void) {
-    g_autofree char *path = twin_path("virtual.conf"), *conf = twin_path("short.conf");
+    g_autofree char *path = twin_path("mishaps.conf"), *conf = twin_path("short.conf");
     g_autofree char *session = twin_path("mishap.session"), *socket = twin_path("mishap-bus");
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     struct virtual_camera_faults faults = {.cut = 2};
