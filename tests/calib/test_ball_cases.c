@@ -340,10 +340,10 @@ static int check_case(guint seed) {
     g_autofree char *ball =
         g_strdup_printf("--ball=%.2f,%.2f,%.2f", circle[0], circle[1], circle[2]);
     focal = g_strdup_printf("--focal=%.1f", c->focal_px);
-    const char *const argv[] = {MESORIG,     "calibrate", "lights",
-                                "--images",  "photos",    "-o",
-                                "lights.lp", ball,        c->focal_px > 0 ? focal : NULL,
-                                NULL};
+    const char *const argv[] = {
+        MESORIG, "calibrate", "lights",  "--images", "photos",
+        "-o",    "lights.lp", "--force", ball,       c->focal_px > 0 ? focal : NULL,
+        NULL};
     const int code = process_run_in(world_fixture_folder(), argv, &out, &errors);
     for (int k = 0; k < TROUBLES; k++)
         if (c->troubles & 1 << k)

@@ -225,8 +225,8 @@ static void test_case(gconstpointer data) {
     g_autofree char *ball =
         g_strdup_printf("--ball=%.2f,%.2f,%.2f", scene.middle + c->circle_px[0],
                         scene.middle + c->circle_px[1], c->radius_px + c->circle_px[2]);
-    const char *const argv[] = {MESORIG, "calibrate", "lights", "--images", "photos",
-                                "-o",    "lights.lp", ball,     c->within,  NULL};
+    const char *const argv[] = {MESORIG,     "calibrate", "lights", "--images", "photos", "-o",
+                                "lights.lp", "--force",   ball,     c->within,  NULL};
     const int code = process_run_in(world_fixture_folder(), argv, &out, &errors);
     g_test_message("%s%s", out, errors);
     for (int i = 0; i < LAMPS && code == 0; i++) {
