@@ -227,7 +227,21 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     return TRUE;
 }
 
+gboolean bus_can_close(Bus *bus, GError **error) {
+    g_autoptr(GError) unsafe = NULL;
+    if (!bus->guardian || bus->is_safe || bus_end(bus, &unsafe))
+        return TRUE;
+    bus_unattended_stop(bus, "the rig could not be closed, because a device did not confirm");
+    g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                "the rig stays open, since not every device has confirmed that it is off or stands "
+                "(%s): it is told again until it does; look at it, and cut its power if it does "
+                "not obey",
+                unsafe->message);
+    return FALSE;
+}
+
 void bus_close_rig(Bus *bus) {
+    static struct devices *abandoned;
     g_autoptr(GError) error = NULL;
     if (bus->ending)
         return; /* from within bus_end(), which runs the main loop */
@@ -244,9 +258,16 @@ void bus_close_rig(Bus *bus) {
     if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
         g_warning("the rig is NOT safe: %s", error->message);
     bus_hold_clock(bus, FALSE);
-    guardian_set_busy(bus->guardian, TRUE); /* waits once more for devices that have not answered */
-    g_clear_pointer(&bus->devices, devices_close);
-    guardian_end(bus->guardian, bus->is_safe ? GUARDIAN_SAFE : GUARDIAN_UNSAFE);
+    if (bus->guardian && !bus->is_safe) {
+        abandoned = g_steal_pointer(&bus->devices);
+        devices_set_permit(abandoned, NULL, NULL);
+        devices_watch_safety(abandoned, NULL, NULL);
+        guardian_end(bus->guardian, GUARDIAN_UNSAFE);
+    } else {
+        guardian_set_busy(bus->guardian, TRUE); /* closing may block; everything is off */
+        g_clear_pointer(&bus->devices, devices_close);
+        guardian_end(bus->guardian, GUARDIAN_SAFE);
+    }
     bus->guardian = NULL;
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);

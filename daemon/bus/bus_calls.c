@@ -30,7 +30,7 @@ static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, 
 
 static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_need_rig(bus, &error) || !bus_need_safe(bus, &error))
+    if (!bus_need_rig(bus, &error) || !bus_need_safe(bus, &error) || !bus_can_close(bus, &error))
         return bus_calls_refuse(invocation, error);
     bus_close_rig(bus);
     bus_rig1_complete_close_rig(object, invocation);

@@ -188,7 +188,8 @@ static gboolean on_asked(gpointer data) {
     g_autoptr(GError) error = NULL;
     if (!latch->bus)
         return G_SOURCE_REMOVE;
-    if (!bus_need_rig(latch->bus, &error)) {
+    if (!latch->bus->devices) {
+        bus_need_rig(latch->bus, &error);
         bus_authority_stop(latch->bus, "SafeState ended it before it began");
         refuse_without_rig(latch, error);
         return G_SOURCE_REMOVE;
@@ -196,7 +197,8 @@ static gboolean on_asked(gpointer data) {
     if (!is_under_way(latch)) {
         const gboolean again = latch->told;
         latch->told = TRUE;
-        bus_make_safe(latch->bus);
+        if (!latch->bus->ending) /* else every device is being made safe */
+            bus_make_safe(latch->bus);
         bus_rig1_set_latched(latch->bus->object, TRUE);
         if (!again)
             bus_report(latch->bus, "warning", "safe state",

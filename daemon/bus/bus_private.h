@@ -75,7 +75,14 @@ void bus_hold_clock(Bus *bus, gboolean hold);
 /* Holds the clock, unless something is under way or a device has yet to confirm that it is off. */
 void bus_rest_clock(Bus *bus);
 
-/* Does what the method CloseRig does. */
+/* Ends all that is under way, and waits until every device of a rig with real devices has confirmed
+ * that it is off or stands. Error BUS_ERROR_BUSY: one has not; the rig stays open, and the device
+ * is commanded until it confirms. Runs the main loop. */
+gboolean bus_can_close(Bus *bus, GError **error);
+
+/* Closes the rig. Devices that have not confirmed are left to the guardian, and are not closed,
+ * since closing them would wait for their answers while the lines are not free for the guardian.
+ * The program ends then. */
 void bus_close_rig(Bus *bus);
 
 /* Ends all that is under way, and commands every device off or to a stop. A device that does not

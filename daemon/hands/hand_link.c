@@ -6,7 +6,6 @@
 #include "rig_link.h"
 
 #define MOST_SIDE 65536 /* pixels */
-#define RENEW_MS  (HAND_LEASE_S * 1000 / 3)
 
 char *hand_rig;
 
@@ -88,8 +87,14 @@ void hand_renew(Link *link, double for_s) {
     bus_rig1_call_renew(link_rig(link), for_s, NULL, NULL, NULL);
 }
 
+struct renewal {
+    Link *link;
+    double for_s;
+};
+
 static gboolean on_renew(gpointer data) {
-    hand_renew(data, HAND_LEASE_S);
+    const struct renewal *renewal = data;
+    hand_renew(renewal->link, renewal->for_s);
     return G_SOURCE_CONTINUE;
 }
 
@@ -97,19 +102,30 @@ static void take_result(GObject *source, GAsyncResult *result, gpointer data) {
     *(GAsyncResult **)data = g_object_ref(result);
 }
 
-gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error) {
+static gboolean switch_light(Link *link, gboolean laser, const char *name, gboolean on,
+                             double for_s, GError **error) {
     BusRig1 *rig = link_rig(link);
     g_autoptr(GAsyncResult) result = NULL;
-    const guint timer = g_timeout_add(RENEW_MS, on_renew, link);
+    struct renewal renewal = {link, for_s};
+    const guint timer = g_timeout_add((guint)MAX(for_s * 1000 / 3, 10), on_renew, &renewal);
     if (laser)
-        bus_rig1_call_set_laser(rig, name, on, HAND_LEASE_S, NULL, take_result, &result);
+        bus_rig1_call_set_laser(rig, name, on, for_s, NULL, take_result, &result);
     else
-        bus_rig1_call_set_lamp(rig, name, on, HAND_LEASE_S, NULL, take_result, &result);
+        bus_rig1_call_set_lamp(rig, name, on, for_s, NULL, take_result, &result);
     while (!result)
         g_main_context_iteration(NULL, TRUE);
     g_source_remove(timer);
     return laser ? bus_rig1_call_set_laser_finish(rig, result, error)
                  : bus_rig1_call_set_lamp_finish(rig, result, error);
+}
+
+gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error) {
+    return switch_light(link, laser, name, on, HAND_LEASE_S, error);
+}
+
+gboolean hand_light_for(Link *link, gboolean laser, const char *name, double for_s,
+                        GError **error) {
+    return switch_light(link, laser, name, TRUE, for_s, error);
 }
 
 gboolean hand_move(Link *link, const char *axis, double deg, double *ret_deg, GError **error) {

@@ -24,6 +24,8 @@ Link *hand_link(GError **error);
 Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain_db,
                  GError **error);
 gboolean hand_light(Link *link, gboolean laser, const char *name, gboolean on, GError **error);
+/* The same for at most for_s from now, or from the last renewal while the light warms up. */
+gboolean hand_light_for(Link *link, gboolean laser, const char *name, double for_s, GError **error);
 
 /* Renews the leases of the lights that this process has switched on, without waiting for the
  * answer. */

@@ -31,6 +31,7 @@ struct Guardian {
     gboolean busy;
     gint64 started_us;
     gint64 answered_us;          /* when it sent its last answer; 0: none yet */
+    gint64 asked_us;             /* when guardian_answers() waited last */
     gint64 looked_us, silent_us; /* the last look at the clock, and the silence so far */
     char *refusal;               /* instead of the first answer */
 };
@@ -224,8 +225,10 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 gboolean guardian_answers(Guardian *guardian, GError **error) {
     if (is_answering(guardian))
         return TRUE;
-    if (guardian->socket >= 0) {
+    /* Many calls in a row do not wait for each other's answers: the main loop has more to do. */
+    if (guardian->socket >= 0 && g_get_monotonic_time() - guardian->asked_us > ANSWER_US) {
         const gint64 until = g_get_monotonic_time() + ASK_MS * (gint64)1000;
+        guardian->asked_us = g_get_monotonic_time();
         struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
         gint64 left_us;
         guardian_send(guardian, BEAT);
@@ -253,12 +256,34 @@ static void guardian_on_gone(GPid pid, int status, gpointer unused) {
     g_spawn_close_pid(pid);
 }
 
+static void let_go(Guardian *guardian) {
+    if (guardian->watch) {
+        GSource *watch = g_main_context_find_source_by_id(NULL, guardian->watch);
+        g_source_set_callback(watch, G_SOURCE_FUNC(guardian_on_gone), NULL, NULL);
+    }
+    guardian->watch = 0;
+}
+
+/* The main loop may not have run since the guardian has ended. */
+static void notice_end(Guardian *guardian) {
+    struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
+
+    guardian_read(guardian);
+    if (guardian->socket < 0 || poll(&at, 1, 0) < 1 || !(at.revents & POLLHUP))
+        return;
+    let_go(guardian);
+    g_clear_handle_id(&guardian->timer, g_source_remove);
+    close(guardian->socket);
+    guardian->socket = -1;
+}
+
 void guardian_end(Guardian *guardian, enum guardian_end how) {
     g_autoptr(GError) error = NULL;
 
     if (!guardian)
         return;
     g_clear_handle_id(&guardian->restart, g_source_remove);
+    notice_end(guardian);
     if (guardian->socket < 0 && how != GUARDIAN_SAFE && !guardian_do_start(guardian, &error))
         g_warning("%s", error->message);
     g_clear_handle_id(&guardian->timer, g_source_remove);
@@ -266,10 +291,7 @@ void guardian_end(Guardian *guardian, enum guardian_end how) {
         guardian_send(guardian, how == GUARDIAN_SAFE ? GOODBYE : FAILED);
     if (guardian->socket >= 0)
         close(guardian->socket);
-    if (guardian->watch) {
-        GSource *watch = g_main_context_find_source_by_id(NULL, guardian->watch);
-        g_source_set_callback(watch, G_SOURCE_FUNC(guardian_on_gone), NULL, NULL);
-    }
+    let_go(guardian);
     g_free(guardian->rig_path);
     g_free(guardian->refusal);
     g_free(guardian);

@@ -49,7 +49,10 @@ static char *unit_key(GInetAddress *address, guint16 port, int unit) {
         g_inet_address_get_native_size(address) == 16 && memcmp(bytes, mapped, 12) == 0
             ? g_inet_address_new_from_bytes(bytes + 12, G_SOCKET_FAMILY_IPV4)
             : NULL;
-    g_autofree char *numbers = g_inet_address_to_string(four ? four : address);
+    GInetAddress *known = four ? four : address;
+    /* A connection to the address of all interfaces reaches this computer. */
+    g_autofree char *numbers =
+        g_inet_address_get_is_any(known) ? g_strdup("127.0.0.1") : g_inet_address_to_string(known);
     return g_strdup_printf("tcp %s %u unit %d", numbers, port, unit);
 }
 
