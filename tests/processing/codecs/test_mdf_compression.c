@@ -459,9 +459,9 @@ static void test_commands(void) {
     g_autofree char *to = g_build_filename(world_fixture_folder(), "to.exr", NULL);
     const char *const maps[] = {"compress", from, "--method=mdf", "--components", "3", "-o",
                                 to,         NULL};
-    const char *const views[] = {"compress", from, "--method=mdf-views", "-o", to, NULL};
-    const char *const bytes[] = {"compress", from, "--method=mdf-views", "-q", "8bit", "-o",
-                                 to,         NULL};
+    const char *const views[] = {"compress", from, "--method=mdf-views", "-o", to, "--force", NULL};
+    const char *const bytes[] = {"compress", from, "--method=mdf-views", "-q", "8bit", "-o", to,
+                                 "--force",  NULL};
     const char *const info[] = {"info", to, NULL};
     const struct {
         const char *const *arguments;
