@@ -40,10 +40,9 @@ struct OutputFile {
 
 static gboolean output_file_fail(const char *path, GError **error) {
     const int saved = errno;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
-                saved == ENOSPC || saved == EDQUOT ? "%s: cannot be written, the disk is full: %s"
-                                                   : "%s: cannot be written: %s",
-                path, g_strerror(saved));
+    const gboolean full = saved == ENOSPC || saved == EDQUOT;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be written: %s%s", path,
+                g_strerror(saved), full ? "; free some space, then try again" : "");
     return FALSE;
 }
 

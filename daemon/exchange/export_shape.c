@@ -57,8 +57,12 @@ static gboolean work_fit(const struct work *work, gpointer data, GError **error)
 
 static gboolean work_lights(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    return light_normals(job->session, output, job->options.what == EXPORT_HEIGHT, work,
-                         &job->lights, error);
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(job->to,
+                           light_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
+                                         work, &job->lights, error),
+                           error);
 }
 
 /* Exports normals or heights from the pictures, at the lights where they were taken. */
@@ -96,6 +100,7 @@ static int export_by_lights(const struct call *call, struct job *job, GError **e
             record_say(to, "  holes: %d texels %s\n", result->causes[cause],
                        photometric_cause_text((enum photometric_cause)cause));
     }
+    cli_tell_output(to, job->to);
     return CLI_DONE;
 }
 

@@ -610,7 +610,7 @@ static void test_full_disk(void) {
     g_autofree char *maps = process_mesorig(1, "export maps %s -o %s/maps", session, disk);
     g_autofree char *gltf = process_mesorig(1, "export gltf %s -o %s/a.glb", session, disk);
     assert_has(maps, "free some space and export again");
-    assert_has(gltf, "free some space and export again");
+    assert_has(gltf, "free some space, then try again");
     g_autoptr(GDir) dir = g_dir_open(disk, 0, NULL);
     g_assert_null(g_dir_read_name(dir));
     g_clear_pointer(&dir, g_dir_close);
