@@ -3,6 +3,7 @@
 #include "import_poses_private.h"
 
 #include "base/data_error.h"
+#include "btf/btf.h"
 #include "nominal.h"
 
 #include <math.h>
@@ -234,22 +235,62 @@ static gboolean check_double(const struct import_set *set, GError **error) {
     return TRUE;
 }
 
+/* Adds a skipped shot for a picture that is not in the table. FALSE: nothing says which lamp would
+ * have lit it: another camera's picture shows it, or the lamp turns with the arc. */
+static gboolean add_missing(struct import_set *set, int view_index, int light_index) {
+    const struct session_direction *view =
+        &g_array_index(set->views, struct session_direction, view_index);
+    const struct session_direction *light =
+        &g_array_index(set->lights, struct session_direction, light_index);
+    struct session_shot shot = {.kind = SHOT_LAMP,
+                                .turntable_deg = view->turntable_deg,
+                                .arc_deg =
+                                    remainder(light->turntable_deg + view->turntable_deg, 360),
+                                .source = light_index,
+                                .device = light->device,
+                                .state = SHOT_SKIPPED,
+                                .note = (char *)"not in the table of pictures"};
+    gboolean known = !set->known->rig.lamps[light->device].fixed;
+    for (guint i = 0; i < set->shots->len; i++) {
+        struct session_shot *other = &g_array_index(set->shots, struct session_shot, i);
+        if (other->kind != SHOT_LAMP || other->source != light_index ||
+            import_poses_steps(other->turntable_deg) != import_poses_steps(view->turntable_deg))
+            continue;
+        if (other->state == SHOT_SKIPPED) { /* it is missing for another camera, too */
+            other->cameras |= 1u << view->device;
+            return TRUE;
+        }
+        shot.arc_deg = other->arc_deg;
+        shot.device = other->device;
+        known = TRUE;
+    }
+    shot.id = set->shots->len + 1;
+    shot.pose = (int)set->shots->len;
+    shot.cameras = 1u << view->device;
+    if (known)
+        g_array_append_val(set->shots, shot);
+    return known;
+}
+
 static gboolean import_poses_fail_missing(const struct import_set *set,
                                           const struct session_direction *view,
-                                          const struct session_direction *light, GError **error) {
+                                          const struct session_direction *light, int n_missing,
+                                          GError **error) {
     return data_error_fail(
         set->table, 0, error,
         "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g, or one "
-        "in its direction; every view needs every light. If lamps that do not turn with the sample "
-        "take each other's places, say how exactly with --same-light; --target is for pictures of "
-        "a calibration target, without a BTF",
+        "in its direction; every view needs every light, but for one in ten, and this one lacks "
+        "%d of %u. If lamps that do not turn with the sample take each other's places, say how "
+        "exactly with --same-light; --target is for pictures of a calibration target, without a "
+        "BTF",
         set->known->rig.cameras[view->device].name, view->turntable_deg,
         set->known->rig.lamps[light->device].name,
-        remainder(light->turntable_deg + view->turntable_deg, 360));
+        remainder(light->turntable_deg + view->turntable_deg, 360), n_missing, set->lights->len);
 }
 
-/* Each view with a picture for the BTF needs one under every light, and no two. */
-static gboolean check_lights(const struct import_set *set, GError **error) {
+/* Each view with a picture for the BTF needs one under every light, and no two. A captured session
+ * may lack some, and so may a table. */
+static gboolean check_lights(struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
     if (set->wish->target)
         return TRUE;
@@ -272,11 +313,33 @@ static gboolean check_lights(const struct import_set *set, GError **error) {
         *other = row;
         any[view] = TRUE;
     }
-    for (guint i = 0; i < n_views * n_lights; i++)
-        if (any[i / n_lights] && !there[i])
-            return import_poses_fail_missing(
-                set, &g_array_index(set->views, struct session_direction, i / n_lights),
-                &g_array_index(set->lights, struct session_direction, i % n_lights), error);
+    for (guint view = 0; view < n_views; view++) {
+        const struct session_direction *of =
+            &g_array_index(set->views, struct session_direction, view);
+        const struct session_direction *first = NULL;
+        int missing = 0;
+        gboolean ok = TRUE;
+        for (guint light = 0; any[view] && light < n_lights; light++) {
+            if (there[view * n_lights + light])
+                continue;
+            if (!first)
+                first = &g_array_index(set->lights, struct session_direction, light);
+            missing++;
+            ok = add_missing(set, (int)view, (int)light) && ok;
+        }
+        if (missing > 0 && (!ok || missing > BTF_MOST_MISSING * n_lights))
+            return import_poses_fail_missing(set, of, first, missing, error);
+        if (missing > 0 && set->wish->notes)
+            g_ptr_array_add(
+                set->wish->notes,
+                g_strdup_printf("camera %s at turntable_deg %g lacks %d of its %u pictures under "
+                                "lamps, such as that under %s at arc_deg %g; mesorig process "
+                                "predicts and marks them",
+                                set->known->rig.cameras[of->device].name, of->turntable_deg,
+                                missing, n_lights, set->known->rig.lamps[first->device].name,
+                                remainder(first->turntable_deg + of->turntable_deg, 360)));
+        set->ret->n_missing += missing;
+    }
     return TRUE;
 }
 

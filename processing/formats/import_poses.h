@@ -23,11 +23,11 @@
  * are kept (colour filter "rgb" of rectify.h). Of one view all pictures for the BTF are grey, or
  * all are in colour; those of its sweeps may be either. Saturated pixels become lower bounds.
  *
- * Every light must be there for every view of the BTF, unless the pictures show a calibration
- * target. A light is a lamp at an angle of the arc against the sample; where lamps stand still and
- * the sample turns, same_light_deg makes those one light that lie in one direction of the sample.
- * It then has the direction of the first of them in the plan, and the BTF's files say where each
- * lamp was. In a sweep one picture in ten may be
+ * Every light must be there for every view of the BTF, but for one in ten, which “mesorig process”
+ * predicts; pictures of a calibration target may lack any. A light is a lamp at an angle of the arc
+ * against the sample; where lamps stand still and the sample turns, same_light_deg makes those one
+ * light that lie in one direction of the sample. It then has the direction of the first of them in
+ * the plan, and the BTF's files say where each lamp was. In a sweep one picture in ten may be
  * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
  * no numbers, or masked (transparent), are holes. Any thread.
  */
@@ -56,7 +56,7 @@ struct import_poses {
 
 struct import_poses_result {
     int n_views, n_lights, n_lasers, n_shots, n_frames;
-    int n_missing;      /* missing pictures of sweeps */
+    int n_missing;      /* missing pictures, of sweeps and under lamps */
     gint64 not_numbers; /* number of pixels */
 };
 

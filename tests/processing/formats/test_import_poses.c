@@ -262,6 +262,52 @@ static void test_bad(void) {
                    "the sweep that begins here lacks 2 of its 6 pictures, for instance that at 4°");
 }
 
+/* A view may lack one light in ten: here camera cam30 lacks one of twelve, and cam60, which shows
+ * that light, has all. What is missing is predicted. */
+static void test_missing(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("missing");
+    g_autofree char *less = session_fixture_path("less");
+    g_autoptr(GString) table = g_string_new(HEAD);
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
+    float values[PIXELS];
+    struct import_poses_result result;
+    for (int i = 0; i < PIXELS; i++)
+        values[i] = 0.5f;
+    write_grey(dir, "a.exr", values);
+    for (int k = 0; k < 12; k++)
+        for (int c = 30; c <= 60; c += 30)
+            if (k != 3 || c == 60)
+                g_string_append_printf(table, "a.exr,cam%d,lamp30,,0,%d,\n", c, 30 * k);
+    g_autofree char *file = g_build_filename(dir, "poses.csv", NULL);
+    g_assert_true(g_file_set_contents(file, table->str, -1, NULL));
+    const struct import_poses poses = {.table = file,
+                                       .calibration = calibration,
+                                       .cfa = "mono",
+                                       .grid = grid,
+                                       .threshold_dn = 40,
+                                       .notes = notes};
+    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
+    g_assert_no_error(error);
+    g_assert_cmpint(result.n_missing, ==, 1);
+    gboolean told = FALSE;
+    for (guint i = 0; i < notes->len; i++)
+        told |= strstr(notes->pdata[i], "camera cam30 at turntable_deg 0 lacks 1 of its 12 "
+                                        "pictures under lamps, such as that under lamp30 at "
+                                        "arc_deg 90") != NULL;
+    g_assert_true(told);
+    g_autofree char *made = process_mesorig(0, "process %s", path);
+    assert_has(made, "BTF of 2 views × 12 lights");
+    assert_has(made, "1 of the BTF's 24 pictures");
+    /* One more, which is too many: the second light that cam30 lacks is one that no other shows. */
+    g_autofree char *row = g_strdup("a.exr,cam30,lamp30,,0,120,\n");
+    char *at = strstr(table->str, row);
+    g_assert_nonnull(at);
+    g_string_erase(table, at - table->str, (gssize)strlen(row));
+    g_assert_false(import_rows(dir, less, table->str, IMPORT_LINE, &result, &error));
+    assert_has(error->message, "but for one in ten, and this one lacks 2 of 12");
+}
+
 /* When a pixel is lit, or no longer lit, in steps. */
 static double arrival(int pixel) {
     return 4 + 15.0 * pixel / PIXELS;
@@ -490,6 +536,7 @@ int main(int argc, char **argv) {
     write_calibration();
     g_test_add_func("/poses/session", test_session);
     g_test_add_func("/poses/bad", test_bad);
+    g_test_add_func("/poses/missing", test_missing);
     g_test_add_data_func("/poses/sweep/line", GINT_TO_POINTER(IMPORT_LINE), test_sweep);
     g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
