@@ -371,7 +371,16 @@ static gboolean import_poses_make(struct import_set *set, const char *path, cons
         !import_frames_prepare(set, error) || !import_place_begin(&place, path, error))
         return FALSE;
     g_autofree char *calibration = calibration_to_text(set->known);
-    const struct session_texts texts = {IMPORT_NO_TEXT, IMPORT_NO_TEXT, calibration, NULL};
+    g_autofree char *where = g_canonicalize_filename(set->wish->calibration, NULL);
+    gboolean calibrated = FALSE;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibrated |= set->known->parts[i].done;
+    const char *const values[][2] = {{"calibration", calibrated ? where : "nominal"}};
+    const struct session_texts texts = {.rig_conf = IMPORT_NO_TEXT,
+                                        .session_conf = IMPORT_NO_TEXT,
+                                        .calibration = calibration,
+                                        .values = values,
+                                        .n_values = G_N_ELEMENTS(values)};
     const struct session_plan plan = {
         .grid = set->wish->grid,
         .views = (const struct session_direction *)(gpointer)set->views->data,

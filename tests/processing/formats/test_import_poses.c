@@ -308,6 +308,33 @@ static void test_missing(void) {
     assert_has(error->message, "but for one in ten, and this one lacks 2 of 12");
 }
 
+/* Products of an imported session are said to be of the calibration that the import was given. */
+static void test_calibrated(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("calibrated");
+    g_autofree char *file = g_build_filename(dir, "whole.calibration", NULL);
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autoptr(Calibration) known = calibration_read(calibration, &error);
+    g_assert_no_error(error);
+    struct import_poses_result result;
+    float values[PIXELS];
+    for (int i = 0; i < PIXELS; i++)
+        values[i] = 0.5f;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibration_set_part(known, (enum calibration_kind)i, "by hand", 1, "-", NULL);
+    g_assert_true(calibration_write(known, file, &error));
+    write_grey(dir, "a.exr", values);
+    g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam30,lamp30\n", -1, NULL));
+    const struct import_poses poses = {
+        .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
+    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
+    g_assert_no_error(error);
+    g_autofree char *made = process_mesorig(0, "process %s", path);
+    g_autofree char *said =
+        g_strdup_printf("calibration: %s (cameras, lights, laser, radiometry)", file);
+    assert_has(made, said);
+}
+
 /* When a pixel is lit, or no longer lit, in steps. */
 static double arrival(int pixel) {
     return 4 + 15.0 * pixel / PIXELS;
@@ -537,6 +564,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/poses/session", test_session);
     g_test_add_func("/poses/bad", test_bad);
     g_test_add_func("/poses/missing", test_missing);
+    g_test_add_func("/poses/calibrated", test_calibrated);
     g_test_add_data_func("/poses/sweep/line", GINT_TO_POINTER(IMPORT_LINE), test_sweep);
     g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
