@@ -110,18 +110,24 @@ static void test_series(gconstpointer data) {
     remove_tree(folder);
 }
 
-static void refuse(const char *session, int code, const char *said, const char *series) {
+static void refuse_to(const char *picture, const char *session, int code, const char *said,
+                      const char *series) {
     g_autoptr(GError) error = NULL;
     g_autofree char *err = NULL;
     g_autoptr(GSubprocess) program = g_subprocess_new(
         G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, VIEWER, session, "--live", "--series", series,
-        "--render", "/nowhere/p.png", "--size", "32x24", "--wait-s", "0.5", NULL);
+        "--render", picture, "--size", "32x24", "--wait-s", "0.5", NULL);
     g_assert_no_error(error);
     g_subprocess_communicate_utf8(program, NULL, NULL, NULL, &err, &error);
     g_assert_no_error(error);
     g_test_message("%s", err);
     g_assert_cmpint(g_subprocess_get_exit_status(program), ==, code);
     g_assert_nonnull(strstr(err, said));
+}
+
+static void refuse(const char *session, int code, const char *said, const char *series) {
+    g_autofree char *picture = g_build_filename(g_get_tmp_dir(), "mesorig-no-series.png", NULL);
+    refuse_to(picture, session, code, said, series);
 }
 
 /* Nothing comes, nothing will come, or nobody captures here. */
@@ -137,7 +143,7 @@ static void test_refused(gconstpointer data) {
     refuse(session, 1, "no new view for 0.5 s, 0 of 8", "50");
     capturing_move_view(made, session, 0);
     refuse(session, 1, "no new view for 0.5 s, 1 of 8", "50");
-    refuse(session, 1, "/nowhere/p", "10");
+    refuse_to("/nowhere/p.png", session, 1, "/nowhere/p", "10");
     g_autofree char *last = g_build_filename(session, "products", "eigenmaps.exr", NULL);
     g_assert_true(g_file_set_contents(last, "", 0, &error));
     g_autoptr(Session) opened = session_open(session, SESSION_PRODUCTS, &error);
