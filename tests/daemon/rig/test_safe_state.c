@@ -625,6 +625,53 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
 }
 
+/* A rig is not closed while a device does not confirm: the bus goes on showing what may shine. */
+static void test_close_not_safe(struct fixture *fixture, gconstpointer data) {
+    const struct virtual_modbus_faults deaf = {.deaf = TRUE}, none = {0};
+    g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
+    g_autoptr(GError) error = NULL;
+    start_daemon(fixture);
+    light_up(fixture);
+    fixture->client = g_dbus_connection_new_for_address_sync(
+        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
+    g_assert_no_error(error);
+    virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
+    g_assert_null(g_dbus_connection_call_sync(fixture->client, NULL, BUS_PATH, BUS_NAME, "CloseRig",
+                                              NULL, NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL,
+                                              &error));
+    assert_has(error->message, "org.mesorig.Error.Busy");
+    assert_has(error->message, "the rig stays open");
+    assert_has(error->message, "laser top");
+    g_autoptr(GVariant) answer = g_dbus_connection_call_sync(
+        fixture->client, NULL, BUS_PATH, "org.freedesktop.DBus.Properties", "Get",
+        g_variant_new("(ss)", BUS_NAME, "Unsafe"), NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL);
+    g_autofree char *unsafe = g_variant_print(answer, FALSE);
+    assert_has(unsafe, "laser top");
+    virtual_modbus_fail(fixture->lines.devices[LASER], &none);
+    wait_for_dark(fixture);
+    for (gboolean closed = FALSE; !closed; g_usleep(50 * 1000)) {
+        g_autoptr(GVariant) done =
+            g_dbus_connection_call_sync(fixture->client, NULL, BUS_PATH, BUS_NAME, "CloseRig", NULL,
+                                        NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL, NULL);
+        closed = done != NULL;
+    }
+    wait_for_guardian_end(fixture);
+}
+
+/* The daemon is stopped while it ends, and a device does not answer: its guardian does not wait. */
+static void test_stopped_at_its_end(struct fixture *fixture, gconstpointer data) {
+    write_rig(fixture);
+    start_daemon(fixture);
+    light_up(fixture);
+    lines_fail(&fixture->lines, LASER, SILENT);
+    g_subprocess_send_signal(fixture->daemon, SIGTERM);
+    wait_said(fixture, "NOT safe");
+    g_subprocess_send_signal(fixture->daemon, SIGSTOP);
+    lines_repair(&fixture->lines, LASER);
+    wait_for_dark(fixture);
+    wait_for_guardian_end(fixture);
+}
+
 /* The rig cannot be opened, because the laser, which shines, does not answer: the guardian switches
  * all else off, and the laser as soon as it can. */
 static void test_not_opened(struct fixture *fixture, gconstpointer data) {
@@ -718,6 +765,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/guardian/matrix", test_matrix);
     ADD("/guardian/normal-end", test_normal_end, 0);
     ADD("/guardian/end-not-safe", test_end_not_safe, 0);
+    ADD("/guardian/close-not-safe", test_close_not_safe, 0);
+    ADD("/guardian/stopped-at-its-end", test_stopped_at_its_end, 0);
     ADD("/guardian/not-opened", test_not_opened, 0);
     ADD("/guardian/started-again", test_started_again, 0);
     g_test_add_data_func("/guardian/answer-lost", GINT_TO_POINTER(KILLED), test_answer_lost);
