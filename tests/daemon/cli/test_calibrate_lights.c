@@ -281,7 +281,7 @@ static void mistakes_of_balls(void) {
             "places_mm=" BALLS "\n",
             2, "20:3;40:3;65:3", "");
     g_free(RUN(0, "l65 ", "calibrate", "lights", "balls.session", "-t", "balls.target", "-o",
-               "balls.conf"));
+               "balls.calibration"));
     note("balls.session", TURN_BACK);
     g_free(RUN(1, "the turntable turns against", "calibrate", "lights", "balls.session", "-t",
                "balls.target", "-o", "no.conf"));

@@ -144,7 +144,8 @@ static void test_full_disk(void) {
         if (kinds[i].need == RELIEF)
             continue;
         g_autofree char *said = refused(&kinds[i], "whole.session", to, "No space left on device");
-        assert_has(said, to);
+        assert_has(said,
+                   "disk/"); /* the file that did not fit: that of the option, or one next to it */
     }
     g_assert_cmpint(umount2("disk", MNT_DETACH), ==, 0);
 }
