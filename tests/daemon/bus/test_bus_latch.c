@@ -61,7 +61,7 @@ static void test_overtakes(gconstpointer same_client) {
         g_dbus_connection_flush_sync(peer->client, NULL, NULL);
         bus_peer_begin(asker, "SafeState", NULL, &safe);
         wait_for_arrival(peer);
-        g_variant_unref(bus_peer_end(asker, & safe, NULL, NULL));
+        g_variant_unref(bus_peer_end(asker, &safe, NULL, NULL));
         bus_peer_fails(peer->client, &lights, "Latched", "mesorig release");
         bus_peer_fails(peer->client, &lit, "Latched", "mesorig release");
         g_assert_true(is_dark(peer->bus));

@@ -384,7 +384,7 @@ static void photographs(void) {
     save("photos/a.png", pixels, size);
     g_autofree char *out =
         RUN(0, "   at ", "calibrate", "lights", "-i", "photos", "--ball", "150,160,60", "--ball",
-            "450,180,60", "--ball", "300,430,60", "--radius", "30", "-o", "lights.lp");
+            "450,180,60", "--ball", "300,430,60", "--radius", "30", "-o", "lights.lp", "--force");
     double x, y, z;
     g_assert_cmpint(sscanf(strstr(out, "   at "), "   at %lf %lf %lf mm", &x, &y, &z), ==, 3);
     double distance = sqrt(x * x + y * y + z * z);
