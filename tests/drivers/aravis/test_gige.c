@@ -149,8 +149,14 @@ static void without_clock(struct eye *eye, gconstpointer unused) {
 
 /* Past the kernel's UDP where this process may, else as without. */
 static void packet_socket(struct eye *eye, gconstpointer unused) {
-    for (guint64 shot = 1; shot <= 5; shot++)
-        g_assert_cmpint(eye_shoot(eye, shot), ==, CAMERA_FRAME);
+    int n_frames = 0;
+    /* The ring of a packet socket overflows while the computer is busy, and frames are torn. */
+    for (guint64 shot = 1; shot <= 20 && n_frames < 5; shot++) {
+        const enum camera_event event = eye_shoot(eye, shot);
+        g_assert_true(event == CAMERA_FRAME || event == CAMERA_REFUSED);
+        n_frames += event == CAMERA_FRAME;
+    }
+    g_assert_cmpint(n_frames, ==, 5);
 }
 
 struct line {

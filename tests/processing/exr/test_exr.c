@@ -345,8 +345,9 @@ static char *tool_output(const char *tool, const char *path) {
 
     if (!program)
         return NULL;
-    /* Address space of sanitizers is inherited, their preload is not wanted. */
-    g_assert_cmpint(process_run((const char *[]){program, path, NULL}, &out, NULL), ==, 0);
+    /* The exit code is not asserted: main() of exrinfo in OpenEXR 3.1 returns an undefined value.
+     */
+    process_run((const char *[]){program, path, NULL}, &out, NULL);
     return out;
 }
 
