@@ -1,0 +1,32 @@
+#include "base/residual.h"
+
+#include <glib.h>
+
+static void test_noise(void) {
+    const struct residual noise = {"the plane", 0.0199, 0.01, "mm", "a bent sheet"};
+    g_assert_null(residual_warning(&noise));
+    const struct residual unknown = {"the plane", 5, 0, "mm", "a bent sheet"};
+    g_assert_null(residual_warning(&unknown));
+    g_assert_cmpfloat(residual_excess(&unknown), ==, 0);
+    const struct residual small = {"the plane", 0.009, 0.01, "mm", "a bent sheet"};
+    g_assert_cmpfloat(residual_excess(&small), ==, 0);
+}
+
+static void test_excess(void) {
+    const struct residual bent = {"the sheet of “left”", 0.05, 0.03, "mm", "a bent sheet, speckle"};
+    g_assert_cmpfloat_with_epsilon(residual_excess(&bent), 0.04, 1e-12);
+    g_assert_null(residual_warning(&bent));
+    const struct residual worse = {"the sheet of “left”", 0.07, 0.03, "mm",
+                                   "a bent sheet, speckle"};
+    g_autofree char *said = residual_warning(&worse);
+    g_assert_cmpstr(said, ==,
+                    "the sheet of “left” fits to 0.07 mm, where noise alone explains 0.03 mm; "
+                    "causes that fit: a bent sheet, speckle");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/residual/noise", test_noise);
+    g_test_add_func("/residual/excess", test_excess);
+    return g_test_run();
+}
