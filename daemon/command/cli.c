@@ -1,6 +1,7 @@
 #include "cli.h"
 
 #include "base/data_error.h"
+#include "base/help_text.h"
 #include "base/nearest.h"
 
 #include <errno.h>
@@ -72,6 +73,7 @@ static gboolean cli_parse(const struct command *command, int *argc, char ***argv
         g_autofree char *text = g_strconcat("Examples:\n", command->examples, NULL);
         g_option_context_set_description(context, text);
     }
+    help_text_answer(context, *argc, *argv);
     if (!g_option_context_parse(context, argc, argv, &error)) {
         nearest_add_option(error, tables);
         const char *number = strstr(error->message, " -");
@@ -130,9 +132,11 @@ static const char *cli_child_word(const struct command *parent, const struct com
 int cli_run_child(const struct command *parent, int argc, char **argv) {
     if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
         g_print("Usage: mesorig %s %s\n\n", parent->name, parent->arguments);
-        for (gsize i = 0; parent->children[i]; i++)
-            g_print("  %-12s %s\n", cli_child_word(parent, parent->children[i]),
-                    parent->children[i]->help);
+        for (gsize i = 0; parent->children[i]; i++) {
+            g_autofree char *row = help_text_row(cli_child_word(parent, parent->children[i]),
+                                                 parent->children[i]->help);
+            g_print("%s", row);
+        }
         g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” tells more.\n", parent->examples,
                 parent->name);
         return argc < 2 ? CLI_USAGE : CLI_DONE;

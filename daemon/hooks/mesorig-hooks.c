@@ -1,5 +1,6 @@
 /* mesorig-hooks: tells others what happens to captures and to the rig. A process of its own, which
  * hears what the daemon says to all and may ask it nothing. */
+#include "base/help_text.h"
 #include "base/nearest.h"
 #include "hooks.h"
 
@@ -249,6 +250,7 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_auto(HooksConf) conf = {0};
     g_option_context_add_main_entries(context, entries, NULL);
+    help_text_answer(context, argc, argv);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 ||
         (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {
         if (error)

@@ -1,4 +1,5 @@
 /* mesorigd: opens the devices of a rig and runs sessions, controlled over D-Bus. */
+#include "base/help_text.h"
 #include "base/nearest.h"
 #include "bus/bus.h"
 #include "bus/preparer.h"
@@ -236,6 +237,7 @@ int main(int argc, char **argv) {
     g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
                                           "(org.mesorig.Rig1).");
     g_option_context_add_main_entries(context, entries, NULL);
+    help_text_answer(context, argc, argv);
     if (!g_option_context_parse(context, &argc, &argv, &error)) {
         nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         return usage(error->message);

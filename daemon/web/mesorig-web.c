@@ -1,5 +1,6 @@
 /* mesorig-web: a rig in the browser. A process of its own, which needs no privileges but to call
  * the daemon. */
+#include "base/help_text.h"
 #include "base/nearest.h"
 #include "bus/bus_client.h"
 #include "web_server.h"
@@ -97,6 +98,7 @@ int main(int argc, char **argv) {
     g_autoptr(GOptionContext) context = g_option_context_new("— show a rig in the browser");
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);
+    help_text_answer(context, argc, argv);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc > 1 || port < 0 ||
         port > 65535 || (safe_needs_token && !token_path) ||
         (bus && strcmp(bus, "system") != 0 && strcmp(bus, "session") != 0)) {

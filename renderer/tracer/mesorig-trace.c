@@ -1,6 +1,7 @@
 /* mesorig-trace: a picture of a scene with captured materials, by path tracing. */
 #include "trace_output.h"
 
+#include "base/help_text.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
 #include "base/program.h"
@@ -296,6 +297,7 @@ int main(int argc, char **argv) {
         context, "A picture of a glTF scene with captured materials and global illumination,\n"
                  "by path tracing.");
     g_option_context_add_main_entries(context, entries, NULL);
+    help_text_answer(context, argc, argv);
     if (!g_option_context_parse(context, &argc, &argv, &error)) {
         nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-trace: %s\n", error->message);

@@ -1,4 +1,5 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+#include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
@@ -380,6 +381,7 @@ int main(int argc, char **argv) {
         "MATERIAL is the directory of a processed session, or a file that mesorig process or "
         "mesorig compress made; without one, woven fabric is shown.\n");
     int status = 0;
+    help_text_answer(context, argc, argv);
     gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
     if (!parsed)
         nearest_add_option(error, (const GOptionEntry *const[]){table, NULL});

@@ -1,5 +1,6 @@
 /* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
 #include "base/data_error.h"
+#include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
 #include "base/output_file.h"
@@ -219,6 +220,7 @@ int main(int argc, char **argv) {
         "and change the world of a simulated rig. With --usb: Pololu Tics, USB relay boards\n"
         "and V4L2 cameras; with --u3v: USB3 Vision cameras.");
     g_option_context_add_main_entries(options, entries, NULL);
+    help_text_answer(options, argc, argv);
     if (!g_option_context_parse(options, &argc, &argv, &error)) {
         nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-rig: %s\n", error->message);

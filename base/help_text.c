@@ -1,0 +1,76 @@
+#include "help_text.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define WIDTH  80
+#define COLUMN 24 /* of descriptions */
+
+/* Appends words so that no line is longer than WIDTH; further lines begin at an indentation.
+ * column: where the text begins. A word that is longer than a line stays whole. */
+static void append_wrapped(GString *to, const char *text, int column, int indentation) {
+    g_auto(GStrv) words = g_strsplit(text, " ", -1);
+    gboolean first = TRUE;
+    for (char **word = words; *word; word++) {
+        if (!**word)
+            continue;
+        const int length = (int)g_utf8_strlen(*word, -1);
+        if (!first && column + 1 + length > WIDTH) {
+            g_string_append_printf(to, "\n%*s", indentation, "");
+            column = indentation;
+        } else if (!first) {
+            g_string_append_c(to, ' ');
+            column++;
+        }
+        g_string_append(to, *word);
+        column += length;
+        first = FALSE;
+    }
+    g_string_append_c(to, '\n');
+}
+
+char *help_text_row(const char *name, const char *description) {
+    GString *row = g_string_new(NULL);
+    const int length = (int)g_utf8_strlen(name, -1);
+    g_string_append_printf(row, "  %s", name);
+    if (length + 4 > COLUMN)
+        g_string_append_printf(row, "\n%*s", COLUMN, "");
+    else
+        g_string_append_printf(row, "%*s", COLUMN - 2 - length, "");
+    append_wrapped(row, description, COLUMN, COLUMN);
+    return g_string_free(row, FALSE);
+}
+
+char *help_text_lay_out(const char *help) {
+    GString *text = g_string_new(NULL);
+    g_auto(GStrv) lines = g_strsplit(help, "\n", -1);
+    gboolean verbatim = FALSE; /* examples are commands, which stay as they are */
+    for (char **line = lines; *line; line++) {
+        const char *gap = **line == ' ' ? strstr(*line + strspn(*line, " "), "  ") : NULL;
+        verbatim |= g_str_has_prefix(*line, "Examples:");
+        if (!line[1] && !**line) {
+            break; /* after the last newline */
+        } else if (verbatim) {
+            g_string_append_printf(text, "%s\n", *line);
+        } else if (g_str_has_prefix(*line, "  ") && gap) {
+            g_autofree char *name = g_strndup(*line + 2, (gsize)(gap - *line - 2));
+            g_autofree char *row = help_text_row(g_strstrip(name), gap + strspn(gap, " "));
+            g_string_append(text, row);
+        } else {
+            const int indentation = (int)strspn(*line, " ");
+            g_string_append_printf(text, "%*s", indentation, "");
+            append_wrapped(text, *line, indentation, indentation);
+        }
+    }
+    return g_string_free(text, FALSE);
+}
+
+void help_text_answer(GOptionContext *context, int argc, char **argv) {
+    for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++)
+        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
+            g_autofree char *help = g_option_context_get_help(context, TRUE, NULL);
+            g_autofree char *text = help_text_lay_out(help);
+            g_print("%s", text);
+            exit(0);
+        }
+}
