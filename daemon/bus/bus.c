@@ -214,7 +214,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
             laser->watchdog_s == 0)
             g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
                       "stops or the line is cut: give it one, or wire an interlock relay; see "
-                      "\"Watchdogs of devices\" in docs/safety.md",
+                      "\"Watchdogs of devices\" in docs/operate/safety.md",
                       laser->device.name, laser->device.info->name);
     }
     bus_hold_clock(bus, TRUE);

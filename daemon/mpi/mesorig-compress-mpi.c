@@ -1,4 +1,5 @@
-/* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
+/* Local PCA of a BTF by several processes, each with some of its texels in memory:
+ * docs/research/compression.md.
  */
 #include "base/json.h"
 #include "base/nearest.h"

@@ -27,7 +27,7 @@
  * bytes, where share is the part of the pixels that shows the sample (lamp) or that the laser's
  * line passes (sweep): what is not lit holds little. The constants are least squares over captures
  * of five simulated materials (woven, brick, brushed, peanuts, ridges) at 384² to 1280² pixels;
- * docs/speed.md has the errors, also of what was left out. */
+ * docs/lab/speed.md has the errors, also of what was left out. */
 #define SMALL_PIXELS (256 * 256)
 #define BLOCK_ROWS   32
 #define NOISE_BITS   12 /* of the cameras of those captures */

@@ -1,5 +1,5 @@
-/* docs/driver.md shows the shortest driver: each piece of it is in that file, word for word, but
- * for the one that is for a test, and the file is as long as the guide says. */
+/* docs/develop/driver.md shows the shortest driver: each piece of it is in that file, word for
+ * word, but for the one that is for a test, and the file is as long as the guide says. */
 #include <glib.h>
 #include <string.h>
 
@@ -19,7 +19,7 @@ static int count_lines(const char *text) {
 }
 
 static void test_pieces(void) {
-    g_autofree char *guide = load(SOURCE_DIR "/docs/driver.md");
+    g_autofree char *guide = load(SOURCE_DIR "/docs/develop/driver.md");
     g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
     g_auto(GStrv) parts = g_strsplit(guide, "```", -1);
     int n = 0;
@@ -29,14 +29,15 @@ static void test_pieces(void) {
         if (strstr(piece, "struct conformance"))
             continue;
         if (!strstr(source, piece))
-            g_error("docs/driver.md shows what is not in drivers/modbus/inputs.c:\n%s", piece);
+            g_error("docs/develop/driver.md shows what is not in drivers/modbus/inputs.c:\n%s",
+                    piece);
         n++;
     }
     g_assert_cmpint(n, ==, 5);
 }
 
 static void test_length(void) {
-    g_autofree char *guide = load(SOURCE_DIR "/docs/driver.md");
+    g_autofree char *guide = load(SOURCE_DIR "/docs/develop/driver.md");
     g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
     g_autofree char *says = g_strdup_printf("in %d lines", count_lines(source));
     g_assert_nonnull(strstr(guide, says));

@@ -78,7 +78,7 @@ static void test_warning(void) {
                         ==, usb);
         g_assert_cmpint(count(said, "laser laser60: its device (usb-relay-laser) has no watchdog"),
                         ==, usb);
-        g_assert_cmpint(count(said, "docs/safety.md"), ==, usb ? 2 : 0);
+        g_assert_cmpint(count(said, "docs/operate/safety.md"), ==, usb ? 2 : 0);
     }
 }
 

@@ -105,9 +105,9 @@ static void test_interface(void) {
     }
 }
 
-/* The sphere of docs/material.md: lit from the upper left, black around it. */
+/* The sphere of docs/develop/material.md: lit from the upper left, black around it. */
 static void test_program(void) {
-    write_blocks("material.md", "```c\n", "/* ");
+    write_blocks("develop/material.md", "```c\n", "/* ");
     g_autofree char *out = shell("cc " SANITIZE " -Wall -Wextra -Werror -o sphere sphere.c "
                                  "$(pkg-config --cflags --libs mesorig-material) -lm\n"
                                  "./sphere material.exr\n"
@@ -168,7 +168,7 @@ static void test_python(void) {
         test_skip_or_fail("python3-numpy is not installed");
         return;
     }
-    write_blocks("python.md", "```python\n", "# ");
+    write_blocks("research/python.md", "```python\n", "# ");
     for (gsize k = 0; k < G_N_ELEMENTS(paths); k++) {
         g_autofree char *arguments = g_strconcat("evaluate.py ", paths[k], NULL);
         g_autofree char *text = python(arguments);

@@ -114,7 +114,7 @@ static void test_again(void) {
     g_free(bytes[1]);
 }
 
-/* The scene of docs/path-tracing.md, with its camera and two captured materials. */
+/* The scene of docs/artists/path-tracing.md, with its camera and two captured materials. */
 static void test_documented(void) {
     g_autofree char *scene = in_folder("two.gltf");
     const char *const argv[] = {SOURCE_DIR "/etc/sample/make_scene", scene, NULL};
