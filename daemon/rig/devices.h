@@ -82,11 +82,6 @@ static inline Axis *devices_positioner(const struct devices *devices, int i) {
     return all[i];
 }
 
-/* The position that an axis last reported; 0 for NULL, an axis that the rig lacks. */
-static inline double devices_axis_deg(Axis *axis) {
-    return axis ? axis_position_deg(axis) : 0;
-}
-
 /* Whether a camera of the geometry is a device of its own, and not a further stop of a camera
  * before it. */
 static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
