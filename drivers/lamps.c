@@ -92,19 +92,9 @@ enum device_safety lamps_safety(const LampBank *bank) {
     return lights_safety(bank->state->lights);
 }
 
-gint64 lamps_confirmed_us(const LampBank *bank, int index) {
-    g_return_val_if_fail(index >= 0 && index < bank->n, -1);
-    return lights_confirmed_us(bank->state->lights, index);
-}
-
 gint64 lamps_on_since_us(const LampBank *bank, int index) {
     g_return_val_if_fail(index >= 0 && index < bank->n, -1);
     return lights_since_us(bank->state->lights, index);
-}
-
-double lamps_hours(const LampBank *bank, int index) {
-    g_return_val_if_fail(index >= 0 && index < bank->n, 0);
-    return (double)lights_burnt_us(bank->state->lights, index) / (3600.0 * G_USEC_PER_SEC);
 }
 
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {

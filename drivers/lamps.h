@@ -59,14 +59,8 @@ enum light lamps_light(const LampBank *bank, int index);
 gboolean lamps_is_on(const LampBank *bank, int index); /* there may be light: not LIGHT_OFF */
 enum device_safety lamps_safety(const LampBank *bank); /* of all its lamps */
 
-/* When the device last confirmed what the lamp does, on the clock; the opening counts. */
-gint64 lamps_confirmed_us(const LampBank *bank, int index);
-
 /* Since when the device has confirmed that the lamp is on; -1: it has not. */
 gint64 lamps_on_since_us(const LampBank *bank, int index);
-
-/* Returns the hours that the lamp was on since the bank was opened. */
-double lamps_hours(const LampBank *bank, int index);
 
 /* For drivers: answers each set() once; for one lamp, in order. An answer after the deadline of the
  * class counts as well. Takes ownership of error. */

@@ -122,10 +122,6 @@ enum device_safety laser_safety(const Laser *laser) {
     return lights_safety(laser->state->lights);
 }
 
-gint64 laser_confirmed_us(const Laser *laser) {
-    return lights_confirmed_us(laser->state->lights, 0);
-}
-
 gboolean laser_mount(Laser *laser, const char *place, GError **error) {
     return !laser->driver->mount || laser->driver->mount(laser, place, error);
 }

@@ -53,9 +53,6 @@ enum light laser_light(const Laser *laser);
 gboolean laser_is_on(const Laser *laser); /* it may shine: not LIGHT_OFF */
 enum device_safety laser_safety(const Laser *laser);
 
-/* When the device last confirmed what the laser does, on the clock; the opening counts. */
-gint64 laser_confirmed_us(const Laser *laser);
-
 /* Says that somebody has mounted the unit at the place of that section of the rig file. */
 gboolean laser_mount(Laser *laser, const char *place, GError **error);
 

@@ -24,7 +24,7 @@ struct light_output {
                         since */
     gboolean lit;    /* "on" was confirmed, and "off" was not since */
     guint64 on_number, off_number; /* the last command of each kind */
-    gint64 since_us, burnt_us, confirmed_us;
+    gint64 since_us;
 };
 
 struct lights {
@@ -55,10 +55,8 @@ struct lights *lights_new(gpointer device, int n, gboolean many, LightsSend send
                               .many = many,
                               .n = n,
                               .list = g_new0(struct light_output, n)};
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < n; i++)
         lights->list[i].dark = TRUE; /* the driver's open() has switched it off */
-        lights->list[i].confirmed_us = clock_now_us(lights->device->clock);
-    }
     return lights;
 }
 
@@ -97,8 +95,7 @@ static gboolean any_failed(const struct lights *lights) {
     return FALSE;
 }
 
-static void took_off(struct light_output *output, const struct command *command, gint64 now,
-                     gboolean failed) {
+static void took_off(struct light_output *output, const struct command *command, gboolean failed) {
     const gboolean on_again = output->on_number > command->number;
     if (failed && command->retry && output->dark)
         return; /* another "off" was confirmed meanwhile */
@@ -107,10 +104,7 @@ static void took_off(struct light_output *output, const struct command *command,
         output->failed |= !on_again;
         return;
     }
-    if (output->lit)
-        output->burnt_us += now - output->since_us;
     output->lit = FALSE;
-    output->confirmed_us = now;
     if (!on_again) {
         output->dark = TRUE;
         output->failed = FALSE;
@@ -123,7 +117,6 @@ static void took_on(struct light_output *output, const struct command *command, 
     const gboolean last = output->on_number == command->number;
     if (!failed) {
         output->dark = FALSE;
-        output->confirmed_us = now;
         if (!output->lit)
             output->since_us = now;
         output->lit = TRUE;
@@ -166,7 +159,7 @@ static void lights_take(struct lights *lights, const struct command *command, gi
         if (covers(command, i) && command->on)
             took_on(&lights->list[i], command, now, error != NULL, off_is_due(lights, i));
         else if (covers(command, i))
-            took_off(&lights->list[i], command, now, error != NULL);
+            took_off(&lights->list[i], command, error != NULL);
     }
     lights_settle(lights, error);
 }
@@ -356,16 +349,6 @@ enum device_safety lights_safety(const struct lights *lights) {
                               : DEVICE_UNSAFE;
 }
 
-gint64 lights_confirmed_us(const struct lights *lights, int index) {
-    return lights->list[index].confirmed_us;
-}
-
 gint64 lights_since_us(const struct lights *lights, int index) {
     return lights->list[index].lit ? lights->list[index].since_us : -1;
-}
-
-gint64 lights_burnt_us(const struct lights *lights, int index) {
-    const struct light_output *output = &lights->list[index];
-    return output->burnt_us +
-           (output->lit ? clock_now_us(lights->device->clock) - output->since_us : 0);
 }

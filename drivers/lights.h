@@ -35,6 +35,4 @@ void lights_lost(struct lights *lights, const GError *error);
 
 enum light lights_light(const struct lights *lights, int index);
 enum device_safety lights_safety(const struct lights *lights); /* of all its lights */
-gint64 lights_confirmed_us(const struct lights *lights, int index);
 gint64 lights_since_us(const struct lights *lights, int index); /* of the "on"; -1: none */
-gint64 lights_burnt_us(const struct lights *lights, int index);

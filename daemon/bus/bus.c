@@ -276,8 +276,8 @@ void bus_close_rig(Bus *bus) {
     show_idle(bus);
 }
 
-/* Writes the path of the rig file into the session, where it is missing because an older version
- * began the session, or is wrong because the file has been moved since. */
+/* Writes the path of the rig file into the session, where it is missing or wrong because the file
+ * has been moved since. */
 static void remember_rig(Bus *bus) {
     g_autoptr(Session) session = session_open(bus->directory, SESSION_PRODUCTS, NULL);
     g_autofree char *known = session ? session_value(session, "rig_path") : NULL;

@@ -102,7 +102,7 @@ static GVariant *do_work(const struct prepare_work *work, GError **error) {
                    : NULL;
     g_autoptr(Plan) plan = *work->directory
                                ? capture_validate(devices, &conf, work->directory, error)
-                               : capture_plan(devices, &conf, error);
+                               : plan_build(&conf, &devices->geometry, &devices->timing, error);
     if (!plan || !*work->directory)
         return plan ? report_plan(&conf, plan) : NULL;
     g_autoptr(GPtrArray) warnings = NULL;

@@ -40,16 +40,6 @@ static gboolean load_figures(Capture *capture, GError **error) {
     return exposure_advice_load(&capture->exposures, session, error);
 }
 
-struct plan *capture_plan(const struct devices *devices, const struct session_conf *conf,
-                          GError **error) {
-    const gboolean wanted = conf->multiplex != MULTIPLEX_NO;
-    g_autoptr(GPtrArray) warnings = NULL;
-    g_autoptr(Calibration) known = wanted ? capture_calibration(devices, &warnings, error) : NULL;
-    return known || !wanted
-               ? plan_build_with(conf, &devices->geometry, &devices->timing, known, error)
-               : NULL;
-}
-
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error) {
     if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
@@ -60,7 +50,7 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
                         : ", and is not a session; choose another name");
         return NULL;
     }
-    struct plan *plan = capture_plan(devices, conf, error);
+    struct plan *plan = plan_build(conf, &devices->geometry, &devices->timing, error);
     if (plan && directory && !capture_check_disk(directory, plan->bytes, error))
         g_clear_pointer(&plan, plan_free);
     return plan;
@@ -129,7 +119,6 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     intake_hooks.data = hooks.data = capture;
     capture->devices = devices;
     capture->session = session;
-    capture->replanned = g_array_new(FALSE, FALSE, sizeof(gint64));
     if (callbacks)
         capture->callbacks = *callbacks;
     capture->state = CAPTURE_PAUSED;
@@ -250,14 +239,14 @@ Capture *capture_start(struct devices *devices, const struct session_conf *conf,
 static gboolean can_read_darks(Session *session, const GPtrArray *shots,
                                const struct session_conf *conf, const struct rig *rig) {
     gint64 exposures[SHOT_MAX_DARKS];
+    const int n = shot_dark_exposures(conf, exposures);
     for (int c = 0; c < rig->n_cameras; c++) {
         if (!devices_is_unit(rig, c))
             continue; /* it has the dark frames of its first stop */
         const struct camera_format format = {.width = rig->cameras[c].width,
                                              .height = rig->cameras[c].height};
         const struct session_shot *shot = dark_before(shots, c);
-        const int n = shot ? shot_dark_exposures(conf, shot, exposures) : 0;
-        for (int i = 0; i < n; i++) {
+        for (int i = 0; shot && i < n; i++) {
             g_autofree float *pixels = intake_read_dark(
                 session_path(session), shot, rig->cameras[c].name, &format, exposures[i], NULL);
             if (!pixels)
@@ -369,7 +358,6 @@ void capture_free(Capture *capture) {
     }
     g_clear_handle_id(&capture->changed_source, g_source_remove);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
-    g_array_unref(capture->replanned);
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);

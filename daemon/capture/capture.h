@@ -65,10 +65,6 @@ struct capture_callbacks {
     gpointer data;
 };
 
-/* plan_build_with() the rig's calibration, which is read if there is [lights] multiplex. */
-struct plan *capture_plan(const struct devices *devices, const struct session_conf *conf,
-                          GError **error);
-
 /* Checks everything (session against rig, free disk, blocked poses) without moving: what a capture
  * would refuse. The plan is returned on success; free with plan_free(). */
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,

@@ -47,7 +47,6 @@ struct Capture {
     char *reason, *doing;
     GPtrArray *shots;            /* all, owned */
     GPtrArray *remaining;        /* of this run */
-    GArray *replanned;           /* ids of shots to be taken again; their rows are deleted first */
     guint committed;             /* of remaining */
     guint n_held;                /* of remaining, from the first on: see capture_lasers.h */
     GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */

@@ -293,17 +293,16 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     return TRUE;
 }
 
-/* Shots that are stored together with the first in flight: itself, or the rest of its group of
- * lamps, since each picture of a group has noise of all others; or all that are held until the
+/* Shots that are stored together with the first in flight: itself, or all that are held until the
  * lasers are checked. */
-static int n_together(const Capture *capture, const struct flight *first) {
+static int n_together(const Capture *capture) {
     if (capture->committed < capture->n_held)
         return (int)(capture->n_held - capture->committed);
-    return MAX(first->shot->multiplex.n - first->shot->multiplex.k, 1);
+    return 1;
 }
 
-static gboolean are_back(Capture *capture, const struct flight *first) {
-    for (int i = 0; i < n_together(capture, first); i++) {
+static gboolean are_back(Capture *capture) {
+    for (int i = 0; i < n_together(capture); i++) {
         const struct flight *flight = g_queue_peek_nth(&capture->flights, (guint)i);
         if (!flight || !is_back(flight))
             return FALSE;
@@ -314,8 +313,8 @@ static gboolean are_back(Capture *capture, const struct flight *first) {
 /* In planned order, whichever camera's worker was quicker. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
-    while ((flight = g_queue_peek_head(&capture->flights)) && are_back(capture, flight)) {
-        for (int i = 0, n = n_together(capture, flight); i < n; i++)
+    while ((flight = g_queue_peek_head(&capture->flights)) && are_back(capture)) {
+        for (int i = 0, n = n_together(capture); i < n; i++)
             if (stop_if_dark(capture, g_queue_peek_nth(&capture->flights, (guint)i)))
                 return;
         g_autoptr(GError) error = NULL;
@@ -391,13 +390,10 @@ static void on_result(const struct intake_result *result, gpointer data) {
     }
     if (result->uneven) {
         const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
-        const gboolean grouped = result->shot->multiplex.group > 0;
         g_autofree char *reason = g_strdup_printf(
-            "lamp %s%s was not as bright in all %s, by what camera %s saw. Check the lamp, its "
-            "fuse and its relay, then go on.",
-            lamp, grouped ? ", or one lit with it," : "",
-            grouped ? "pictures of its group" : "exposures of a shot",
-            capture->devices->geometry.cameras[camera].name);
+            "lamp %s was not as bright in all exposures of a shot, by what camera %s saw. Check "
+            "the lamp, its fuse and its relay, then go on.",
+            lamp, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
         return;
     }
@@ -542,7 +538,6 @@ static int list_round(Capture *capture, int round, int number) {
 /* Lists the shots that this run takes, and predicts their time, homing included. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
-    session_plan_multiplexed(capture->shots, capture->replanned);
     capture_count(capture);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
     capture->remaining = g_ptr_array_new();
@@ -561,26 +556,11 @@ static void note_remaining(Capture *capture) {
     capture->left_least_s = capture->plan_left_s[0];
 }
 
-/* Before their files are replaced, so that no row has another file meanwhile. FALSE after a fault.
- */
-static gboolean capture_run_forget_replanned(Capture *capture) {
-    g_autoptr(GError) error = NULL;
-    if (capture->replanned->len > 0 &&
-        !session_plan_again(capture->session, capture->replanned, &error)) {
-        stop_for_disk(capture, error);
-        return FALSE;
-    }
-    g_array_set_size(capture->replanned, 0);
-    return TRUE;
-}
-
 static void capture_run_begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
     capture->all_taken = FALSE;
     capture_start_clock(capture);
-    if (!capture_run_forget_replanned(capture))
-        return;
     if (capture->remaining->len == 0) {
         if (capture->adaptive && !adaptive_is_over(capture->adaptive))
             adaptive_choose(capture->adaptive);

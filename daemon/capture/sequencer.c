@@ -71,13 +71,11 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
                               .arm_deg = rig_arm_deg(rig, shot->cameras),
                               .probe_deg =
                                   rig_probe_deg(rig, shot->kind == SHOT_LAMP ? shot->device : -1),
+                              .lamp = -1,
                               .laser = -1,
                               .sweep = -1};
-    for (int i = 0; i < rig->n_lamps && shot->kind == SHOT_LAMP; i++)
-        if (shot_lights(seq->conf, shot, sub, i)) {
-            const int unit = rig_lamp_unit(rig, i);
-            goal.lamps[unit / 64] |= (guint64)1 << unit % 64;
-        }
+    if (shot->kind == SHOT_LAMP)
+        goal.lamp = rig_lamp_unit(rig, shot->device);
     if (shot->kind == SHOT_SWEEP) {
         int unit = rig_laser_unit(&seq->devices->timing, shot->device);
         int step = shot_sweep_step(seq->conf, shot, sub);
@@ -94,7 +92,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
-    if (seq->next < seq->shots->len && (!seq->pausing || session_is_within_group(seq->shot))) {
+    if (seq->next < seq->shots->len && !seq->pausing) {
         /* The laser waits for the last frame: should that have to be taken again, a laser that
          * stays on would light it, and only the end of the sweep shows such a laser. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
@@ -102,8 +100,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
         return goal;
     }
     struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
-    memset(goal.lamps, 0, sizeof goal.lamps);
-    goal.laser = -1;
+    goal.lamp = goal.laser = -1;
     return goal;
 }
 
@@ -259,7 +256,7 @@ void sequencer_advance(Sequencer *seq) {
 
 void sequencer_next_shot(Sequencer *seq) {
     seq->state = PREPARING;
-    if ((seq->pausing && !session_is_within_group(seq->shot)) || !begin_shot(seq))
+    if (seq->pausing || !begin_shot(seq))
         sequencer_finish(seq);
     else
         sequencer_prepare(seq);
@@ -431,8 +428,7 @@ void sequencer_pause(Sequencer *seq) {
     seq->pausing = TRUE;
     gboolean untouched =
         seq->state == PREPARING && seq->sub == 0 && seq->shot &&
-        (seq->pass.n > 0 ? sequencer_pass_is_untouched(seq)
-                         : seq->pending == seq->shot->cameras && seq->shot->multiplex.k == 0);
+        (seq->pass.n > 0 ? sequencer_pass_is_untouched(seq) : seq->pending == seq->shot->cameras);
     if (seq->state == HOMING || untouched)
         sequencer_finish(seq);
     else if (seq->state == PASSING)

@@ -270,13 +270,9 @@ static gboolean lasers_are(const Stage *stage, int lit) {
     return TRUE;
 }
 
-static gboolean stage_lit(const guint64 *lamps, int lamp) {
-    return (lamps[lamp / 64] >> lamp % 64 & 1) != 0;
-}
-
-static gboolean lamps_are(const Stage *stage, const guint64 *lit) {
+static gboolean lamps_are(const Stage *stage, int lit) {
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
-        gboolean wanted = stage_lit(lit, i);
+        gboolean wanted = i == lit;
         /* One that is switched off and on again has not answered the first when it is asked. */
         if (stage->lamps[i].on != wanted || stage->lamps[i].asked != wanted ||
             stage->lamps[i].pending > 0)
@@ -286,12 +282,11 @@ static gboolean lamps_are(const Stage *stage, const guint64 *lit) {
 }
 
 gboolean stage_is_homed(const Stage *stage) {
-    static const guint64 dark[STAGE_LAMP_WORDS];
     for (int i = 0; i < stage->n_axes; i++) {
         if (!stage->axes[i].homed)
             return FALSE;
     }
-    return lamps_are(stage, dark) && lasers_are(stage, -1);
+    return lamps_are(stage, -1) && lasers_are(stage, -1);
 }
 
 static void pursue_axis(Stage *stage, Axis *axis, double target_deg) {
@@ -336,7 +331,7 @@ static void switch_laser(Stage *stage, int laser, gboolean on) {
 void stage_pursue(Stage *stage, const struct stage_goal *goal) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps; i++) {
-        if (!stage_lit(goal->lamps, i))
+        if (i != goal->lamp)
             switch_lamp(stage, i, FALSE);
     }
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
@@ -349,9 +344,8 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
         pursue_axis(stage, devices_positioner(devices, i), degs[i]);
     if (goal->sweep >= 0)
         pursue_axis(stage, devices->sweeps[goal->sweep], goal->sweep_deg);
-    for (int i = 0; i < devices->geometry.n_lamps; i++)
-        if (stage_lit(goal->lamps, i))
-            switch_lamp(stage, i, TRUE);
+    if (goal->lamp >= 0)
+        switch_lamp(stage, goal->lamp, TRUE);
     if (goal->laser >= 0)
         switch_laser(stage, goal->laser, TRUE);
 }
@@ -372,12 +366,11 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
         if (!stands_at(stage, devices_positioner(devices, i), degs[i]))
             return FALSE;
     if ((goal->sweep >= 0 && !stands_at(stage, devices->sweeps[goal->sweep], goal->sweep_deg)) ||
-        !lamps_are(stage, goal->lamps) || !lasers_are(stage, goal->laser))
+        !lamps_are(stage, goal->lamp) || !lasers_are(stage, goal->laser))
         return FALSE;
-    for (int i = 0; i < devices->geometry.n_lamps; i++)
-        if (stage_lit(goal->lamps, i))
-            *ret_at_us = MAX(*ret_at_us, stage->lamps[i].since_us +
-                                             (gint64)ceil(devices->lamps[i].bank->warm_up_s * 1e6));
+    if (goal->lamp >= 0)
+        *ret_at_us = stage->lamps[goal->lamp].since_us +
+                     (gint64)ceil(devices->lamps[goal->lamp].bank->warm_up_s * 1e6);
     if (goal->laser >= 0)
         *ret_at_us =
             MAX(*ret_at_us, stage->lasers[goal->laser].since_us +

@@ -7,14 +7,11 @@
 
 #include "rig/devices.h"
 
-#define STAGE_LAMP_WORDS ((RIG_MAX_LAMPS + 63) / 64)
-
 struct stage_goal {
     double turntable_deg, arc_deg, arm_deg, probe_deg;
-    guint64 lamps[STAGE_LAMP_WORDS]; /* bit i % 64 of lamps[i / 64]: lamp i is lit; of a lamp on the
-                                        probe, its first stop */
-    int laser; /* which is lit; −1: none. Of one that is mounted by hand, its unit */
-    int sweep; /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
+    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit; of a
+                        lamp on the probe, its first stop */
+    int sweep;       /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
     double sweep_deg;
 };
 

@@ -90,6 +90,10 @@ int cli_main(int argc, char **argv) {
         g_print("mesorig %s\n", MESORIG_VERSION);
         return CLI_DONE;
     }
+    if (strcmp(argv[1], "--complete") == 0) {
+        complete_words(commands, argv + 2, argc - 2);
+        return CLI_DONE;
+    }
     for (gsize i = 0; commands[i]; i++)
         if (strcmp(commands[i]->name, argv[1]) == 0)
             return cli_run(commands[i], argc - 1, argv + 1);

@@ -122,7 +122,7 @@ static GOptionEntry compress_entry(struct given *given) {
 }
 
 const GOptionEntry *compress_entries(void) {
-    static GOptionEntry entries[MOST_OPTIONS + 4];
+    static GOptionEntry entries[MOST_OPTIONS + 3];
     int n = 0;
     n_methods = n_options = 0;
     for (gsize i = 0; codecs[i]; i++)
@@ -146,8 +146,6 @@ const GOptionEntry *compress_entries(void) {
                                   &method_option,
                                   g_intern_string(help->str),
                                   g_intern_string(names)};
-    entries[n++] = (GOptionEntry){
-        "model", 0, 0, G_OPTION_ARG_STRING, &method_option, "The same as --method", "METHOD"};
     for (int i = 0; i < n_options; i++)
         entries[n++] = compress_entry(&options[i]);
     entries[n++] = (GOptionEntry){"output",

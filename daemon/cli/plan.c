@@ -66,7 +66,7 @@ static GVariant *plan_here(const char *rig, const char *session, const char *dir
         plan_join_errors(of_rig, of_session, error);
     else
         plan = *directory ? capture_validate(devices, &conf, directory, error)
-                          : capture_plan(devices, &conf, error);
+                          : plan_build(&conf, &devices->geometry, &devices->timing, error);
     GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
     plan_free(plan);
     devices_close(devices);

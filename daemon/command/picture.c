@@ -1,5 +1,7 @@
 #include "picture.h"
 
+#include <chafa.h>
+#include <math.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -10,7 +12,6 @@
 /* Size of a terminal's cell if it does not report one: for the size of a sixel picture. */
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
-#define LEVELS      6 /* of each colour in a sixel picture */
 
 /* The primary device attributes (DA1): "ESC [ ? 6 2 ; 4 ; … c", where 4 stands for sixels. */
 static gboolean has_sixels(int fd) {
@@ -50,88 +51,42 @@ void picture_terminal_size(int fd, int *ret_columns, int *ret_lines) {
     *ret_lines = known && size.ws_row > 0 ? size.ws_row : 24;
 }
 
-/* Means over squares of side pixels. */
-static guint8 *shrink(const guint8 *rgb, int width, int side, int to_width, int to_height) {
-    guint8 *ret = g_new(guint8, (gsize)to_width * (gsize)to_height * 3);
-    for (int y = 0; y < to_height; y++)
-        for (int x = 0; x < to_width; x++)
-            for (gsize c = 0; c < 3; c++) {
-                guint sum = 0;
-                for (int k = 0; k < side * side; k++)
-                    sum += rgb[((gsize)(y * side + k / side) * (gsize)width +
-                                (gsize)(x * side + k % side)) *
-                                   3 +
-                               c];
-                ret[((gsize)y * (gsize)to_width + (gsize)x) * 3 + c] =
-                    (guint8)(sum / (guint)(side * side));
-            }
-    return ret;
-}
-
-/* Two pixels a cell, in 24-bit colours: the upper half block over a background. */
-static void append_blocks(GString *to, const guint8 *rgb, int width, int height) {
-    for (int y = 0; y < height; y += 2) {
-        for (int x = 0; x < width; x++) {
-            const guint8 *up = &rgb[((gsize)y * (gsize)width + (gsize)x) * 3];
-            const guint8 *low = y + 1 < height ? up + (gsize)width * 3 : up;
-            g_string_append_printf(to, "\033[38;2;%d;%d;%dm\033[48;2;%d;%d;%dm▀", up[0], up[1],
-                                   up[2], low[0], low[1], low[2]);
-        }
-        g_string_append(to, "\033[0m\n");
-    }
-}
-
-/* Sixels: bands of six rows, each drawn once for every colour that it has. */
-static void append_sixels(GString *to, const guint8 *rgb, int width, int height) {
-    g_string_append_printf(to, "\033Pq\"1;1;%d;%d", width, height);
-    for (int c = 0; c < LEVELS * LEVELS * LEVELS; c++)
-        g_string_append_printf(to, "#%d;2;%d;%d;%d", c, c / (LEVELS * LEVELS) * 100 / (LEVELS - 1),
-                               c / LEVELS % LEVELS * 100 / (LEVELS - 1),
-                               c % LEVELS * 100 / (LEVELS - 1));
-    g_autofree guint8 *bits = g_new(guint8, width);
-    for (int top = 0; top < height; top += 6) {
-        for (int c = 0; c < LEVELS * LEVELS * LEVELS; c++) {
-            gboolean any = FALSE;
-            memset(bits, 0, (gsize)width);
-            for (int y = top; y < MIN(top + 6, height); y++)
-                for (int x = 0; x < width; x++) {
-                    const guint8 *p = &rgb[((gsize)y * (gsize)width + (gsize)x) * 3];
-                    const int r = (p[0] * (LEVELS - 1) + 127) / 255,
-                              g = (p[1] * (LEVELS - 1) + 127) / 255,
-                              b = (p[2] * (LEVELS - 1) + 127) / 255;
-                    if ((r * LEVELS + g) * LEVELS + b != c)
-                        continue;
-                    bits[x] |= (guint8)(1 << (y - top));
-                    any = TRUE;
-                }
-            if (!any)
-                continue;
-            g_string_append_printf(to, "#%d", c);
-            for (int x = 0; x < width; x++)
-                g_string_append_c(to, (char)(63 + bits[x]));
-            g_string_append_c(to, '$');
-        }
-        g_string_append_c(to, '-');
-    }
-    g_string_append(to, "\033\\\n");
+static char *picture_draw(const guint8 *rgb, int width, int height, gboolean sixels, int columns,
+                          int lines) {
+    ChafaCanvasConfig *config = chafa_canvas_config_new();
+    ChafaSymbolMap *symbols = chafa_symbol_map_new();
+    chafa_symbol_map_add_by_tags(symbols, CHAFA_SYMBOL_TAG_VHALF);
+    chafa_canvas_config_set_symbol_map(config, symbols);
+    chafa_canvas_config_set_canvas_mode(config, CHAFA_CANVAS_MODE_TRUECOLOR);
+    chafa_canvas_config_set_pixel_mode(config,
+                                       sixels ? CHAFA_PIXEL_MODE_SIXELS : CHAFA_PIXEL_MODE_SYMBOLS);
+    chafa_canvas_config_set_preprocessing_enabled(config, FALSE);
+    chafa_canvas_config_set_cell_geometry(config, CELL_WIDTH, CELL_HEIGHT);
+    chafa_canvas_config_set_geometry(config, columns, lines);
+    ChafaCanvas *canvas = chafa_canvas_new(config);
+    chafa_canvas_draw_all_pixels(canvas, CHAFA_PIXEL_RGB8, rgb, width, height, width * 3);
+    ChafaTermInfo *terminal = chafa_term_db_get_fallback_info(chafa_term_db_get_default());
+    GString *text = chafa_canvas_print(canvas, terminal);
+    chafa_term_info_unref(terminal);
+    chafa_canvas_unref(canvas);
+    chafa_canvas_config_unref(config);
+    chafa_symbol_map_unref(symbols);
+    g_string_append_c(text, '\n');
+    return g_string_free(text, FALSE);
 }
 
 char *picture_text(const guint8 *rgb, int width, int height, enum picture_way way, int columns,
                    int lines, int *ret_columns, int *ret_lines) {
-    GString *text = g_string_new(NULL);
-    const gboolean blocks = way == PICTURE_BLOCKS;
-    const int cell_width = blocks ? 1 : CELL_WIDTH, cell_height = blocks ? 2 : CELL_HEIGHT;
-    const int across = MAX(columns, 1) * cell_width, down = MAX(lines, 1) * cell_height;
-    const int side = MAX(MAX((width + across - 1) / across, (height + down - 1) / down), 1);
-    const int to_width = width / side, to_height = height / side;
-    const gboolean empty = way == PICTURE_NOT || !rgb || to_width < 1 || to_height < 1;
+    const gboolean sixels = way == PICTURE_SIXEL;
+    const gboolean empty = way == PICTURE_NOT || !rgb || width < 1 || height < 1;
+    const double cell_width = sixels ? CELL_WIDTH : 1, cell_height = sixels ? CELL_HEIGHT : 2;
+    const double across = width / cell_width, down = height / cell_height;
+    const double scale = empty ? 0 : MIN(1, MIN(MAX(columns, 1) / across, MAX(lines, 1) / down));
+    const int wide = empty ? 0 : MAX(1, (int)lround(scale * across));
+    const int high = empty ? 0 : MAX(1, (int)lround(scale * down));
     if (ret_columns)
-        *ret_columns = empty ? 0 : (to_width + cell_width - 1) / cell_width;
+        *ret_columns = wide;
     if (ret_lines)
-        *ret_lines = empty ? 0 : (to_height + cell_height - 1) / cell_height;
-    if (empty)
-        return g_string_free(text, FALSE);
-    g_autofree guint8 *small = shrink(rgb, width, side, to_width, to_height);
-    (blocks ? append_blocks : append_sixels)(text, small, to_width, to_height);
-    return g_string_free(text, FALSE);
+        *ret_lines = high;
+    return empty ? g_strdup("") : picture_draw(rgb, width, height, sixels, wide, high);
 }

@@ -145,9 +145,7 @@ struct ring_fields {
     int first;    /* [lights], [lasers] */
     int sampling; /* [lights] */
     double error_pct, budget_min;
-    char *multiplex;
-    int multiplexed; /* the same, read */
-    int stop;        /* [lasers] */
+    int stop; /* [lasers] */
     double gain_pct, line_mm;
 };
 
@@ -189,10 +187,6 @@ static const struct option light_options[] = {
     {"budget_min", OPTION_DOUBLE, "min", 0, 100000, "0", .offset = RING(budget_min),
      .help = "With sampling = adaptive: minutes that the lamps' shots may take, moves between them "
              "counted and laser sweeps not; 0: as many as they need"},
-    {"multiplex", OPTION_STRING, .fallback = "no", .offset = RING(multiplex),
-     .help = "Take lamps in groups of so many, about half of them lit at once in each picture, and "
-             "work out what each lamp alone would show: 3, 7, 11, 15, 19, 23, 31 or more; auto: "
-             "as many as save time at the same noise, if any; no: one lamp at a time"},
     {NULL},
 };
 
@@ -354,8 +348,6 @@ static gboolean read_rings(const struct config_section *section, const struct op
     } else if (!has_preset || (preset = preset_rings(section, fields.preset, mistakes)))
         ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
                         mistakes);
-    if (fields.multiplex && !multiplexed_parse(fields.multiplex, &fields.multiplexed, &why))
-        ok = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "multiplex", "%s", why);
     if (ret_fields)
         *ret_fields = fields;
     options_clear(options, &fields);
@@ -506,7 +498,6 @@ static void session_conf_read_directions(struct session_conf *conf, const Config
     conf->light_first = of_lights.first;
     conf->light_error_pct = of_lights.error_pct;
     conf->light_budget_min = of_lights.budget_min;
-    conf->multiplex = of_lights.multiplexed;
     read_rings(lasers, laser_options, conf->lasers, &conf->n_lasers, &conf->lasers_of, &fields,
                mistakes);
     conf->laser_stop = (enum laser_stop)fields.stop;

@@ -7,7 +7,6 @@
 #include "base/options.h"
 #include "coverage/coverage_model.h"
 #include "frames/laser_lines.h"
-#include "multiplexed/multiplexed.h"
 #include "session/session.h"
 
 /* Directions are rings, or those of the devices that are named, as they stand with turntable and
@@ -84,7 +83,6 @@ struct session_conf {
     double light_error_pct;  /* expected error of all values of the BTF that is enough */
     double light_budget_min; /* what the shots of lamps may take at most, by the plan's times, moves
                                 between them counted and sweeps not; 0: any time */
-    int multiplex;           /* lamps of a group, MULTIPLEX_AUTO or MULTIPLEX_NO */
     gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */

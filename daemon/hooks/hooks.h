@@ -1,15 +1,13 @@
 /*
- * Tells others what happens to captures: runs the executables of a folder, sends mails, posts to
- * web servers, or shows notifications on a desktop. Handles events one after the other, and for
- * each event does one of these after the other. A failure is written to the log, and the next one
- * follows. A post that fails is tried again later, between others. Main loop's thread.
+ * Runs the executables of a folder when something happens to a capture, or shows notifications on
+ * a desktop. Events are handled one after the other, and so are the executables of an event. A
+ * failure is written to the log, and the next one follows. Main loop's thread.
  */
 #pragma once
 
 #include "hooks_conf.h"
 
-/* Events that wait, and posts that wait to be tried again: when there are more, the oldest are
- * dropped. */
+/* Events that wait: when there are more, the oldest are dropped. */
 #define HOOKS_MOST_WAITING 1000
 
 typedef struct Hooks Hooks;
@@ -17,7 +15,7 @@ typedef struct Hooks Hooks;
 /* Borrows conf. */
 Hooks *hooks_new(const struct hooks_conf *conf);
 
-/* Ends programs and posts under way. NULL is ignored. */
+/* Ends the program that runs. NULL is ignored. */
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
@@ -25,7 +23,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
  * taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
-/* Nothing runs and nothing waits, posts that are to be tried again included. */
+/* Nothing runs and nothing waits. */
 gboolean hooks_is_idle(const Hooks *hooks);
 
 /* Of the daemon's signal Event: "unsafe" if a device has not confirmed that it is off or stands,

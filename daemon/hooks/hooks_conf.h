@@ -1,36 +1,13 @@
-/* hooks.conf: what is run, and who is told, when something happens to a capture. */
+/* hooks.conf: which programs are run when something happens to a capture. */
 #pragma once
 
 #include "base/options.h"
 
 #define HOOKS_CONF "/etc/mesorig/hooks.conf"
 
-/* The events of the signal Milestone (etc/org.mesorig.Rig1.xml), and "unsafe" and "confirmed"
- * (hooks.h); ends with NULL. */
-extern const char *const hooks_events[];
-
-struct hooks_mail {
-    char **to;
-    char *from, *sendmail;
-    char **events;
-};
-
-struct hooks_webhook {
-    char *name; /* of its section */
-    char *url;
-    char *token_file; /* "": none; relative to the file */
-    char **events;
-    double time_limit_s;
-    int retries;    /* of a post that failed */
-    double retry_s; /* from its failure to the first of them; from each to the next twice as long */
-};
-
 struct hooks_conf {
     char *folder;        /* of the executables */
     double time_limit_s; /* of each */
-    gboolean mails;      /* mail is filled */
-    struct hooks_mail mail;
-    GArray *webhooks; /* of struct hooks_webhook */
 };
 
 /* path NULL: the defaults alone. The error tells all mistakes of the file. */
@@ -39,5 +16,5 @@ void hooks_conf_clear(struct hooks_conf *conf);
 typedef struct hooks_conf HooksConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(HooksConf, hooks_conf_clear)
 
-/* The keys of [hooks], [mail] and [webhook NAME]; NULL: there is no such section. */
+/* The keys of [hooks]; NULL: there is no such section. */
 const struct option *hooks_conf_options(const char *class_name);

@@ -1,5 +1,5 @@
-/* mesorig-hooks: tells others what happens to captures and to the rig. A process of its own, which
- * hears what the daemon says to all and may ask it nothing. */
+/* mesorig-hooks: runs programs when something happens to captures and to the rig. A process of its
+ * own, which hears what the daemon says to all and may ask it nothing. */
 #include "base/help_text.h"
 #include "base/nearest.h"
 #include "hooks.h"
@@ -8,7 +8,6 @@
 #include <locale.h>
 #include <signal.h>
 #include <string.h>
-#include <sys/prctl.h>
 #include <systemd/sd-daemon.h>
 
 #include "bus/bus.h"
@@ -23,7 +22,7 @@ static const GOptionEntry entries[] = {
     {"config", 0, 0, G_OPTION_ARG_FILENAME, &conf_path,
      "Read this file, not " HOOKS_CONF ", which need not exist", "FILE"},
     {"check", 0, 0, G_OPTION_ARG_NONE, &check,
-     "Tell of an event that is made up, wait until all is done, and end", NULL},
+     "Run all hooks for an event that is made up, and end", NULL},
     {"desktop", 0, 0, G_OPTION_ARG_NONE, &desktop,
      "Show notifications on this user's desktop, and do nothing else", NULL},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
@@ -209,14 +208,6 @@ static void tell_made_up(struct program *program) {
         g_dbus_connection_flush_sync(program->screen, NULL, NULL);
 }
 
-/* The sandbox of the service as it is installed. */
-static void warn_of_sandbox(const struct hooks_conf *conf) {
-    if (conf->mails && prctl(PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) == 1)
-        g_printerr("mesorig-hooks: [mail] %s may gain no privileges here (NoNewPrivileges), which "
-                   "that of most mail servers needs: see SANDBOX in mesorig-hooks(8)\n",
-                   conf->mail.sendmail);
-}
-
 /* An exit code. */
 static int run(const struct hooks_conf *conf, GError **error) {
     struct program program = {.loop = g_main_loop_new(NULL, FALSE),
@@ -227,7 +218,6 @@ static int run(const struct hooks_conf *conf, GError **error) {
         program.screen = g_bus_get_sync(G_BUS_TYPE_SESSION, NULL, error);
     } else {
         program.hooks = hooks_new(conf);
-        warn_of_sandbox(conf);
     }
     if (desktop && !program.screen) {
         g_prefix_error(error, "the session bus: ");

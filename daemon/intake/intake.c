@@ -6,7 +6,6 @@
 #include "fiducials/fiducials.h"
 #include "intake_darks.h"
 #include "intake_write.h"
-#include "multiplex/multiplex_pictures.h"
 #include "radiance.h"
 
 #define FULL_BYTES ((gsize)512 << 20)
@@ -17,8 +16,6 @@
  */
 #define LASER_PIXELS       4
 #define LEAST_LASER_PIXELS 2
-/* Mean by which dark levels may drift during a group of lamps. */
-#define CHANGED_DN 0.25
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
@@ -63,18 +60,13 @@ struct lane {
     guint generation;
     const struct session_shot *shot; /* being collected */
     int n_frames;
-    Frame *bracket[PLAN_MAX_BRACKET + 1]; /* and the frame that ends a group */
+    Frame *bracket[PLAN_MAX_BRACKET];
     guint32 *sums;
     Sweep *sweep, *short_sweep;
     Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct intake_darks darks;
-    /* The pictures of a group that have arrived in this generation, their shots (without frames),
-     * and the shortest time that each of their exposures took. */
-    struct multiplex_pictures multiplex;
-    struct job multiplexed_of[MULTIPLEX_MOST];
-    gint64 multiplexed_us[PLAN_MAX_BRACKET];
 };
 
 struct finished {
@@ -112,7 +104,7 @@ static void finished_free(gpointer data) {
 }
 
 static void lane_reset(struct lane *lane) {
-    for (int i = 0; i <= PLAN_MAX_BRACKET; i++)
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
         g_clear_pointer(&lane->bracket[i], frame_unref);
     g_clear_pointer(&lane->sums, g_free);
     g_clear_pointer(&lane->sweep, sweep_free);
@@ -191,7 +183,7 @@ static void take_dark(struct lane *lane, const struct job *job) {
 
 static void finish_dark(struct lane *lane, const struct job *job) {
     gint64 exposures[SHOT_MAX_DARKS];
-    int n = shot_dark_exposures(lane->intake->setup.conf, job->shot, exposures);
+    int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
     struct intake_file file;
     intake_describe(lane, job, &file);
     struct intake_result result = {0};
@@ -240,72 +232,6 @@ static double bend_of(const struct lane *lane, const struct job *job, const Fram
     return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
 }
 
-/* Writes the pictures of all lamps of a group. last: as the file of its last shot is described. */
-static void finish_multiplexed(struct lane *lane, const struct intake_file *last) {
-    const struct session_conf *conf = lane->intake->setup.conf;
-    struct multiplex_pictures *group = &lane->multiplex;
-    const double longest_ms = conf->exposures_us[conf->n_exposures - 1] * 1e-3;
-    multiplex_solve(group->n, group->pictures, group->n_pixels);
-    for (int k = 0; k < group->n; k++) {
-        struct job job = lane->multiplexed_of[k];
-        struct intake_file file = *last;
-        job.frame = (Frame *)last->last;
-        file.shot = job.shot;
-        file.source_name = file.rig->lamps[job.shot->device].name;
-        file.exposures_us = lane->multiplexed_us;
-        file.bound = group->bound;
-        file.saturated = group->saturated;
-        struct intake_result result = {
-            .saturated = group->saturated,
-            .signal_dn =
-                multiplex_pictures_mean(group, k) * longest_ms * pow(10, conf->gain_db / 20),
-            .marks = measure_marks(lane, &job, group->pictures[k]),
-        };
-        intake_write_lamp(&file, group->pictures[k], &result.frame, &result.error);
-        return_result(lane, &job, result);
-    }
-    multiplex_pictures_clear(group);
-}
-
-/* Compares the frame that ends a group with the patterns. */
-static gboolean has_changed(struct lane *lane) {
-    const struct session_conf *conf = lane->intake->setup.conf;
-    const Frame *frame = lane->bracket[conf->n_exposures];
-    const struct intake_dark *dark = intake_darks_at(&lane->darks, conf->n_exposures - 1, frame);
-    const double scale = 1e3 / (double)frame->exposure_us * pow(10, -conf->gain_db / 20);
-    g_autofree float *seen = g_new(float, lane->multiplex.n_pixels);
-    for (gsize p = 0; p < lane->multiplex.n_pixels; p++)
-        seen[p] = (float)scale * (frame->pixels[p] - dark->pixels[p]);
-    const double most = scale * (radiance_saturation(frame->bits) - dark->mean_dn);
-    return multiplex_pictures_changed(&lane->multiplex, seen, most, CHANGED_DN * scale);
-}
-
-/* A pattern's picture (taken) waits for the others of its group. After a fault all of them are
- * taken again. */
-static void take_multiplexed(struct lane *lane, const struct job *job, float *merged,
-                             const struct intake_file *file) {
-    const struct session_multiplex *of = &job->shot->multiplex;
-    struct multiplex_pictures *group = &lane->multiplex;
-    const gsize n = (gsize)job->frame->width * job->frame->height;
-    const int n_exposures = lane->intake->setup.conf->n_exposures;
-    g_return_if_fail(multiplex_pictures_add(group, of->group, of->n, of->k, merged, n));
-    lane->multiplexed_of[of->k] = *job;
-    for (int i = 0; i < n_exposures; i++)
-        if (of->k == 0 || file->bracket[i]->exposure_us < lane->multiplexed_us[i])
-            lane->multiplexed_us[i] = file->bracket[i]->exposure_us;
-    if (file->saturated > 0) {
-        g_autofree float *marked = g_new(float, n);
-        radiance_mark(file->bracket, n_exposures, marked);
-        multiplex_pictures_mark(group, marked);
-    }
-    if (!multiplex_pictures_complete(group))
-        return;
-    if (has_changed(lane))
-        return_result(lane, job, (struct intake_result){.uneven = TRUE});
-    else
-        finish_multiplexed(lane, file);
-}
-
 static void finish_lamp(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const float *darks[PLAN_MAX_BRACKET];
@@ -329,10 +255,6 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.error = g_steal_pointer(&lane->error);
     result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
-    if (job->shot->multiplex.group > 0 && !result.error && !result.uneven) {
-        take_multiplexed(lane, job, g_steal_pointer(&merged), &file);
-        return;
-    }
     result.marks = measure_marks(lane, job, merged);
     if (!result.error && !result.uneven)
         intake_write_lamp(&file, merged, &result.frame, &result.error);
@@ -499,8 +421,6 @@ static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
     const struct job *job = jobs[n - 1];
     if (lane->shot != job->shot || lane->generation != job->generation)
         lane_reset(lane);
-    if (lane->generation != job->generation)
-        multiplex_pictures_clear(&lane->multiplex);
     lane->shot = job->shot;
     lane->generation = job->generation;
     /* Frames come in order; another one would be mixed up with its neighbours. */
@@ -637,7 +557,6 @@ static void lane_free(gpointer data) {
     g_async_queue_unref(lane->queue);
     g_ptr_array_unref(lane->batch);
     intake_darks_clear(&lane->darks);
-    multiplex_pictures_clear(&lane->multiplex);
     g_free(lane);
 }
 
@@ -728,7 +647,7 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
     const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
     const char *name = intake->setup.devices->geometry.cameras[camera].name;
     gint64 exposures[SHOT_MAX_DARKS];
-    int n = shot_dark_exposures(intake->setup.conf, shot, exposures);
+    int n = shot_dark_exposures(intake->setup.conf, exposures);
     gsize n_pixels = (gsize)format->width * format->height;
     for (int i = 0; i < n; i++) {
         g_autofree float *pixels =

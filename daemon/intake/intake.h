@@ -17,11 +17,6 @@
  * mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string). Where mesorig.saturated is not 0,
  * a channel "saturated" is 1 in those pixels, whose values are too low; of a bracket,
  * mesorig.shorter_from (double, DN/ms) is what pixels have for which the longest was too long.
- * Of a shot in a group (struct session_multiplex) it is what its lamp alone shows, worked out of
- * all patterns: mesorig.multiplexed (int) is their number, mesorig.multiplexed_first the group's
- * first shot; a pixel saturated in any pattern counts as saturated, and its values may be wrong
- * either way; exposures_us are the shortest of all patterns, shorter_from is a pattern's value.
- * Frames of a group are handed back together, after its last shot.
  *
  * SHOT_DARK: a part "dark_500_us" an exposure, channel "Y", float; mesorig.unit = "DN"
  *
@@ -58,7 +53,7 @@ struct intake_result {
     const struct session_shot *shot;
     struct session_frame frame; /* camera is set always; the rest unless there is an error */
     GError *error;
-    double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure, by its lamp alone */
+    double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure */
     double dark_dn;      /* SHOT_DARK: highest mean of any exposure */
     const GArray *marks; /* SHOT_LAMP: of struct fiducial_seen, what this camera saw; or NULL */
     gboolean uneven;     /* SHOT_LAMP: the exposures disagree; nothing is written */

@@ -29,14 +29,11 @@ static struct exr_part *part_new(const struct intake_file *file, const char *nam
     const Frame *frame = file->last;
     struct exr_part *part = exr_part_new(name, frame->width, frame->height, channels, type);
     g_autoptr(GString) exposures = g_string_new(NULL);
-    int n = file->shot->kind == SHOT_SWEEP  ? 2
-            : file->shot->kind == SHOT_LAMP ? file->conf->n_exposures
-                                            : shot_n_frames(file->conf, file->shot);
+    int n = file->shot->kind == SHOT_SWEEP ? 2 : shot_n_frames(file->conf, file->shot);
     gint64 before = -1;
     for (int i = 0; i < n; i++) {
-        gint64 us = file->exposures_us ? file->exposures_us[i]
-                    : file->bracket    ? file->bracket[i]->exposure_us
-                                       : shot_exposure_us(file->conf, file->shot, i);
+        gint64 us = file->bracket ? file->bracket[i]->exposure_us
+                                  : shot_exposure_us(file->conf, file->shot, i);
         if (us != before)
             g_string_append_printf(exposures, "%s%" G_GINT64_FORMAT, exposures->len ? ";" : "", us);
         before = us;
@@ -87,15 +84,7 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
     if (file->shorter_from > 0)
         exr_set_double(part, "mesorig.shorter_from", file->shorter_from);
     intake_write_fill(part, radiance);
-    if (file->shot->multiplex.group > 0) {
-        exr_set_int(part, "mesorig.multiplexed", file->shot->multiplex.n);
-        exr_set_int(part, "mesorig.multiplexed_first",
-                    (int)file->shot->id - file->shot->multiplex.k);
-    }
-    if (file->saturated > 0 && file->bound)
-        memcpy(exr_part_plane(part, "saturated"), file->bound,
-               (gsize)part->width * part->height * sizeof(float));
-    else if (file->saturated > 0)
+    if (file->saturated > 0)
         radiance_mark(file->bracket, file->conf->n_exposures, exr_part_plane(part, "saturated"));
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);

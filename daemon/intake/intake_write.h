@@ -17,10 +17,8 @@ struct intake_file {
     gboolean turned;
     const Frame *const *bracket; /* SHOT_LAMP: all of them */
     double dark_dn;
-    gint64 saturated;           /* SHOT_LAMP: pixels, in every exposure */
-    const gint64 *exposures_us; /* SHOT_LAMP of a group, see intake.h; NULL: those of bracket */
-    const float *bound;         /* the same: 1 for saturated pixels, else 0; NULL: see bracket */
-    double shorter_from;        /* SHOT_LAMP: DN/ms, see intake.h; 0: there is one exposure only */
+    gint64 saturated;    /* SHOT_LAMP: pixels, in every exposure */
+    double shorter_from; /* SHOT_LAMP: DN/ms, see intake.h; 0: there is one exposure only */
 };
 
 /* These write and sync the file, and fill path, sha256 and bytes of ret_frame. */

@@ -32,9 +32,6 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
     if (conf->order == ORDER_VIEWS)
         return g_strdup("order = views takes all lamps at one angle of the turntable, but the "
                         "table turns: set order = quickest");
-    if (conf->multiplex != MULTIPLEX_NO)
-        return g_strdup("[lights] multiplex lights several lamps one after the other in one pose, "
-                        "but the table turns: set multiplex = no");
     return NULL;
 }
 

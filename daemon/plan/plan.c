@@ -543,20 +543,6 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
 
-static struct multiplexed_setup plan_multiplexed_setup(const struct plan_build *b,
-                                                       const struct calibration *calibration) {
-    const struct session_conf *conf = b->conf;
-    return (struct multiplexed_setup){.wanted = conf->multiplex,
-                                      .exposures_us = conf->exposures_us,
-                                      .n_exposures = conf->n_exposures,
-                                      .gain_db = conf->gain_db,
-                                      .reference_mm = conf->grid.reference_mm,
-                                      .rig = b->rig,
-                                      .timing = b->timing,
-                                      .calibration = calibration,
-                                      .shots = b->shots};
-}
-
 static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
     guint32 cameras = 0;
     for (guint i = 0; i < b->views->len; i++)
@@ -566,48 +552,6 @@ static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
         plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", "motion", "continuous: %s",
                        why);
     return why == NULL;
-}
-
-static gboolean plan_check_multiplexed(struct plan_build *b, const struct calibration *calibration,
-                                       GError **error) {
-    const struct multiplexed_setup setup = plan_multiplexed_setup(b, calibration);
-    g_autofree char *why = NULL;
-    if (setup.wanted != MULTIPLEX_NO && b->conf->light_sampling != SAMPLING_ALL)
-        why = g_strdup("lamps that are lit at once are all taken, and sampling = adaptive leaves "
-                       "some out: set multiplex = no, or sampling = all");
-    else if (multiplexed_choose(&setup, &b->multiplex, &why))
-        return TRUE;
-    plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "lights", "multiplex", "%s", why);
-    return FALSE;
-}
-
-/* plan_predict() with several lamps at once, if that was chosen and, for auto, takes less time. */
-static void plan_predict_multiplexed(struct plan_build *b, struct plan *plan) {
-    const struct multiplexed_setup setup = plan_multiplexed_setup(b, NULL);
-    if (b->multiplex.n == 0) {
-        plan_predict(b, plan);
-        return;
-    }
-    /* As their poses are indices; what the shots own stays theirs. */
-    g_autofree gpointer before =
-        g_memdup2(b->shots->data, b->shots->len * sizeof(struct session_shot));
-    struct plan alone = {0};
-    plan_predict(b, &alone);
-    memcpy(b->shots->data, before, b->shots->len * sizeof(struct session_shot));
-    multiplexed_apply(&setup, &b->multiplex);
-    plan->alone_s = alone.predicted_s;
-    plan_predict(b, plan);
-    if (setup.wanted != MULTIPLEX_AUTO || plan->predicted_s < alone.predicted_s)
-        return;
-    g_autofree char *why =
-        g_strdup_printf("light is not what takes the time: groups of %d lamps, exposed for %g of "
-                        "exposures_us, would take %.1f s in all, and one at a time takes %.1f s",
-                        b->multiplex.n, b->multiplex.part, plan->predicted_s, alone.predicted_s);
-    memcpy(b->shots->data, before, b->shots->len * sizeof(struct session_shot));
-    multiplexed_undo(b->shots, &b->multiplex, why);
-    plan->n_later_sweeps = plan->n_later_lamps = 0;
-    plan->alone_s = 0;
-    plan_predict(b, plan);
 }
 
 /* How often a laser must be mounted by hand in this order. */
@@ -629,11 +573,9 @@ static int count_mounts(const struct plan_build *b) {
 
 static struct plan *plan_finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
-    plan_predict_multiplexed(b, plan);
+    plan_predict(b, plan);
     plan_count(b, plan);
     plan->n_mounts = count_mounts(b);
-    plan->multiplex = b->multiplex;
-    b->multiplex.why = NULL;
     plan->notes = plan_tell_notes(b, plan);
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,
@@ -699,12 +641,6 @@ static gboolean check_poses(const struct plan_build *b, GError **error) {
 
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error) {
-    return plan_build_with(conf, rig, timing, NULL, error);
-}
-
-struct plan *plan_build_with(const struct session_conf *conf, const struct rig *rig,
-                             const struct rig_timing *timing, const struct calibration *calibration,
-                             GError **error) {
     struct plan_build b = {.conf = conf, .rig = rig, .timing = timing};
     struct plan *plan = NULL;
     GError *why = NULL;
@@ -725,7 +661,7 @@ struct plan *plan_build_with(const struct session_conf *conf, const struct rig *
         plan_check_sampling(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why)) {
         plan_find_first(&b);
-        if (plan_check_budget(&b, &why) && plan_check_multiplexed(&b, calibration, &why))
+        if (plan_check_budget(&b, &why))
             plan = plan_finish(&b);
     }
     g_clear_pointer(&b.views, g_array_unref);
@@ -740,7 +676,6 @@ struct plan *plan_build_with(const struct session_conf *conf, const struct rig *
     g_hash_table_unref(b.pose_index);
     g_array_unref(b.notes);
     g_free(b.is_first);
-    g_free(b.multiplex.why);
     if (why)
         g_propagate_error(error, why);
     return plan;
@@ -762,6 +697,5 @@ void plan_free(struct plan *plan) {
         g_free(plan->session.shots[i].note);
     g_free((gpointer)plan->session.shots);
     g_ptr_array_unref(plan->notes);
-    g_free(plan->multiplex.why);
     g_free(plan);
 }

@@ -35,7 +35,6 @@
 
 #include "conf/session_conf.h"
 #include "coverage/coverage_model.h"
-#include "multiplexed/multiplexed.h"
 #include "passes/passes.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -63,9 +62,7 @@ struct plan {
     double first_s;  /* STOP_COVERED, SAMPLING_ADAPTIVE: predicted if the first round suffices;
                         else predicted_s */
     int n_first;     /* shots of the first round; they come first */
-    int n_later_sweeps, n_later_lamps;   /* shots that are taken only if it does not suffice */
-    struct multiplexed_choice multiplex; /* which lamps are lit at once; owned */
-    double alone_s;                      /* multiplex.n > 0: predicted for each lamp alone */
+    int n_later_sweeps, n_later_lamps; /* shots that are taken only if it does not suffice */
     int n_passes, n_passing; /* MOTION_CONTINUOUS: passes, and the shots that are taken in them */
     struct passes_speed passes;
     double standing_s; /* the same: predicted with the turntable standing for all of them */
@@ -93,11 +90,6 @@ void plan_set_error(GError **error, enum plan_error code, const struct session_c
  * not share poses. Step k of a sweep is meant to be at from + (to − from)·k/(steps − 1). */
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error);
-/* The same, with what calibration knows of light and noise, which [lights] multiplex = auto needs;
- * NULL: nothing. */
-struct plan *plan_build_with(const struct session_conf *conf, const struct rig *rig,
-                             const struct rig_timing *timing, const struct calibration *calibration,
-                             GError **error);
 void plan_free(struct plan *plan); /* NULL is ignored */
 typedef struct plan Plan;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Plan, plan_free)

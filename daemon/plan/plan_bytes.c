@@ -139,7 +139,7 @@ static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig
     struct packing lamp = packed_lamp;
     lamp.surroundings +=
         DARK_DIGITS * log2((double)MIN(conf->dark_frames, MOST_DIGITS) / DARK_FRAMES);
-    const int darks = shot->kind == SHOT_DARK ? shot_dark_exposures(conf, shot, exposures) : 1;
+    const int darks = shot->kind == SHOT_DARK ? shot_dark_exposures(conf, exposures) : 1;
     const struct kind kinds[] = {
         [SHOT_LAMP] = {1, 1, 2, 700, &lamp},
         [SHOT_SWEEP] = {1, 5, 4, 850, seen ? &packed_sweep : &packed_nothing},

@@ -174,9 +174,6 @@ GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan) 
     plan_note_stop(b, plan, notes);
     plan_note_sampling(b, plan, notes);
     plan_note_motion(b, plan, notes);
-    if (b->conf->multiplex != MULTIPLEX_NO)
-        g_ptr_array_add(notes,
-                        multiplexed_note(&plan->multiplex, plan->predicted_s, plan->alone_s));
     plan_note_texels(b, notes);
     plan_note_bytes(b, notes);
     plan_note_views(b, notes);

@@ -411,8 +411,6 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
                       const struct rig *rig, const struct rig_timing *timing,
                       enum session_order wanted) {
     struct orderer o = {.shots = shots, .rig = rig, .timing = timing, .before = -1};
-    /* The first shot of each group of lamps is ordered, and the others follow it. */
-    g_autoptr(GArray) followers = multiplexed_take_followers(shots);
     g_autofree int *block_of = g_new0(int, shots->len);
     const int n_blocks = block_by_mount(shots, timing, block_of);
     int visit = -1, pose = -1;
@@ -441,7 +439,6 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
         pose = shot->pose;
         shot->pose = visit;
     }
-    multiplexed_put_back(shots, followers);
     return visit + 1;
 }
 

@@ -41,7 +41,6 @@ struct plan_build {
     GArray *shots;               /* of struct session_shot; pose: index into poses */
     gboolean *is_first;          /* of each shot, before they are ordered: of the first round */
     GArray *notes;               /* of struct plan_note */
-    struct multiplexed_choice multiplex;
 };
 
 struct plan_note { /* what was re-planned or left out, how often */
@@ -54,8 +53,8 @@ struct plan_note { /* what was re-planned or left out, how often */
 void plan_add_note(struct plan_build *b, const char *unit, const char *text);
 void plan_clear_note(gpointer note); /* a GDestroyNotify */
 
-/* The plan's notes, of char *, from b->notes and what the plan has come to: its times, frames and
- * multiplex are set. */
+/* The plan's notes, of char *, from b->notes and what the plan has come to: its times and
+ * frames are set. */
 GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan);
 
 /* Views, lights and laser positions of a session, with the angles of turntable and arc that show

@@ -39,7 +39,6 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
         return 0;
     for (int i = 0; i < n; i++)
         sum_s += shot_exposure_us(conf, shot, i) / 1e6;
-    sum_s += MAX(0, multiplexed_check_s(shot, timing) - readout_s);
     if (shot->kind == SHOT_SWEEP) {
         const struct axis_motion *sweep = &timing->sweep[shot->device];
         double from_deg = shot->sweep_from_deg, to_deg = shot->sweep_to_deg;
@@ -59,9 +58,11 @@ static double light_s(const struct session_shot *previous, const struct session_
         return MAX(
             timing->laser_warm_up_s[shot->device],
             axis_move_time_s(&timing->sweep[shot->device], middle_deg(shot), shot->sweep_from_deg));
-    if (shot->kind == SHOT_DARK)
+    if (shot->kind == SHOT_DARK ||
+        (previous && previous->kind == SHOT_LAMP &&
+         rig_lamp_unit(rig, previous->device) == rig_lamp_unit(rig, shot->device)))
         return 0;
-    return multiplexed_warm_up_s(previous, shot, rig, timing);
+    return timing->lamp_warm_up_s[shot->device];
 }
 
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,

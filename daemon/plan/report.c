@@ -40,8 +40,8 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"lasers", plan->session.n_lasers},   {"poses", plan->n_poses},
         {"shots", plan->session.n_shots},     {"frames", plan->n_frames},
         {"mounts", plan->n_mounts},           {"later_sweeps", plan->n_later_sweeps},
-        {"later_lamps", plan->n_later_lamps}, {"multiplex", plan->multiplex.n},
-        {"passes", plan->n_passes},           {"passing", plan->n_passing},
+        {"later_lamps", plan->n_later_lamps}, {"passes", plan->n_passes},
+        {"passing", plan->n_passing},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -56,10 +56,6 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"lower_bound_s", plan->lower_bound_s},
         {"nested_s", plan->nested_s},
         {"first_s", plan->first_s},
-        {"multiplex_part", plan->multiplex.part},
-        {"alone_s", plan->alone_s},
-        {"noise_pct", plan->multiplex.noise_pct},
-        {"alone_noise_pct", plan->multiplex.alone_pct},
         {"standing_s", plan->standing_s},
         {"pass_deg_s", plan->passes.deg_s},
         {"blur_texels", plan->passes.blur_texels},

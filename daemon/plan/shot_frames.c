@@ -2,16 +2,11 @@
 
 #include <math.h>
 
-int shot_dark_exposures(const struct session_conf *conf, const struct session_shot *dark,
-                        gint64 ret[SHOT_MAX_DARKS]) {
-    const int bracket = conf->n_exposures;
-    const int wanted = dark->multiplex.part > 0 ? 2 * bracket + 1 : bracket + 1;
+int shot_dark_exposures(const struct session_conf *conf, gint64 ret[SHOT_MAX_DARKS]) {
     int n = 0;
-    for (int i = 0; i < wanted; i++) {
+    for (int i = 0; i <= conf->n_exposures; i++) {
         gint64 us =
-            llround(i < bracket    ? conf->exposures_us[i]
-                    : i == bracket ? conf->laser_exposure_us
-                                   : conf->exposures_us[i - bracket - 1] * dark->multiplex.part);
+            llround(i < conf->n_exposures ? conf->exposures_us[i] : conf->laser_exposure_us);
         gboolean known = FALSE;
         for (int k = 0; k < n; k++)
             known |= ret[k] == us;
@@ -39,11 +34,11 @@ int shot_n_frames(const struct session_conf *conf, const struct session_shot *sh
     gint64 exposures[SHOT_MAX_DARKS];
     switch (shot->kind) {
     case SHOT_DARK:
-        return shot_dark_exposures(conf, shot, exposures) * conf->dark_frames;
+        return shot_dark_exposures(conf, exposures) * conf->dark_frames;
     case SHOT_SWEEP:
         return frames_a_step(conf) * shot->sweep_steps + 1;
     default:
-        return conf->n_exposures + session_ends_group(shot);
+        return conf->n_exposures;
     }
 }
 
@@ -51,27 +46,12 @@ gint64 shot_exposure_us(const struct session_conf *conf, const struct session_sh
     gint64 exposures[SHOT_MAX_DARKS];
     switch (shot->kind) {
     case SHOT_DARK:
-        shot_dark_exposures(conf, shot, exposures);
+        shot_dark_exposures(conf, exposures);
         return exposures[sub / conf->dark_frames];
     case SHOT_SWEEP:
         return llround(shot_is_short(conf, shot, sub) ? conf->laser_short_us
                                                       : conf->laser_exposure_us);
     default:
-        return llround(conf->exposures_us[MIN(sub, conf->n_exposures - 1)] *
-                       (shot->multiplex.group > 0 ? shot->multiplex.part : 1));
+        return llround(conf->exposures_us[sub]);
     }
-}
-
-gboolean shot_is_check(const struct session_conf *conf, const struct session_shot *shot, int sub) {
-    return shot->kind == SHOT_LAMP && sub == conf->n_exposures;
-}
-
-gboolean shot_lights(const struct session_conf *conf, const struct session_shot *shot, int sub,
-                     int lamp) {
-    const struct session_multiplex *t = &shot->multiplex;
-    const gboolean lit = t->lit[lamp / 64] >> lamp % 64 & 1,
-                   ours = t->all[lamp / 64] >> lamp % 64 & 1;
-    if (t->group == 0)
-        return lamp == shot->device;
-    return shot_is_check(conf, shot, sub) ? ours && !lit : lit;
 }

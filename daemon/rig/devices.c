@@ -240,7 +240,6 @@ struct devices *devices_open(const char *rig_path, GError **error) {
     devices->path = g_canonicalize_filename(config_path(layout.config), NULL);
     devices->calibration_path = g_strdup(layout.calibration_path);
     devices->calibration_days = layout.calibration_days;
-    devices->timing.lamps_at_once = layout.lamps_at_once;
     if (!open_interlocks(devices, &layout, error) || !open_axes(devices, &layout, error) ||
         !open_banks(devices, &layout, error) || !open_lasers(devices, &layout, error) ||
         !open_cameras(devices, &layout, error))

@@ -29,8 +29,7 @@
 #define DEVICES_MAX_BANKS      8
 #define DEVICES_MAX_INTERLOCKS 4
 
-/* Speeds, delays and limits of the devices, for the prediction of times. Indices as in struct rig.
- */
+/* Speeds and delays of the devices, for the prediction of times. Indices as in struct rig. */
 struct rig_timing {
     struct axis_motion turntable, arc, arm, probe, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
@@ -41,7 +40,6 @@ struct rig_timing {
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     gint64 stamp_us[RIG_MAX_CAMERAS]; /* as in struct camera_format */
     int bits[RIG_MAX_CAMERAS];
-    int lamps_at_once; /* how many may be lit at the same time; 0: one */
 };
 
 /* Index of the laser unit that is mounted at a laser's position (see mount_of). */
@@ -82,11 +80,6 @@ static inline Axis *devices_positioner(const struct devices *devices, int i) {
     Axis *const all[DEVICES_POSITIONERS] = {devices->turntable, devices->arc, devices->arm,
                                             devices->probe};
     return all[i];
-}
-
-/* The position that an axis last reported; 0 for NULL, an axis that the rig lacks. */
-static inline double devices_axis_deg(Axis *axis) {
-    return axis ? axis_position_deg(axis) : 0;
 }
 
 /* Whether a camera of the geometry is a device of its own, and not a further stop of a camera

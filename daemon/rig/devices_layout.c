@@ -80,7 +80,6 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
             rig_direction(RAD(fields.probe_axis_theta_deg), RAD(fields.probe_axis_phi_deg));
     layout->virtual_clock = fields.clock == 1;
     layout->calibration_days = fields.calibration_days;
-    layout->lamps_at_once = fields.lamps_at_once;
     if (*fields.calibration) {
         g_autofree char *folder = g_path_get_dirname(config_path(layout->config));
         layout->calibration_path = g_canonicalize_filename(fields.calibration, folder);

@@ -190,7 +190,6 @@ gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
         return FALSE;
     memset(ret_timing, 0, sizeof *ret_timing);
     *ret_geometry = layout.geometry;
-    ret_timing->lamps_at_once = layout.lamps_at_once;
     gboolean ok = offline_axis(layout.turntable, &ret_timing->turntable, assumed, error) &&
                   offline_axis(layout.arc, &ret_timing->arc, assumed, error) &&
                   offline_axis(layout.arm, &ret_timing->arm, assumed, error) &&

@@ -17,9 +17,6 @@ const struct option devices_rig_options[] = {
              "light of this file are used"},
     {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
      .help = "Age from which the calibration of a part causes a warning"},
-    {"lamps_at_once", OPTION_INT, NULL, 1, RIG_MAX_LAMPS, "1", .offset = RIG(lamps_at_once),
-     .help = "How many lamps may be lit at once, for their supply and their heat; only sessions "
-             "with [lights] multiplex light more than one"},
     {"arc_radius_mm", OPTION_DOUBLE, "mm", 0, 100000, "0", .offset = RIG(arc_radius_mm),
      .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
     {"arm_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",

@@ -7,7 +7,6 @@ struct rig_fields {
     char *id, *calibration;
     int clock;
     double calibration_days, arc_radius_mm, arc_width_mm;
-    int lamps_at_once;
     double arm_axis_theta_deg, arm_axis_phi_deg, probe_axis_theta_deg, probe_axis_phi_deg;
 };
 extern const struct option devices_rig_options[];

@@ -10,7 +10,6 @@ struct layout {
     gboolean virtual_clock, checks_drivers;
     char *calibration_path; /* absolute; NULL: none is named */
     double calibration_days;
-    int lamps_at_once;
     const struct config_section *turntable, *arc, *arm, *probe;
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
     /* All stops of one camera or lamp have the same section. */

@@ -112,7 +112,7 @@ void unattended_tell(Record *to, BusRig1 *rig, gboolean list) {
     GVariant *items = bus_rig1_get_queue(rig);
     const char *state = bus_rig1_get_queue_state(rig);
     guint n_waiting = 0;
-    if (!items || !state) /* a daemon of an earlier version */
+    if (!items || !state) /* the daemon has ended meanwhile */
         return;
     const gboolean stands = strcmp(state, "paused") == 0;
     double at_s = stands ? 0 : (double)g_get_real_time() / G_USEC_PER_SEC;

@@ -10,7 +10,6 @@
 #include "btf_missing.h"
 #include "btf_sigma.h"
 #include "exr/exr_half.h"
-#include "multiplex/multiplex.h"
 
 /* Frames whose pose moves the sample's corner by more than this neither make nor use the guide. */
 #define GUIDE_PX 0.25
@@ -111,8 +110,6 @@ struct mosaic {
     float shorter; /* values from here on come from shorter exposures; 0: there are none */
     int saturated; /* number of saturated pixels; −1: unknown */
     struct btf_exposures exposures;
-    int multiplex;    /* lamps of the group it was taken in (multiplex/multiplex.h); 0: alone */
-    const float *sum; /* of the pictures of that group; n_values, of mosaics.sums */
 };
 
 /* The frames of a view. */
@@ -120,7 +117,6 @@ struct mosaics {
     struct mosaic *lights;
     double *sum;     /* n_values, over all lights in the view's pose: the guide */
     gboolean guided; /* it has some */
-    GHashTable *sums; /* first shot of a group → float *, n_values, Σ over its lights; NULL: none */
     gsize n_pixels;
     gsize n_values; /* of a frame: n_pixels, or 3 n_pixels of "rgb"; set by the first frame */
     char *cfa;
@@ -208,30 +204,6 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
     return TRUE;
 }
 
-/* Adds the picture of a lamp to the sum of its group. */
-static void btf_add_multiplexed(const struct exr_part *frame, guint i, struct mosaics *to) {
-    struct mosaic *mosaic = &to->lights[i];
-    int first = 0;
-    if (!exr_get_int(frame, "mesorig.multiplexed", &mosaic->multiplex, NULL) ||
-        !exr_get_int(frame, "mesorig.multiplexed_first", &first, NULL) ||
-        mosaic->multiplex < MULTIPLEX_LEAST) {
-        mosaic->multiplex = 0;
-        return;
-    }
-    if (!to->sums)
-        to->sums = g_hash_table_new_full(NULL, NULL, NULL, g_free);
-    float *sum = g_hash_table_lookup(to->sums, GINT_TO_POINTER(first));
-    g_autofree float *values = g_new(float, to->n_values);
-    if (!sum) {
-        sum = g_new0(float, to->n_values);
-        g_hash_table_insert(to->sums, GINT_TO_POINTER(first), sum);
-    }
-    exr_half_to_floats(values, mosaic->half, to->n_values);
-    for (gsize k = 0; k < to->n_values; k++)
-        sum[k] += isfinite(values[k]) ? values[k] : 0;
-    mosaic->sum = sum;
-}
-
 /* Loads one light's frame. */
 static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                                 GError **error) {
@@ -243,10 +215,8 @@ static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mos
         frame && btf_check_frame(input, frame, &to->cfa, error) &&
         btf_store_planes(input, frame, i, btf_is_in_pose(view, light), to, error) &&
         (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
-    if (ok) {
+    if (ok)
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
-        btf_add_multiplexed(frame, i, to);
-    }
     exr_part_free(frame);
     return ok;
 }
@@ -267,33 +237,16 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* The mean pattern of a group of lamps, whose radiance decides which exposures a value comes from,
- * and its noise; NULL for a lamp alone. g_free() */
-static float *btf_mean_pattern(const struct mosaic *mosaic, gsize n) {
-    if (mosaic->multiplex == 0)
-        return NULL;
-    float *ret = g_new(float, n);
-    const float mean = (float)(mosaic->multiplex + 1) / (float)(2 * mosaic->multiplex);
-    for (gsize k = 0; k < n; k++)
-        ret[k] = mean * mosaic->sum[k];
-    return ret;
-}
-
 /* Of the radiance of each texel and colour: var = noise + detail + ½ δ² · shift, δ being the
  * distance in pixels by which the camera is misregistered (rectify.h). */
 static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
-                                const struct mosaic *mosaic, const float *exposed,
-                                const float *values, gsize n_values, float *ret) {
+                                const struct mosaic *mosaic, const float *values, gsize n_values,
+                                float *ret) {
     const gsize n = 3 * btf_texels(view);
     const float half = 0.5f * (float)(view->misregistration_px * view->misregistration_px);
     g_autofree float *pixels = g_new(float, n_values);
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
-    btf_sigma_pixels(view->noise, &mosaic->exposures, exposed, n_values, pixels);
-    if (mosaic->multiplex > 0) {
-        const float variance = (float)multiplex_variance(mosaic->multiplex);
-        for (gsize i = 0; i < n_values; i++)
-            pixels[i] *= variance;
-    }
+    btf_sigma_pixels(view->noise, &mosaic->exposures, values, n_values, pixels);
     rectify_errors(rectify, values, pixels, ret, detail, shift);
     for (gsize i = 0; i < n; i++)
         ret[i] += detail[i] + half * shift[i];
@@ -316,15 +269,13 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
             light->input.path, holes, n);
         return NULL;
     }
-    g_autofree float *pattern = btf_mean_pattern(mosaic, mosaics->n_values);
-    const float *exposed = pattern ? pattern : values;
-    btf_set_flags(rectify, mosaic, exposed, mosaics, n, flags);
+    btf_set_flags(rectify, mosaic, values, mosaics, n, flags);
     g_autofree float *variance = mosaic->exposures.n > 0 ? g_new(float, 3 * n) : NULL;
     struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
     if (variance)
-        btf_add_up_variance(view, rectify, mosaic, exposed, values, mosaics->n_values, variance);
+        btf_add_up_variance(view, rectify, mosaic, values, mosaics->n_values, variance);
     btf_to_reflectance(view, light, rgb, part, variance);
     if (variance) {
         double scale[3];
@@ -423,7 +374,6 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     rectify_free(posed.rectify);
     g_free(mosaics.cfa);
     g_free(mosaics.sum);
-    g_clear_pointer(&mosaics.sums, g_hash_table_unref);
     exr_file_free(file);
     return ok;
 }

@@ -20,7 +20,7 @@
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
  * error bars of their prediction alone. Errors of parts without the channel (other predicted
- * lights, cameras whose noise is not calibrated, older files) are not known. Any thread.
+ * lights, cameras whose noise is not calibrated) are not known. Any thread.
  */
 #pragma once
 

@@ -306,10 +306,6 @@ int prediction_n_measured(const Prediction *prediction) {
     return prediction->n_measured;
 }
 
-const int *prediction_measured(const Prediction *prediction) {
-    return prediction->measured;
-}
-
 gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     int low = 0, high = prediction->n_measured;
     while (low < high) {

@@ -70,7 +70,6 @@ void prediction_free(Prediction *prediction); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Prediction, prediction_free)
 
 int prediction_n_measured(const Prediction *prediction);
-const int *prediction_measured(const Prediction *prediction); /* pairs, ascending */
 gboolean prediction_is_measured(const Prediction *prediction, int pair);
 
 /* Predicts the missing pairs of n texels, as prediction_new() has them. values: n × 3 × n_pairs,

@@ -63,19 +63,6 @@ struct session_direction {
 enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
 enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 
-/* Shots of lamps that are taken with patterns of several lamps lit at once, multiplex/multiplex.h:
- * as many shots as lamps, one after the other in one pose, with the same cameras. Shot k of such a
- * group is that of its lamp k, and taken with pattern k. Its frame is that of its lamp alone; the
- * frames of a group can be told once all of it has been taken. */
-struct session_multiplex {
-    int group;      /* number in the session, from 1; 0: its lamp alone is lit */
-    int n, k;       /* shots of the group; which of them this is, from 0 */
-    double part;    /* of the planned exposures, of a shot in a group. Of a dark shot: of the groups
-                       of the session, which need dark frames, too; 0: there are none */
-    guint64 lit[2]; /* bit i % 64 of lit[i / 64]: lamp i is lit in this shot of a group */
-    guint64 all[2]; /* the lamps of the group */
-};
-
 /* A turn of the turntable during which shots of a lamp are taken ([capture] motion = continuous).
  * Not stored: it follows from the session file and the shots (daemon/passes/passes.h). */
 struct session_pass {
@@ -95,7 +82,6 @@ struct session_shot {
     int sweep_steps;
     enum session_shot_state state;
     char *note; /* why it was skipped or changed, or NULL */
-    struct session_multiplex multiplex;
     struct session_pass pass;
 };
 
@@ -103,14 +89,6 @@ struct session_shot {
 static inline gboolean session_follows_in_pass(const struct session_shot *before,
                                                const struct session_shot *shot) {
     return before && shot->pass.number > 0 && before->pass.number == shot->pass.number;
-}
-
-/* The last shot of a group, which has one frame more; a shot of a group that others follow. */
-static inline gboolean session_ends_group(const struct session_shot *shot) {
-    return shot->multiplex.group > 0 && shot->multiplex.k + 1 == shot->multiplex.n;
-}
-static inline gboolean session_is_within_group(const struct session_shot *shot) {
-    return shot->multiplex.group > 0 && shot->multiplex.k + 1 < shot->multiplex.n;
 }
 
 /* The note of a shot begins so if the shot was skipped because others suffice: a sweep that is
@@ -182,19 +160,8 @@ GPtrArray *session_shots(Session *session, GError **error);  /* in planned order
 GPtrArray *session_frames(Session *session, GError **error); /* by shot, camera */
 GPtrArray *session_events(Session *session, GError **error);
 
-/* Fills in which lamps are lit in the n shots of a group, by k and their devices. */
-void session_light_multiplexed(struct session_shot *const *shots, int n);
-
-/* Plans all shots of each group of which one is planned, in memory: a group is taken as a whole.
- * Appends the ids of those that were done (gint64) to replanned, for session_plan_again(). */
-void session_plan_multiplexed(const GPtrArray *shots, GArray *replanned);
-
 /* Relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);
-
-/* For capture. Shots (ids, gint64) that are planned again lose the rows of their frames, in one
- * transaction: their files are about to be replaced. */
-gboolean session_plan_again(Session *session, const GArray *shots, GError **error);
 
 /* For capture. Commits all frames of a shot and its state in one transaction, after the files are
  * synced; they replace those of an earlier take. Each file must exist with its recorded size. */

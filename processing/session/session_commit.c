@@ -110,23 +110,6 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
     return FALSE;
 }
 
-gboolean session_plan_again(Session *session, const GArray *shots, GError **error) {
-    gboolean ok = TRUE;
-
-    if (!session_may(session, SESSION_CAPTURE, error) || !session_begin(session, error))
-        return FALSE;
-    for (guint i = 0; ok && i < shots->len; i++) {
-        const gint64 shot = g_array_index(shots, gint64, i);
-        ok = session_db_run(session, error, "UPDATE shot SET state = ?2 WHERE id = ?1", "ls", shot,
-                            session_shot_states[SHOT_PLANNED]) &&
-             replace_frames(session, shot, NULL, 0, error);
-    }
-    if (ok)
-        return session_commit(session, error);
-    session_rollback(session);
-    return FALSE;
-}
-
 #define NOTED "damaged/" /* prefix of the value's name; the frame's path follows */
 
 gboolean session_note_damage(Session *session, const char *frame, const char *what,

@@ -105,8 +105,7 @@ static gboolean insert_plan(Session *session, const struct session_plan *plan, G
             shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps,
             session_shot_states[shot->state], shot->note);
     }
-    g_autofree char *multiplex = session_multiplex_text(plan->shots, plan->n_shots);
-    return ok && (!multiplex || session_set_value(session, SESSION_MULTIPLEX, multiplex, error));
+    return ok;
 }
 
 static gboolean insert_all(Session *session, const char *name, const struct session_texts *texts,

@@ -67,12 +67,4 @@ gboolean session_check_direction(const struct session_direction *direction, int 
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error);
 
-/* The value that says which shots are taken with patterns, "PART;FIRST:N;FIRST:N;…", in order:
- * ids of the groups' first shots. g_free(); NULL: there are none. */
 #define SESSION_TURNED "turned/" /* beginning of a value's name; SHOT/CAMERA follows */
-
-#define SESSION_MULTIPLEX "multiplex"
-char *session_multiplex_text(const struct session_shot *shots, int n);
-/* Checks such a text against all shots of a session, and fills in their struct session_multiplex.
- */
-gboolean session_multiplex_read(const char *text, const GPtrArray *shots, GError **error);

@@ -220,19 +220,13 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
 }
 
 GPtrArray *session_shots(Session *session, GError **error) {
-    g_autofree char *multiplex = NULL;
-    g_autoptr(GPtrArray) shots = session_read_rows(
+    return session_read_rows(
         session,
         "SELECT id, kind, pose, turntable_deg, arc_deg, source, device, cameras, sweep_from_deg,"
         " sweep_to_deg, sweep_steps, state, note,"
         " (SELECT count(*) FROM direction WHERE kind = 'light'),"
         " (SELECT count(*) FROM direction WHERE kind = 'laser') FROM shot ORDER BY id",
         NULL, shot_free, read_shot, error);
-
-    return shots && session_read_value(session, SESSION_MULTIPLEX, &multiplex, error) &&
-                   (!multiplex || session_multiplex_read(multiplex, shots, error))
-               ? g_steal_pointer(&shots)
-               : NULL;
 }
 
 static void frame_free(gpointer data) {

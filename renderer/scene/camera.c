@@ -1,22 +1,31 @@
 #include "camera.h"
 
 #include "base/direction.h"
+#include "base/vec.h"
 
-#include <cglm/cglm.h>
+#include <glib.h>
 
 #define MARGIN 0.92 /* of the picture's width or height that a shape fills */
 
 /* right, up and back: towards the eye. */
 struct axes {
-    vec3 right, up, back;
+    struct vec3 right, up, back;
 };
 
-/* Finds the axes of the picture. Its vertical axis leans with the elevation, so that it is never
- * along the line of sight. */
-static void camera_find_axes(const struct viewer_settings *s, struct axes *ret) {
-    direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
-    direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
-    glm_vec3_cross(ret->up, ret->back, ret->right);
+static struct vec3 camera_direction(double theta_deg, double phi_deg) {
+    float to[3];
+    direction_from_deg(theta_deg, phi_deg, to);
+    return vec3((double)to[0], (double)to[1], (double)to[2]);
+}
+
+/* The axes of the picture. Its vertical axis leans with the elevation, so that it is never along
+ * the line of sight. */
+static struct axes camera_axes(const struct viewer_settings *s) {
+    struct axes axes;
+    axes.back = camera_direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
+    axes.up = camera_direction(-s->camera_elevation_deg, s->camera_azimuth_deg);
+    axes.right = vec3_cross(axes.up, axes.back);
+    return axes;
 }
 
 static void half_angles(const struct viewer_settings *s, double aspect, double *ret_x,
@@ -28,21 +37,28 @@ static void half_angles(const struct viewer_settings *s, double aspect, double *
 
 void camera_matrix(const struct viewer_settings *s, double radius, double reach, double aspect,
                    float ret_projection[16], float ret_eye[3]) {
-    struct axes axes;
-    mat4 look, lens, both;
-    vec3 centre = {0.0f, 0.0f, 0.0f};
-    double half_x, half_y, distance = s->camera_distance * radius;
-    camera_find_axes(s, &axes);
+    const struct axes axes = camera_axes(s);
+    double half_x, half_y;
     half_angles(s, aspect, &half_x, &half_y);
-    glm_vec3_muladds(axes.right, s->camera_pan[0] * radius, centre);
-    glm_vec3_muladds(axes.up, s->camera_pan[1] * radius, centre);
-    glm_vec3_copy(centre, ret_eye);
-    glm_vec3_muladds(axes.back, distance, ret_eye);
-    glm_lookat(ret_eye, centre, axes.up, look);
-    double near = MAX(distance - 1.05 * reach, 0.01 * radius);
-    glm_perspective(2.0 * atan(half_y), aspect, near, distance + 1.05 * reach, lens);
-    glm_mat4_mul(lens, look, both);
-    memcpy(ret_projection, both, sizeof both);
+    const double distance = s->camera_distance * radius, far = distance + 1.05 * reach;
+    const double near = MAX(distance - 1.05 * reach, 0.01 * radius), depth = 1.0 / (near - far);
+    const struct vec3 centre = vec3_add(vec3_scale(axes.right, s->camera_pan[0] * radius),
+                                        vec3_scale(axes.up, s->camera_pan[1] * radius));
+    const struct vec3 eye = vec3_add(centre, vec3_scale(axes.back, distance));
+    /* The rows of the matrix; their fourth values are −row · eye. */
+    const struct vec3 rows[4] = {
+        vec3_scale(axes.right, 1.0 / half_x), vec3_scale(axes.up, 1.0 / half_y),
+        vec3_scale(axes.back, (near + far) * depth), vec3_scale(axes.back, -1.0)};
+    for (int k = 0; k < 4; k++) { /* column by column */
+        ret_projection[k] = (float)rows[k].x;
+        ret_projection[4 + k] = (float)rows[k].y;
+        ret_projection[8 + k] = (float)rows[k].z;
+        ret_projection[12 + k] =
+            (float)((k == 2 ? 2.0 * near * far * depth : 0.0) - vec3_dot(rows[k], eye));
+    }
+    ret_eye[0] = (float)eye.x;
+    ret_eye[1] = (float)eye.y;
+    ret_eye[2] = (float)eye.z;
 }
 
 /* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
@@ -57,18 +73,22 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
+static struct vec3 camera_point(const float *points, guint i) {
+    const float *p = points + 3 * (gsize)i;
+    return vec3((double)p[0], (double)p[1], (double)p[2]);
+}
+
 /* Refines the pan so that the projected points are centred: perspective shrinks distant parts, so
  * that along the axis that does not fill the picture, the middle of the points would not lie in the
  * middle of the picture. */
-static double camera_centre(const float *points, guint n, const vec3 axis, const vec3 back,
+static double camera_centre(const float *points, guint n, struct vec3 axis, struct vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {
         double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
         for (guint i = 0; i < n; i++) {
-            const float *p = points + 3 * (gsize)i;
-            double z = p[0] * back[0] + p[1] * back[1] + p[2] * back[2];
-            double x = p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2] - pan;
-            double shown = x / MAX(distance - z, 1e-3 * distance);
+            const struct vec3 p = camera_point(points, i);
+            const double x = vec3_dot(p, axis) - pan, z = vec3_dot(p, back);
+            const double shown = x / MAX(distance - z, 1e-3 * distance);
             low = MIN(low, shown);
             high = MAX(high, shown);
         }
@@ -79,18 +99,17 @@ static double camera_centre(const float *points, guint n, const vec3 axis, const
 
 void camera_fit(struct viewer_settings *s, const float *points, guint n, double radius,
                 double aspect) {
-    struct axes axes;
+    const struct axes axes = camera_axes(s);
     struct extent across = {-G_MAXDOUBLE, -G_MAXDOUBLE}, along = across;
     double kx, ky;
-    camera_find_axes(s, &axes);
     half_angles(s, aspect, &kx, &ky);
     kx *= MARGIN;
     ky *= MARGIN;
     for (guint i = 0; i < n; i++) {
-        vec3 p = {points[3 * (gsize)i], points[3 * (gsize)i + 1], points[3 * (gsize)i + 2]};
-        double z = glm_vec3_dot(p, axes.back);
-        extend(&across, glm_vec3_dot(p, axes.right), kx, z);
-        extend(&along, glm_vec3_dot(p, axes.up), ky, z);
+        const struct vec3 p = camera_point(points, i);
+        const double z = vec3_dot(p, axes.back);
+        extend(&across, vec3_dot(p, axes.right), kx, z);
+        extend(&along, vec3_dot(p, axes.up), ky, z);
     }
     double distance =
         MAX(0.5 * (across.high + across.low) / kx, 0.5 * (along.high + along.low) / ky);

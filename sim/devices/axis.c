@@ -386,10 +386,6 @@ static void sim_axis_close_axis(Axis *axis) {
     g_clear_pointer(&sim->world, world_unref);
 }
 
-gint64 sim_axis_dead_until_us(const Axis *axis) {
-    return ((const struct sim_axis *)axis->device.priv)->unheard.dead_until_us;
-}
-
 const struct axis_driver sim_axis_driver = {
     .info = {"axis", "sim-axis",
              "An axis of the simulated world, with backlash and position errors", options,

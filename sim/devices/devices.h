@@ -19,7 +19,6 @@ double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, 
  * has passed: it does. */
 gint64 sim_laser_dead_until_us(const Laser *laser);
 gint64 sim_lamps_dead_until_us(const LampBank *bank);
-gint64 sim_axis_dead_until_us(const Axis *axis);
 
 extern const struct axis_driver sim_axis_driver;
 extern const struct lamps_driver sim_lamps_driver;

@@ -151,20 +151,6 @@ static void lamps_no_such_lamp(struct bench *bench) {
     expect_silence(bench, 0.2);
 }
 
-static void lamps_count_hours(struct bench *bench) {
-    double seconds = bench->with->real_clock ? 0.3 : 7200;
-    set_lamp(bench, 0, TRUE);
-    conformance_wait(bench->clock, &bench->n_events, 1, 10);
-    conformance_pass(bench->clock, seconds);
-    set_lamp(bench, 0, FALSE);
-    conformance_wait(bench->clock, &bench->n_events, 2, 10);
-    double hours = lamps_hours(bench->bank, 0);
-    g_assert_cmpfloat(hours, >=, seconds / 3600);
-    g_assert_cmpfloat(hours, <=, (seconds + 2) / 3600);
-    conformance_pass(bench->clock, 0.2);
-    g_assert_cmpfloat(lamps_hours(bench->bank, 0), ==, hours);
-}
-
 /* A command is not answered: the lamp is unsafe until "off" was confirmed, and only the command's
  * own failure is reported. on: the command; index -1: all off. */
 static void lamps_unanswered(struct bench *bench, int index, gboolean on) {
@@ -258,7 +244,6 @@ void conformance_lamps(const struct lamps_driver *driver, const struct conforman
         {"one-by-one", lamps_one_by_one},
         {"in-order", lamps_in_order},
         {"no-such-lamp", lamps_no_such_lamp},
-        {"count-hours", lamps_count_hours},
         {"close-switching", lamps_close_switching},
         {"permit", lamps_permit},
         {"on-unanswered", lamps_on_unanswered, FALSE, TRUE},

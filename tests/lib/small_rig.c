@@ -40,22 +40,3 @@ void small_rig_write(const char *directory, const char *name, const struct chang
     g_file_set_contents(to, text, -1, &error);
     g_assert_no_error(error);
 }
-
-void small_rig_add_lamps(const char *directory, const char *name) {
-    g_autofree char *path = g_build_filename(directory, name, NULL);
-    g_autofree char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
-    g_autoptr(GString) to = g_string_new(text);
-    for (int i = 0; i < 2; i++) {
-        g_string_append_printf(to,
-                               "\n[lamp lamp%d]\ntheta_deg = %d\ndistance_mm = 500\n"
-                               "intensity = 40\n",
-                               40 + 10 * i, 40 + 10 * i);
-        if (g_str_equal(name, "rig.conf"))
-            g_string_append_printf(to, "bank = bank\nindex = %d\nexponent = 2\n", 2 + i);
-    }
-    g_file_set_contents(path, to->str, (gssize)to->len, &error);
-    g_assert_no_error(error);
-}

@@ -17,7 +17,3 @@ char *small_rig_changed(const char *text, const struct change *change);
 /* Writes rig.conf, world.conf or session.conf with those changes (NULL: none) whose section it has.
  * Devices have faults: keys that begin with fault_ are only put into rig.conf. */
 void small_rig_write(const char *directory, const char *name, const struct change *changes);
-
-/* Adds two lamps, lamp40 and lamp50, to the rig.conf or world.conf that is there, so that lamps in
- * the same pose can be lit at once: [lights] rings = 30:2; 40:2; 50:2; 60:2. */
-void small_rig_add_lamps(const char *directory, const char *name);

@@ -20,8 +20,6 @@ void __wrap_world_expose(World *world, int camera, const struct world_state *sta
                          gint64 exposure_us, double gain_db, guint64 noise_key,
                          guint16 *ret_pixels) {
     const int n = noted ? g_atomic_int_add(&noted->n_exposures, 1) : SCENE_MAX_EXPOSURES;
-    if (noted)
-        g_atomic_int_set(&noted->last_shot, (gint)(noise_key >> 16));
     if (n < SCENE_MAX_EXPOSURES) {
         struct exposure *exposure = &noted->exposures[n];
         *exposure = (struct exposure){.tag = noise_key,

@@ -26,7 +26,6 @@ struct Reference {
 static const struct {
     const char *what;
     struct change changes[8];
-    gboolean more_lamps; /* small_rig_add_lamps(), and a supply that feeds two at once */
 } sessions[SCHEDULE_SESSIONS] = {
     {"the small rig's session", {{0}}},
     {"one exposure, and a short one at each step of a sweep",
@@ -42,9 +41,6 @@ static const struct {
       {"[lasers]", "first = 1"},
       {"[lasers]", "gain_pct = 1"},
       {0}}},
-    {"three lamps at once, and one alone",
-     {{"[lights]", "rings = 30:2; 40:2; 50:2; 60:2"}, {"[lights]", "multiplex = 3"}, {0}},
-     TRUE},
 };
 
 struct run {
@@ -75,22 +71,15 @@ static void run_make_folders(struct run *run, const char *name) {
     g_strlcpy(scene->disk.root, disk, sizeof scene->disk.root);
     g_snprintf(scene->session, sizeof scene->session, "%s/small.session", disk);
     small_rig_write(folder, "world.conf", NULL);
-    if (sessions[run->session].more_lamps)
-        small_rig_add_lamps(folder, "world.conf");
     small_rig_write(folder, "session.conf", sessions[run->session].changes);
     run->model = disk_model_new(disk);
 }
 
 static void run_write_rig(struct run *run, const struct life *life) {
-    struct change changes[SCHEDULE_MAX_DEVICES + 2] = {0};
-    const gboolean more_lamps = sessions[run->session].more_lamps;
+    struct change changes[SCHEDULE_MAX_DEVICES + 1] = {0};
     for (int i = 0; i < life->n_devices; i++)
         changes[i] = (struct change){life->devices[i].section, life->devices[i].line};
-    if (more_lamps)
-        changes[life->n_devices] = (struct change){"[rig]", "lamps_at_once = 2"};
     small_rig_write(run->scene->folder, "rig.conf", changes);
-    if (more_lamps)
-        small_rig_add_lamps(run->scene->folder, "rig.conf");
 }
 
 static void run_say(struct run *run, const char *text) {
@@ -226,7 +215,6 @@ static gboolean run_life(struct run *run, const struct life *life) {
     scene->end = LIFE_KILLED;
     scene->begun = FALSE;
     scene->shots_done = 0;
-    scene->last_shot = 0;
     *scene->message = '\0';
     memset(disk->calls, 0, sizeof disk->calls);
     memcpy(disk->faults, life->disk, sizeof disk->faults);
@@ -254,7 +242,6 @@ static gboolean run_life(struct run *run, const struct life *life) {
     if (exists) {
         run->n_done = store->done;
         run->is_captured = store->planned == 0;
-        run->result->in_groups += store->in_group && (disk->cut || scene->end == LIFE_KILLED);
     }
     run->is_processed = scene->end == LIFE_PROCESSED;
     if (scene->end == LIFE_FAILED)

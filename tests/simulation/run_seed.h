@@ -16,7 +16,6 @@ struct seed_result {
     int life;            /* after which it was found, from 1; 0: the one on the bus */
     int lives, kills, cuts, failed_calls, rotten, misplaced;
     int served, bus_calls; /* lives on the bus, and what their clients called */
-    int in_groups;         /* kills and power cuts while several lamps at once were taken */
     guint64 digest;        /* of everything that happened, in order; 0: the order is not fixed */
 };
 

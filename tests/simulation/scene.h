@@ -37,7 +37,6 @@ struct scene {
     int asks, answers;    /* pipes: a life asks for a second daemon, and waits until it has ended */
     int bus_calls;        /* in a life on the bus: how many calls clients sent */
     gint n_exposures;     /* atomic */
-    gint last_shot;       /* atomic: whose picture was taken last in this life; 0: none was */
     struct exposure exposures[SCENE_MAX_EXPOSURES];
     struct disk disk;
 };

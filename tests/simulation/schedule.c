@@ -158,13 +158,10 @@ void schedule_make(struct schedule *schedule, guint32 seed) {
     /* Seeds that follow each other give unrelated numbers. */
     const guint32 words[] = {seed, 0x6d657369};
     g_autoptr(GRand) random = g_rand_new_with_seed_array(words, G_N_ELEMENTS(words));
-    /* One seed in ten has each of the last two sessions, which take longer; the others take turns.
-     */
-    *schedule =
-        (struct schedule){.seed = seed,
-                          .session = seed % 10 == 5   ? SCHEDULE_SESSIONS - 2
-                                     : seed % 10 == 4 ? SCHEDULE_SESSIONS - 1
-                                                      : (int)(seed % (SCHEDULE_SESSIONS - 2))};
+    /* One seed in ten has the last session, which takes longer; the others take turns. */
+    *schedule = (struct schedule){
+        .seed = seed,
+        .session = seed % 10 == 5 ? SCHEDULE_SESSIONS - 1 : (int)(seed % (SCHEDULE_SESSIONS - 1))};
     schedule->n_lives = g_rand_int_range(random, 1, SCHEDULE_MAX_LIVES + 1);
     for (int i = 0; i < schedule->n_lives; i++) {
         /* A generator of its own for each: what one life draws does not shift the next. */

@@ -7,7 +7,7 @@
 
 #include <glib.h>
 
-#define SCHEDULE_SESSIONS    5
+#define SCHEDULE_SESSIONS    4
 #define SCHEDULE_MAX_LIVES   5
 #define SCHEDULE_MAX_DEVICES 3
 #define SCHEDULE_MAX_DISK    3

@@ -45,8 +45,7 @@ static const GOptionEntry entries[] = {
 };
 
 struct tally {
-    int n, n_failed, lives, kills, cuts, in_groups, failed_calls, rotten, misplaced, served,
-        bus_calls;
+    int n, n_failed, lives, kills, cuts, failed_calls, rotten, misplaced, served, bus_calls;
     GArray *failed; /* of struct seed_result */
     gint64 begun_us, told_us;
 };
@@ -103,7 +102,6 @@ static void take_result(struct tally *tally, const struct seed_result *result) {
     tally->lives += result->lives;
     tally->kills += result->kills;
     tally->cuts += result->cuts;
-    tally->in_groups += result->in_groups;
     tally->failed_calls += result->failed_calls;
     tally->rotten += result->rotten;
     tally->misplaced += result->misplaced;
@@ -158,11 +156,11 @@ static int compare_results(gconstpointer a, gconstpointer b) {
 
 static void print_json(const struct tally *tally) {
     g_print("{\"seeds\": %d, \"from\": %d, \"lives\": %d, \"kills\": %d, \"power_cuts\": %d, "
-            "\"in_groups\": %d, \"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, "
+            "\"failed_calls\": %d, \"rotten\": %d, \"misplaced\": %d, "
             "\"served\": %d, "
             "\"bus_calls\": %d, \"failed\": [",
-            tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
-            tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
+            tally->n, from_seed, tally->lives, tally->kills, tally->cuts, tally->failed_calls,
+            tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
     for (guint i = 0; i < tally->failed->len; i++) {
         const struct seed_result *result = &g_array_index(tally->failed, struct seed_result, i);
         g_autoptr(GString) broken = g_string_new(NULL);
@@ -181,11 +179,10 @@ static void print_text(const struct tally *tally, const char *program) {
         g_print("seed %u, %s: %s\n  replay: %s --seed %u%s --verbose\n", result->seed, where,
                 result->violation, program, result->seed, with ? with : "");
     }
-    g_print("%d seeds, %d failed: %d lives, %d kills and %d power cuts (%d of both while several "
-            "lamps at once were taken), %d failed calls to the disk, %d rotten bits, %d misplaced "
-            "writes; %d lives on the bus with %d calls\n",
-            tally->n, tally->n_failed, tally->lives, tally->kills, tally->cuts, tally->in_groups,
-            tally->failed_calls, tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
+    g_print("%d seeds, %d failed: %d lives, %d kills, %d power cuts, %d failed calls to the "
+            "disk, %d rotten bits, %d misplaced writes; %d lives on the bus with %d calls\n",
+            tally->n, tally->n_failed, tally->lives, tally->kills, tally->cuts, tally->failed_calls,
+            tally->rotten, tally->misplaced, tally->served, tally->bus_calls);
 }
 
 static int simulate(const char *folder, const char *program) {

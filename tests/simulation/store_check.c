@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <sqlite3.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -119,37 +118,6 @@ static void check_rows(struct scene *scene, sqlite3 *db, const struct store *ref
     sqlite3_finalize(shots);
 }
 
-/* Groups of lamps that are taken together: "PART;FIRST:N;FIRST:N…", by the ids of shots. FALSE:
- * the shot is in none. */
-static gboolean group_of(const char *groups, gint64 shot, gint64 *ret_first, int *ret_n) {
-    for (const char *item = groups ? strchr(groups, ';') : NULL; item; item = strchr(item, ';')) {
-        char *end;
-        *ret_first = g_ascii_strtoll(++item, &end, 10);
-        *ret_n = *end == ':' ? (int)g_ascii_strtoll(end + 1, NULL, 10) : 0;
-        if (shot >= *ret_first && shot < *ret_first + *ret_n)
-            return TRUE;
-    }
-    return FALSE;
-}
-
-static char *read_groups(struct scene *scene, sqlite3 *db) {
-    return one_text(scene, db, "SELECT value FROM value WHERE key = 'multiplex'");
-}
-
-static gboolean is_in_group(struct scene *scene, sqlite3 *db) {
-    g_autofree char *groups = read_groups(scene, db);
-    gint64 first;
-    int n;
-    if (!group_of(groups, g_atomic_int_get(&scene->last_shot), &first, &n))
-        return FALSE;
-    g_autofree char *sql =
-        g_strdup_printf("SELECT count(*) FROM shot WHERE state = 'planned' AND id BETWEEN "
-                        "%" G_GINT64_FORMAT " AND %" G_GINT64_FORMAT,
-                        first, first + n - 1);
-    g_autofree char *planned = one_text(scene, db, sql);
-    return g_strcmp0(planned, "0") != 0;
-}
-
 gboolean store_check(struct scene *scene, const struct store *reference, GHashTable *damaged,
                      const char *scratch, struct store *ret) {
     if (!g_file_test(scene->session, G_FILE_TEST_IS_DIR))
@@ -170,7 +138,6 @@ gboolean store_check(struct scene *scene, const struct store *reference, GHashTa
         "FROM value WHERE key LIKE 'lasers.round.%' ORDER BY key)), 'none') || ', left out: ' || "
         "coalesce((SELECT group_concat(id) FROM (SELECT id FROM shot WHERE state = 'skipped' "
         "ORDER BY id)), 'none')");
-    ret->in_group = is_in_group(scene, db);
     sqlite3_close(db);
     return TRUE;
 }
@@ -251,76 +218,22 @@ static const struct exposure *exposure_at(const struct scene *scene, int i) {
     return i < MIN(scene->n_exposures, SCENE_MAX_EXPOSURES) ? &scene->exposures[i] : NULL;
 }
 
-/* A group of lamps as the world saw it. */
-struct group {
-    gint64 first;
-    int n;
-    guint32 all;         /* its lamps */
-    guint32 patterns[8]; /* that are lit in the first picture of each shot */
-    int last_sub;        /* of its last shot: the picture of the lamps that are left out */
-};
-
-static void see_group(struct scene *scene, sqlite3 *db, struct group *group) {
-    const struct exposure *seen;
-    group->all = 0;
-    group->last_sub = 0;
-    if (group->n > (int)G_N_ELEMENTS(group->patterns))
-        g_error("simulate: a group of %d lamps is too large", group->n);
-    for (int k = 0; k < group->n; k++) {
-        g_autofree char *sql = g_strdup_printf(
-            "SELECT device FROM shot WHERE id = %" G_GINT64_FORMAT, group->first + k);
-        g_autofree char *device = one_text(scene, db, sql);
-        group->all |= device ? 1u << atoi(device) : 0;
-        group->patterns[k] = 0;
-        for (int i = 0; (seen = exposure_at(scene, i)); i++)
-            if (seen->tag == (guint64)(group->first + k) << 16)
-                group->patterns[k] = seen->lamps;
-    }
-    for (int i = 0; (seen = exposure_at(scene, i)); i++)
-        if (seen->tag >> 16 == (guint64)(group->first + group->n - 1))
-            group->last_sub = MAX(group->last_sub, (int)(seen->tag & 0xffff));
-}
-
-/* S Sᵀ = (n + 1)/4 · (I + J). */
-static void check_patterns(struct scene *scene, const struct group *group) {
-    if (__builtin_popcount(group->all) != group->n)
-        scene_break(scene, "frame is the asked one", "a group has the same lamp twice");
-    for (int i = 0; i < group->n; i++)
-        for (int j = 0; j <= i; j++) {
-            const guint32 both = group->patterns[i] & group->patterns[j];
-            if (__builtin_popcount(both) * 4 != (group->n + 1) * (i == j ? 2 : 1) ||
-                (both & ~group->all))
-                scene_break(scene, "frame is the asked one",
-                            "lamps %#x and %#x, of %#x, are no patterns of an S-matrix",
-                            group->patterns[i], group->patterns[j], group->all);
-        }
-}
-
-/* The lamps that a picture of a shot must show. */
-static guint32 asked_lamps(const struct group *group, gint64 shot, int device, int sub) {
-    if (group->n == 0)
-        return 1u << device;
-    const int k = (int)(shot - group->first);
-    const gboolean is_last = k + 1 == group->n && sub == group->last_sub;
-    return is_last ? group->all & ~group->patterns[k] : group->patterns[k];
-}
-
-static void check_shot_exposures(struct scene *scene, sqlite3_stmt *shot,
-                                 const struct group *group) {
+static void check_shot_exposures(struct scene *scene, sqlite3_stmt *shot) {
     const gint64 id = sqlite3_column_int64(shot, 0);
     const char *kind = (const char *)sqlite3_column_text(shot, 3);
     const gboolean is_lamp = strcmp(kind, "lamp") == 0, is_sweep = strcmp(kind, "sweep") == 0;
-    const int device = sqlite3_column_int(shot, 4);
-    struct asked asked = {.turntable_deg = sqlite3_column_double(shot, 1),
-                          .arc_deg = sqlite3_column_double(shot, 2),
-                          .laser = is_sweep ? 1u << device : 0};
+    const int device = sqlite3_column_int(shot, 4); /* -1: none */
+    const guint32 bit = device >= 0 ? 1u << device : 0;
+    const struct asked asked = {.turntable_deg = sqlite3_column_double(shot, 1),
+                                .arc_deg = sqlite3_column_double(shot, 2),
+                                .lamps = is_lamp ? bit : 0,
+                                .laser = is_sweep ? bit : 0};
     const struct exposure *seen;
     guint32 seen_by = 0, lasers = 0;
     for (int i = 0; (seen = exposure_at(scene, i)); i++) {
         const int sub = (int)(seen->tag & 0xffff);
         if (seen->tag >> 16 != (guint64)id)
             continue;
-        asked.lamps = is_lamp ? asked_lamps(group, id, device, sub) : 0;
         const char *differs = compare_exposure(seen, &asked);
         seen_by |= 1u << seen->camera;
         lasers |= seen->lasers;
@@ -338,21 +251,13 @@ static void check_shot_exposures(struct scene *scene, sqlite3_stmt *shot,
 
 void store_check_exposures(struct scene *scene, const char *scratch) {
     sqlite3 *db = open_copy(scene, scratch);
-    g_autofree char *groups = db ? read_groups(scene, db) : NULL;
     sqlite3_stmt *shots =
         db ? prepare(scene, db,
                      "SELECT id, turntable_deg, arc_deg, kind, device, cameras FROM shot"
                      " WHERE state = 'done'")
            : NULL;
-    while (shots && sqlite3_step(shots) == SQLITE_ROW) {
-        struct group group = {0};
-        if (group_of(groups, sqlite3_column_int64(shots, 0), &group.first, &group.n))
-            see_group(scene, db, &group);
-        else
-            group.n = 0;
-        check_patterns(scene, &group);
-        check_shot_exposures(scene, shots, &group);
-    }
+    while (shots && sqlite3_step(shots) == SQLITE_ROW)
+        check_shot_exposures(scene, shots);
     sqlite3_finalize(shots);
     sqlite3_close(db);
 }

@@ -14,7 +14,6 @@ struct store {
     GHashTable *frames;   /* path → SHA-256 by the rows */
     GHashTable *products; /* path → SHA-256 of the files */
     int done, planned;    /* shots */
-    gboolean in_group;    /* the last picture was of a group of lamps that are not all done */
     char *state, *reason; /* values; NULL: not set */
     char *rounds;         /* of sweeps, with their shots, and the shots that were left out */
 };
@@ -34,7 +33,5 @@ void store_check_products(struct scene *scene, const struct store *reference);
 /* The SHA-256 of every file of products/ whose name ends in .exr, by its path. */
 void store_read_products(const struct scene *scene, struct store *store);
 
-/* That the world's cameras saw what the plan asks for: pose, lamp and laser of every shot; and of
- * several lamps at once that they were lit in the patterns of an S-matrix (Harwit and Sloane 1979),
- * and that the last picture of a group shows those that the last pattern leaves out. */
+/* That the world's cameras saw what the plan asks for: pose, lamp and laser of every shot. */
 void store_check_exposures(struct scene *scene, const char *scratch);

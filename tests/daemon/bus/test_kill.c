@@ -4,9 +4,7 @@
  *
  * MESORIG_KILLS sets another number. The same with sweeps in rounds, until the surface is known:
  * the rounds, what they leave out, and all frames are those of an undisturbed run, after five kills
- * or MESORIG_ADAPTIVE_KILLS. And the same with several lamps at once: a group in which the daemon
- * was killed is taken again as a whole, and frames and products are those of an undisturbed run,
- * after five kills or MESORIG_MULTIPLEXED_KILLS.
+ * or MESORIG_ADAPTIVE_KILLS.
  */
 #include <gio/gio.h>
 #include <glib/gstdio.h>
@@ -129,9 +127,9 @@ static gboolean wait_for_moment(GPid pid, const char *session, GRand *random, gb
 
 /* One session, killed at random moments until it is done or enough were killed. Adds to *ret_amid
  * the kills that came between the first shot and the last. */
-static int capture_with_kills(const char *rig, const char *conf, const char *session, int most,
-                              GRand *random, int *ret_amid) {
-    const char *const capture[] = {MESORIG, "capture", rig, conf, "-o", session, NULL};
+static int capture_with_kills(const char *conf, const char *session, int most, GRand *random,
+                              int *ret_amid) {
+    const char *const capture[] = {MESORIG, "capture", RIG, conf, "-o", session, NULL};
     const char *const resume[] = {MESORIG, "resume", session, NULL};
     g_autofree char *database = g_build_filename(session, "session.db", NULL);
     for (int kills = 0;; kills++) {
@@ -181,7 +179,7 @@ static void test_kill(void) {
     int kills = 0, amid = 0;
     for (int run = 0; kills < wanted; run++) {
         g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, run);
-        kills += capture_with_kills(RIG, SESSION, session, wanted - kills, random, &amid);
+        kills += capture_with_kills(SESSION, session, wanted - kills, random, &amid);
         process_as(session, reference);
         remove_tree(session);
     }
@@ -196,7 +194,7 @@ static char *content_of(const char *path) {
         "SELECT id || ' ' || state || ' ' || coalesce(note, '') FROM shot ORDER BY id",
         "SELECT path || ' ' || sha256 FROM frame ORDER BY path",
         "SELECT key || '=' || value FROM value WHERE key LIKE 'lasers.%' OR key LIKE 'lights.%' "
-        "OR key = 'multiplex' ORDER BY key"};
+        "ORDER BY key"};
     g_autofree char *file = g_build_filename(path, "session.db", NULL);
     GString *text = g_string_new(NULL);
     sqlite3 *db = NULL;
@@ -210,27 +208,6 @@ static char *content_of(const char *path) {
     }
     sqlite3_close(db);
     return g_string_free(text, FALSE);
-}
-
-/* Captures sessions with kills until there were as many as a variable of the environment asks for
- * (5): each must have this content, and, unless processed is NULL, give its products. */
-static void kill_often(const char *folder, const char *rig, const char *conf, const char *expected,
-                       const char *processed, const char *variable, guint32 seed) {
-    const char *asked = g_getenv(variable);
-    const int wanted = asked ? atoi(asked) : 5;
-    g_autoptr(GRand) random = g_rand_new_with_seed(seed);
-    int kills = 0, amid = 0, runs = 0;
-    for (; kills < wanted; runs++) {
-        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
-        kills += capture_with_kills(rig, conf, session, wanted - kills, random, &amid);
-        g_autofree char *content = content_of(session);
-        g_assert_cmpstr(content, ==, expected);
-        if (processed)
-            process_as(session, processed);
-        remove_tree(session);
-    }
-    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
-    g_assert_cmpint(amid, >=, wanted / 2);
 }
 
 static void test_adaptive(void) {
@@ -251,39 +228,25 @@ static void test_adaptive(void) {
     g_assert_nonnull(strstr(expected, "lights.round.2="));
     g_assert_nonnull(strstr(expected, " skipped "));
 
-    kill_often(folder, RIG, conf, expected, NULL, "MESORIG_ADAPTIVE_KILLS", 21);
-    remove_tree(folder);
-}
-
-static void test_multiplexed(void) {
-    static const struct change of_rig[] = {{"[rig]", "lamps_at_once = 2"}, {NULL, NULL}};
-    static const struct change of_session[] = {{"[lights]", "rings = 30:2; 40:2; 50:2; 60:2"},
-                                               {"[lights]", "multiplex = 3"},
-                                               {NULL, NULL}};
-    g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
-    g_assert_no_error(error);
-    g_autofree char *reference = g_build_filename(folder, "reference.session", NULL);
-    g_autofree char *rig = g_build_filename(folder, "rig.conf", NULL);
-    g_autofree char *conf = g_build_filename(folder, "session.conf", NULL);
-    small_rig_write(folder, "rig.conf", of_rig);
-    small_rig_add_lamps(folder, "rig.conf");
-    small_rig_write(folder, "world.conf", NULL);
-    small_rig_add_lamps(folder, "world.conf");
-    small_rig_write(folder, "session.conf", of_session);
-    run_whole((const char *[]){MESORIG, "capture", rig, conf, "-o", reference, NULL}, "reference");
-    run_whole((const char *[]){MESORIG, "process", reference, NULL}, "reference");
-    g_autofree char *expected = content_of(reference);
-    g_assert_nonnull(strstr(expected, "multiplex="));
-
-    kill_often(folder, rig, conf, expected, reference, "MESORIG_MULTIPLEXED_KILLS", 22);
+    const char *asked = g_getenv("MESORIG_ADAPTIVE_KILLS");
+    const int wanted = asked ? atoi(asked) : 5;
+    g_autoptr(GRand) random = g_rand_new_with_seed(21);
+    int kills = 0, amid = 0, runs = 0;
+    for (; kills < wanted; runs++) {
+        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, runs);
+        kills += capture_with_kills(conf, session, wanted - kills, random, &amid);
+        g_autofree char *content = content_of(session);
+        g_assert_cmpstr(content, ==, expected);
+        remove_tree(session);
+    }
+    g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
+    g_assert_cmpint(amid, >=, wanted / 2);
     remove_tree(folder);
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/kill/adaptive", test_adaptive);
-    g_test_add_func("/kill/multiplexed", test_multiplexed);
     g_test_add_func("/kill/products-are-bit-identical", test_kill);
     return g_test_run();
 }

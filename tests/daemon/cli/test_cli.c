@@ -336,7 +336,7 @@ static const struct step compress_steps[] = {
     {1, "compress S -k 1 --components 1 --error 0.0001%", "is not reached"},
     {1, "compress S -o /no/such/folder/x.exr"},
     {1, "compress ."},
-    {0, "compress S --model fields --components 1", "fields of 1 lobe, luminance off by"},
+    {0, "compress S --method fields --components 1", "fields of 1 lobe, luminance off by"},
     {0, "info S/products/fields.exr", "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights"},
     {0, "compress --json S -m ashikhmin", "\"method\": \"ashikhmin\""},
     {0, "compress S -m ptm --mips -o other.exr --force", "ptm, 4 mip levels, luminance off by"},

@@ -1,5 +1,6 @@
-/* What shells complete of mesorig's command line: each shell runs in a terminal of its own, where a
- * line is typed with a tab, and says which arguments mesorig would have got. */
+/* What shells complete of mesorig's command line: what mesorig --complete prints; and that each
+ * shell asks it, in a terminal of its own, where a line is typed with a tab, and gives mesorig the
+ * arguments. */
 #include <glib/gstdio.h>
 #include <poll.h>
 #include <pty.h>
@@ -8,10 +9,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
 
-#define COMPLETIONS BUILD_DIR "/etc/completions/mesorig."
+#define MESORIG     BUILD_DIR "/bin/mesorig"
+#define COMPLETIONS SOURCE_DIR "/etc/completions/mesorig."
 #define WAIT_S      20
 
 static char *folder;
@@ -39,25 +42,68 @@ static const struct shell shells[] = {
      "source " COMPLETIONS "fish; echo rea''dy\n"},
 };
 
+/* What is typed, words with blanks between them, and the words that may be in the place of the
+ * last one. */
+static const struct {
+    const char *typed, *offered;
+} offers[] = {
+    {"plan ri", "rig.conf"},
+    {"capt", "capture"},
+    {"plan weave.conf ri", "rig.conf"}, /* not rig.calibration */
+    {"process we", "weave.session/"},   /* not weave.exr */
+    {"process weave.session --fol", "--follow"},
+    {"import rel", "relight"},
+    {"import poses t.csv --cfa rg", "rggb"},
+    {"export btf --format df", "dfmf"},
+    {"compress x -m eig", "eigenmaps"},
+    {"compress x --method=eig", "--method=eigenmaps"},
+    {"compress x --method = eig", "eigenmaps"}, /* as bash has it */
+    {"compress x --mod", ""},
+    {"calibrate rad", "radiometry"},
+    {"calibrate lights x --tar", "--target"},
+    {"calibrate show rig.cal", "rig.calibration"},
+    {"resample x -d ow", "own"},
+    {"status --bus se", "session"},
+    {"report weave.session -o repo", "report.html"}, /* not report.txt */
+    {"info weave.session/fr", "weave.session/frames/"},
+    {"--ver", "--version"},
+    {"nothing x", ""},
+};
+
+static void test_words(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(offers); i++) {
+        g_auto(GStrv) typed = g_strsplit(offers[i].typed, " ", -1);
+        g_autoptr(GPtrArray) argv = g_ptr_array_new();
+        g_ptr_array_add(argv, (gpointer)MESORIG);
+        g_ptr_array_add(argv, (gpointer) "--complete");
+        for (char **word = typed; *word; word++)
+            g_ptr_array_add(argv, *word);
+        g_ptr_array_add(argv, NULL);
+        g_autofree char *text = process_text(0, (const char *const *)argv->pdata);
+        g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+        g_autoptr(GString) offered = g_string_new(NULL);
+        for (char **line = lines; *line && **line; line++)
+            g_string_append_printf(offered, "%s%.*s", offered->len ? " " : "",
+                                   (int)strcspn(*line, "\t"), *line);
+        if (strcmp(offered->str, offers[i].offered) != 0)
+            g_error("“%s” can become %s, not %s", offers[i].typed, offered->str, offers[i].offered);
+    }
+    g_autofree char *text = process_text(0, (const char *[]){MESORIG, "--complete", "verif", NULL});
+    g_assert_true(g_str_has_prefix(text, "verify\t"));
+    g_assert_cmpuint(strlen(text), >, strlen("verify\t") + 10);
+}
+
 /* What is typed, with tabs, and what mesorig then gets. */
 static const struct {
     const char *typed, *got;
 } lines[] = {
-    {"mesorig plan ri\t\n", "[plan][rig.conf]"},
     {"mesorig capt\t-o x\n", "[capture][-o][x]"},
-    {"mesorig plan weave.conf ri\t\n", "[plan][weave.conf][rig.conf]"}, /* not rig.calibration */
-    {"mesorig process we\t\n", "[process][weave.session]"},             /* not weave.exr */
-    {"mesorig process weave.session --fol\t\n", "[process][weave.session][--follow]"},
-    {"mesorig import rel\tx\n", "[import][relight][x]"},
+    {"mesorig plan weave.conf ri\t\n", "[plan][weave.conf][rig.conf]"},
+    {"mesorig process we\t\n", "[process][weave.session]"},
+    {"mesorig process we\tfr\t\n", "[process][weave.session/frames]"},
     {"mesorig import poses t.csv --cfa rg\t\n", "[import][poses][t.csv][--cfa][rggb]"},
-    {"mesorig export btf --format df\tx\n", "[export][btf][--format][dfmf][x]"},
-    {"mesorig compress x -m eig\t\n", "[compress][x][-m][eigenmaps]"},
-    {"mesorig calibrate rad\tx\n", "[calibrate][radiometry][x]"},
+    {"mesorig compress x --method=eig\t\n", "[compress][x][--method][eigenmaps]"},
     {"mesorig calibrate lights x --tar\tt\n", "[calibrate][lights][x][--target][t]"},
-    {"mesorig calibrate show rig.cal\t\n", "[calibrate][show][rig.calibration]"},
-    {"mesorig resample x -d ow\t\n", "[resample][x][-d][own]"},
-    {"mesorig status --bus se\t\n", "[status][--bus][session]"},
-    {"mesorig report weave.session -o repo\t\n", "[report][weave.session][-o][report.html]"},
 };
 
 /* Reads until these words have come; NULL: they did not in time. g_free() */
@@ -101,6 +147,8 @@ static void test_shell(gconstpointer data) {
         g_setenv("HOME", folder, TRUE);
         g_setenv("LC_ALL", "C.UTF-8", TRUE);
         g_setenv("PS1", "$ ", TRUE);
+        g_autofree char *path = g_strconcat(BUILD_DIR "/bin:", g_getenv("PATH"), NULL);
+        g_setenv("PATH", path, TRUE);
         if (g_chdir(folder) == 0)
             execv(program, (char *const *)shell->argv);
         _exit(1);
@@ -111,11 +159,12 @@ static void test_shell(gconstpointer data) {
     for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
         g_test_message("%s: %s", shell->name, lines[i].typed);
         /* The tab and what follows it are typed like by a hand, which waits for the completion. */
-        g_auto(GStrv) parts = g_strsplit(lines[i].typed, "\t", 2);
-        g_autofree char *before = g_strconcat(parts[0], "\t", NULL);
-        type_in(fd, before);
-        g_usleep(200 * 1000);
-        type_in(fd, parts[1]);
+        g_auto(GStrv) parts = g_strsplit(lines[i].typed, "\t", -1);
+        for (char **part = parts; *part; part++) {
+            g_autofree char *with_tab = g_strconcat(*part, part[1] ? "\t" : "", NULL);
+            type_in(fd, with_tab);
+            g_usleep(200 * 1000);
+        }
         g_autofree char *told = read_until(fd, ">@");
         g_assert_nonnull(told);
         const char *begin = strstr(told, "@<");
@@ -142,7 +191,10 @@ int main(int argc, char **argv) {
         g_assert_true(g_file_set_contents(path, "", 0, NULL));
     }
     g_autofree char *session = g_build_filename(folder, "weave.session", NULL);
-    g_assert_cmpint(g_mkdir(session, 0700), ==, 0);
+    g_autofree char *frames = g_build_filename(session, "frames", NULL);
+    g_assert_cmpint(g_mkdir_with_parents(frames, 0700), ==, 0);
+    g_assert_cmpint(g_chdir(folder), ==, 0);
+    g_test_add_func("/completions/words", test_words);
     for (gsize i = 0; i < G_N_ELEMENTS(shells); i++) {
         g_autofree char *path = g_strconcat("/completions/", shells[i].name, NULL);
         g_test_add_data_func(path, &shells[i], test_shell);

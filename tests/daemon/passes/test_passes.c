@@ -113,8 +113,6 @@ static void test_refused(void) {
     conf.order = ORDER_VIEWS;
     refused(&conf, &t, "set order = quickest");
     conf.order = ORDER_QUICKEST;
-    conf.multiplex = 7;
-    refused(&conf, &t, "set multiplex = no");
     conf.motion = MOTION_STANDING;
     refused(&conf, &t, NULL);
 

@@ -1,0 +1,6 @@
+# Completion of mesorig's command line for fish: the program itself knows what may follow.
+function __mesorig_complete
+    set -l words (commandline -opc) "$(commandline -ct)"
+    command mesorig --complete $words[2..-1] 2>/dev/null
+end
+complete -c mesorig -f -a '(__mesorig_complete)'
