@@ -223,7 +223,11 @@ Capture *capture_begin(struct devices *devices, const char *directory,
     Capture *capture = capture_open(devices, directory, callbacks, error);
     if (!capture)
         return NULL;
-    g_autoptr(GPtrArray) events = session_events(capture->session, error);
+    g_autofree char *answered = capture_check_devices_text(devices);
+    g_autoptr(GPtrArray) events =
+        session_set_value(capture->session, CAPTURE_DEVICES_KEY, answered, error)
+            ? session_events(capture->session, error)
+            : NULL;
     if (!events) {
         capture_free(capture);
         return NULL;
@@ -325,9 +329,13 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         capture_free(capture);
         return NULL;
     }
-    if (warning) {
-        capture_add_event(capture, "warning", "rig", warning);
-        if (!session_suspect(capture->session, warning, error)) {
+    g_autofree char *others = capture_check_devices(capture->session, devices);
+    const char *const warnings[] = {warning, others};
+    for (gsize i = 0; i < G_N_ELEMENTS(warnings); i++) {
+        if (!warnings[i])
+            continue;
+        capture_add_event(capture, "warning", "rig", warnings[i]);
+        if (!session_suspect(capture->session, warnings[i], error)) {
             capture_free(capture);
             return NULL;
         }
