@@ -60,6 +60,23 @@ gboolean device_init(struct device *device, const struct driver_info *info,
     return TRUE;
 }
 
+void device_set_identity(struct device *device, const char *model, const char *serial,
+                         const char *address) {
+    const gboolean has_serial = serial && *serial, has_address = address && *address;
+    g_autofree char *text = g_strdup_printf("%s%s%s", model ? model : "",
+                                            has_serial    ? ", serial number "
+                                            : has_address ? ", at "
+                                                          : "",
+                                            has_serial    ? serial
+                                            : has_address ? address
+                                                          : "");
+    g_autofree char *valid = g_utf8_make_valid(g_strstrip(text), -1);
+    for (char *at = valid; *at; at++) /* it is kept and shown as a line */
+        *at = g_ascii_iscntrl(*at) ? '?' : *at;
+    g_free(device->identity);
+    device->identity = *valid ? g_steal_pointer(&valid) : NULL;
+}
+
 void device_set_permit(struct device *device, DevicePermit permit, gpointer data) {
     device->permit = permit;
     device->permit_data = data;
@@ -113,6 +130,7 @@ void device_clear(struct device *device) {
     g_clear_pointer(&device->priv, g_free);
     g_clear_pointer(&device->name, g_free);
     g_clear_pointer(&device->who, g_free);
+    g_clear_pointer(&device->identity, g_free);
     g_clear_pointer(&device->clock, clock_unref);
     device->info = NULL;
 }

@@ -93,7 +93,8 @@ struct device {
     gpointer priv; /* state of the driver, of info->priv_size bytes */
     /* Set only during the driver's open(), for errors that name file and line. */
     const struct config_section *section;
-    char *who; /* class and name, the subject of its errors: "axis turntable" */
+    char *who;      /* class and name, the subject of its errors: "axis turntable" */
+    char *identity; /* see device_set_identity(); NULL: not known */
 
     /* Used by device.c alone. */
     DevicePermit permit;
@@ -118,6 +119,12 @@ gboolean device_init(struct device *device, const struct driver_info *info,
                      const struct config_section *section, const char *const *also, Clock *clock,
                      GError **error);
 void device_clear(struct device *device);
+
+/* For drivers, when they have connected: which device answers, as it reports itself. model and
+ * serial may be NULL or empty; address, where it is plugged in, counts only without a serial
+ * number. A resumed session is told when another device answers than before. */
+void device_set_identity(struct device *device, const char *model, const char *serial,
+                         const char *address);
 
 /* For the open() of a driver that keeps real time: fails where the rig's clock is virtual. */
 gboolean device_check_real_clock(const struct device *device, GError **error);

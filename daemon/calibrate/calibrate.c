@@ -144,11 +144,26 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     part->degrees_of_freedom = degrees_of_freedom;
 }
 
+/* The calibration of lights rejects single sights, which have two residuals each. The laser's count
+ * of pictures includes the sweeps that were rejected. */
+gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind) {
+    const double left_out = part->rejected->len;
+    const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
+                        : kind == CALIBRATION_LASER ? part->pictures - left_out
+                                                    : part->pictures;
+    return left_out > used;
+}
+
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what) {
+    const enum calibration_kind kind = (enum calibration_kind)(part - job->calibration->parts);
     if (part->rejected->len)
-        record_say(to, "  %u %s left out; mesorig calibrate show --all %s lists them\n",
-                   part->rejected->len, what, calibrate_output);
+        record_say(to, "  %u %s left out, %s; mesorig calibrate show --all %s lists them\n",
+                   part->rejected->len, what,
+                   calibrate_left_out_most(part, kind) ? "more than were used: look at why"
+                   : kind == CALIBRATION_LIGHTS        ? "which is usual: up to a half"
+                                                       : "fewer than were used",
+                   calibrate_output);
     if (!job->calibration->parts[CALIBRATION_CAMERAS].done)
         record_say(to, "  the cameras are nominal: calibrate them first, and give the calibration "
                        "file with -c\n");

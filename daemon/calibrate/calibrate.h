@@ -84,6 +84,10 @@ char **calibrate_lacking(const struct calibration *calibration, const char *part
 /* The name of the observations that a part leaves out one by one, as in "sights". */
 const char *calibrate_left_out(enum calibration_kind kind);
 
+/* Whether more was left out of a part than used, which is worth a look; of sights up to a half is
+ * usual. */
+gboolean calibrate_left_out_most(const struct calibration_part *part, enum calibration_kind kind);
+
 /* Adds the last lines for people: how many items were left out (what: "sights"), and whether
  * cameras should be calibrated first. */
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,

@@ -7,8 +7,7 @@
 #define DEG(rad) ((rad) * (180 / G_PI))
 #define PLOT     320 /* px of the page */
 
-#define MOST_SHOWN    5   /* rejected pictures of a part */
-#define MOST_REJECTED 0.5 /* share left out */
+#define MOST_SHOWN 5 /* rejected pictures of a part */
 
 static char *output_option;
 static const GOptionEntry entries[] = {
@@ -49,22 +48,16 @@ static void doubt_part(GPtrArray *to, const struct calibration *calibration,
                        enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     const char *name = calibration_part_name(kind);
-    const guint left_out = part->rejected->len;
-    /* The calibration of lights rejects single sights, which have two residuals each. The laser's
-     * count of pictures includes the sweeps that were rejected. */
-    const double used = kind == CALIBRATION_LIGHTS  ? part->degrees_of_freedom / 2.0
-                        : kind == CALIBRATION_LASER ? part->pictures - (double)left_out
-                                                    : part->pictures;
     if (!part->done) {
         g_ptr_array_add(
             to, g_strdup_printf("%s: not calibrated, the values of the rig file are used", name));
         return;
     }
-    if (left_out > MOST_REJECTED * (left_out + used))
-        g_ptr_array_add(to,
-                        g_strdup_printf("%s: more %s were left out (%u) than used, of %d "
-                                        "pictures",
-                                        name, calibrate_left_out(kind), left_out, part->pictures));
+    if (calibrate_left_out_most(part, kind))
+        g_ptr_array_add(to, g_strdup_printf("%s: more %s were left out (%u) than used, of %d "
+                                            "pictures",
+                                            name, calibrate_left_out(kind), part->rejected->len,
+                                            part->pictures));
     g_auto(GStrv) lacking = calibrate_lacking(calibration, name);
     for (int i = 0; lacking && lacking[i]; i++)
         g_ptr_array_add(to, g_strdup_printf("%s: calibrated from a session that lacks shots: %s",

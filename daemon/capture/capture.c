@@ -212,7 +212,11 @@ Capture *capture_begin(struct devices *devices, const char *directory,
     Capture *capture = capture_open(devices, directory, callbacks, error);
     if (!capture)
         return NULL;
-    g_autoptr(GPtrArray) events = session_events(capture->session, error);
+    g_autofree char *answered = capture_check_devices_text(devices);
+    g_autoptr(GPtrArray) events =
+        session_set_value(capture->session, CAPTURE_DEVICES_KEY, answered, error)
+            ? session_events(capture->session, error)
+            : NULL;
     if (!events) {
         capture_free(capture);
         return NULL;
@@ -314,9 +318,13 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         capture_free(capture);
         return NULL;
     }
-    if (warning) {
-        capture_add_event(capture, "warning", "rig", warning);
-        if (!session_suspect(capture->session, warning, error)) {
+    g_autofree char *others = capture_check_devices(capture->session, devices);
+    const char *const warnings[] = {warning, others};
+    for (gsize i = 0; i < G_N_ELEMENTS(warnings); i++) {
+        if (!warnings[i])
+            continue;
+        capture_add_event(capture, "warning", "rig", warnings[i]);
+        if (!session_suspect(capture->session, warnings[i], error)) {
             capture_free(capture);
             return NULL;
         }
@@ -361,7 +369,7 @@ void capture_free(Capture *capture) {
     g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
-    g_free(capture->plan_left_s);
+    g_free(capture->plan_left);
     g_free(capture->footprints);
     g_free(capture->shot_bytes);
     g_free(capture->reason);
@@ -417,18 +425,44 @@ void capture_abort(Capture *capture) {
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
+#define DOUBTED 0.5 /* so many shots as planned are counted with those that were exposed */
+
+struct shots_left *capture_plan_left(const Capture *capture,
+                                     const struct session_shot *const *shots, guint n) {
+    const struct devices *devices = capture->devices;
+    struct shots_left *ret = g_new0(struct shots_left, n + 1);
+    g_autofree double *left_s = g_new(double, n + 1);
+    plan_left_s(shots, (int)n, &capture->conf, &devices->geometry, &devices->timing, NULL, left_s);
+    ret[n].planned_s = left_s[n];
+    for (guint i = n; i-- > 0;) {
+        ret[i] = ret[i + 1];
+        ret[i].n[shots[i]->kind]++;
+        ret[i].planned_s = left_s[i];
+    }
+    return ret;
+}
+
+double capture_left_s(const Capture *capture, const struct shots_left *left) {
+    double sum_s = left->planned_s;
+    for (int k = 0; k <= SHOT_SWEEP; k++)
+        sum_s += left->n[k] * capture->learnt[k].late_s / (capture->learnt[k].n + DOUBTED);
+    return MAX(sum_s, 0);
+}
+
 /* Runs down from what was predicted when the last shot was exposed (capture_run_note_left()). */
 static double time_left_s(Capture *capture) {
-    if (capture->state == CAPTURE_DONE || !capture->plan_left_s)
+    if (capture->state == CAPTURE_DONE || !capture->plan_left)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
         /* The axes are homed again before it goes on. */
         const struct devices *devices = capture->devices;
+        g_autofree struct shots_left *left = capture_plan_left(
+            capture,
+            (const struct session_shot *const *)capture->remaining->pdata + capture->committed,
+            capture->remaining->len - capture->committed);
+        /* A run that resumes an aborted one begins to learn anew. */
         return plan_homing_s(&devices->geometry, &devices->timing) +
-               plan_remaining_s((const struct session_shot *const *)capture->remaining->pdata +
-                                    capture->committed,
-                                (int)(capture->remaining->len - capture->committed), &capture->conf,
-                                &devices->geometry, &devices->timing, NULL);
+               (capture->state == CAPTURE_PAUSED ? capture_left_s(capture, left) : left->planned_s);
     }
     const double passed_s = capture_now_s(capture) - capture->left_at_s;
     return MAX(capture->left_s - passed_s, capture->left_least_s);

@@ -160,6 +160,36 @@ char *capture_check_options(Session *session, const struct devices *devices) {
         list, more);
 }
 
+char *capture_check_devices_text(const struct devices *devices) {
+    g_autoptr(GPtrArray) lines = devices_identities(devices);
+    g_ptr_array_add(lines, NULL);
+    return g_strjoinv("\n", (char **)lines->pdata);
+}
+
+char *capture_check_devices(Session *session, const struct devices *devices) {
+    g_autofree char *text = session_value(session, CAPTURE_DEVICES_KEY);
+    g_auto(GStrv) then = g_strsplit(text ? text : "", "\n", -1);
+    g_autoptr(GPtrArray) now = devices_identities(devices);
+    g_autoptr(GString) changes = g_string_new(NULL);
+    for (char **line = then; *line; line++) {
+        const char *was = strstr(*line, ": ");
+        for (guint i = 0; was && i < now->len; i++) {
+            const char *is = now->pdata[i];
+            const gsize named = (gsize)(was + 2 - *line);
+            if (strncmp(*line, is, named) == 0 && strcmp(*line, is) != 0)
+                g_string_append_printf(changes, "%s%.*s was %s and is %s",
+                                       changes->len > 0 ? "; " : "", (int)named - 2, *line, was + 2,
+                                       is + named);
+        }
+    }
+    if (changes->len == 0)
+        return NULL;
+    return g_strdup_printf("Other devices answer than when the session was begun: %s. Frames from "
+                           "before and after may not fit together: put the device of then back, "
+                           "or begin a new session.",
+                           changes->str);
+}
+
 char *capture_check_calibration(Session *session, const struct devices *devices) {
     g_autofree char *text = session_text(session, "calibration.conf", NULL);
     g_autofree char *begun_with = session_value(session, "calibration");

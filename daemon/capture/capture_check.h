@@ -21,5 +21,14 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
  * lists them; else NULL; g_free(). */
 char *capture_check_options(Session *session, const struct devices *devices);
 
+/* What the session keeps of the devices that answered when its capture began, for the value
+ * CAPTURE_DEVICES_KEY: a line each (devices_identities()); g_free() */
+#define CAPTURE_DEVICES_KEY "devices"
+char *capture_check_devices_text(const struct devices *devices);
+
+/* A warning if other devices answer now, which lists them, else NULL; g_free(). A device of which
+ * then or now nothing is known is not compared. */
+char *capture_check_devices(Session *session, const struct devices *devices);
+
 /* A warning if the rig's calibration is not that of the session any more, else NULL; g_free(). */
 char *capture_check_calibration(Session *session, const struct devices *devices);

@@ -33,6 +33,13 @@ struct latest_picture { /* of a camera */
     struct capture_thumbnail thumbnail;
 };
 
+/* What is left: time by the plan, which does not know how quick this rig is, and shots of each kind
+ * (enum session_shot_kind). */
+struct shots_left {
+    double planned_s;
+    int n[SHOT_SWEEP + 1];
+};
+
 struct Capture {
     struct devices *devices;
     struct capture_callbacks callbacks;
@@ -72,7 +79,12 @@ struct Capture {
     float *shot_bytes;   /* shots × cameras, planned; 0: not to be taken; NULL: not needed yet */
     double stored_bytes; /* on disk, frames and their rows */
     double expected_bytes, said_bytes; /* of the whole session, now and as last said */
-    double *plan_left_s;      /* time left before each of remaining and after the last; or NULL */
+    struct shots_left *plan_left;      /* before each of remaining and after the last; or NULL */
+    struct { /* of each kind of shots: how much longer they took than planned, and how many did */
+        double late_s;
+        int n;
+    } learnt[SHOT_SWEEP + 1];
+    guint left_n;             /* exposed shots of remaining when the time left was predicted */
     double left_s, left_at_s; /* predicted time left, and when it was predicted */
     double left_least_s;      /* the time left counts as at least this until the next exposure */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
@@ -85,6 +97,12 @@ struct Capture {
     gint64 changed_at_us;
     guint starter;
 };
+
+/* What is left before each of n shots and after the last: n + 1 elements; g_free(). */
+struct shots_left *capture_plan_left(const Capture *capture,
+                                     const struct session_shot *const *shots, guint n);
+/* The time that it will take if shots are as late as those of their kind were so far. */
+double capture_left_s(const Capture *capture, const struct shots_left *left);
 
 /* Seconds of the rig's clock during which this session ran, earlier runs included. */
 double capture_now_s(const Capture *capture);

@@ -422,9 +422,21 @@ static void on_room(gpointer data) {
 
 /* The time left, from when the first n of the remaining shots had been exposed. */
 static void capture_run_note_left(Capture *capture, guint n, double at_s) {
-    capture->left_s = capture->plan_left_s[n];
+    capture->left_n = n;
     capture->left_at_s = at_s;
-    capture->left_least_s = capture->plan_left_s[MIN(n + 1, capture->remaining->len)];
+    capture->left_s = capture_left_s(capture, &capture->plan_left[n]);
+    capture->left_least_s =
+        capture_left_s(capture, &capture->plan_left[MIN(n + 1, capture->remaining->len)]);
+}
+
+/* Counts the time since that was last noted as spent on the shot that was exposed. Each further
+ * camera that ends the same shot counts what it took longer. */
+static void capture_run_learn(Capture *capture, guint n, double at_s) {
+    const struct session_shot *shot = capture->remaining->pdata[n - 1];
+    const struct shots_left *left = capture->plan_left;
+    capture->learnt[shot->kind].late_s +=
+        at_s - capture->left_at_s - (left[capture->left_n].planned_s - left[n].planned_s);
+    capture->learnt[shot->kind].n += (int)(n - capture->left_n);
 }
 
 static void on_homed(gpointer data) {
@@ -461,8 +473,11 @@ static void capture_run_on_frame(const struct session_shot *shot,
                                     .turntable_deg = taken->turntable_deg};
     intake_frame(capture->intake, shot, &of, frame);
     capture->frames++;
-    if (sub + 1 == shot_n_frames(&capture->conf, shot))
-        capture_run_note_left(capture, capture->committed + capture->flights.length, time_s);
+    if (sub + 1 == shot_n_frames(&capture->conf, shot)) {
+        const guint n = capture->committed + capture->flights.length;
+        capture_run_learn(capture, n, time_s);
+        capture_run_note_left(capture, n, time_s);
+    }
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
          shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
@@ -546,14 +561,13 @@ static void note_remaining(Capture *capture) {
     for (int round = 1, number = 0; round <= rounds; round++)
         number = list_round(capture, round, number);
     capture_lasers_put_first(capture);
-    g_free(capture->plan_left_s);
-    capture->plan_left_s = g_new(double, capture->remaining->len + 1);
-    plan_left_s((const struct session_shot *const *)capture->remaining->pdata,
-                (int)capture->remaining->len, &capture->conf, &devices->geometry, &devices->timing,
-                NULL, capture->plan_left_s);
+    g_free(capture->plan_left);
+    capture->plan_left =
+        capture_plan_left(capture, (const struct session_shot *const *)capture->remaining->pdata,
+                          capture->remaining->len);
     capture_run_note_left(capture, 0, capture_now_s(capture));
+    capture->left_least_s = capture->left_s;
     capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
-    capture->left_least_s = capture->plan_left_s[0];
 }
 
 static void capture_run_begin(gpointer data) {

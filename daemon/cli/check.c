@@ -146,15 +146,22 @@ static void tell_sigma(Record *to, const char *path, const char *too_long) {
     }
     record_say(to, "error bars   median σ %.4g, %.2f %% of a value\n", sigma.median,
                100 * sigma.relative);
-    if (sigma.large > 0)
-        record_say(
-            to,
-            "  warning: in %d of %d pictures σ is more than %.0f %% of half of the values, up "
-            "to %.1f %% (view %.1f° %.1f°, light %.1f° %.1f°): %s reduce noise, more "
-            "pixels per texel reduce the error at edges\n",
-            sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE, 100 * sigma.worst,
-            sigma.worst_view_theta_deg, sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
-            sigma.worst_light_phi_deg, too_long ? "other exposures (above)" : "longer exposures");
+    record_int(to, "sigma_worse", sigma.worse);
+    /* What most pictures have is no warning: it would come in every session of a fine structure. */
+    if (2 * sigma.large > sigma.known)
+        record_say(to,
+                   "  in %d of %d pictures σ is more than %.0f %% of half of the values: %s reduce "
+                   "noise, more pixels per texel reduce the error at edges\n",
+                   sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE,
+                   too_long ? "other exposures (above)" : "longer exposures");
+    if (sigma.worse > 0)
+        record_say(to,
+                   "  warning: in %d of %d pictures σ is more than twice what it is in most, up to "
+                   "%.1f %% of half of the values (view %.1f° %.1f°, light %.1f° %.1f°): look at "
+                   "their exposures and at that lamp\n",
+                   sigma.worse, sigma.known, 100 * sigma.worst, sigma.worst_view_theta_deg,
+                   sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
+                   sigma.worst_light_phi_deg);
 }
 
 static void cli_check_tell(Record *to, const struct check *check) {

@@ -294,7 +294,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
     if (chosen)
         record_say(to, "chosen     %s\n", chosen);
     record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
-    record_say(to, "frames     %d, %s, %d %s\n", counts->frames, size,
+    record_say(to, "files      %d of frames, %s, %d %s\n", counts->frames, size,
                PLURAL(counts->retakes, "retake"));
     if (!imported && !tell_calibration(to, session, error))
         return FALSE;

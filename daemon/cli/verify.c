@@ -125,10 +125,12 @@ static void cli_verify_tell(Record *to, const struct verify *verify) {
         record_say(to, "unknown   %s: the session does not list it; move it away, or leave it\n",
                    shown);
     }
-    record_say(to,
-               "%d frames, %d products: %u are damaged or missing, %u other files are unknown\n",
-               verify->n_frames, verify->n_products, verify->frames->len + verify->products->len,
-               verify->unknown->len);
+    record_say(
+        to,
+        "files of frames: %d, of products: %d: %u are damaged or missing, %u other files are "
+        "unknown\n",
+        verify->n_frames, verify->n_products, verify->frames->len + verify->products->len,
+        verify->unknown->len);
     for (guint i = 0; i < remedies->len; i++)
         record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
     if (verify->not_noted && !cli_json)

@@ -443,6 +443,22 @@ void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpoint
     devices_foreach(devices, watch_safety, &(struct watch){func, data});
 }
 
+static void add_identity(struct device *device, gpointer data) {
+    if (device->identity)
+        g_ptr_array_add(data, g_strdup_printf("%s: %s", device->who, device->identity));
+}
+
+GPtrArray *devices_identities(const struct devices *devices) {
+    GPtrArray *ret = g_ptr_array_new_with_free_func(g_free);
+    devices_foreach(devices, add_identity, ret);
+    for (int i = 0; i < devices->geometry.n_cameras; i++)
+        if (devices_is_unit(&devices->geometry, i))
+            add_identity(&devices->cameras[i]->device, ret);
+    for (int i = 0; i < devices->n_interlocks; i++)
+        add_identity(&devices->interlocks[i]->device, ret);
+    return ret;
+}
+
 static void find_unsafe(struct device *device, gpointer data) {
     *(gboolean *)data |= device_is_unsafe(device);
 }

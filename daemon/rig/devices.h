@@ -121,6 +121,10 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
 /* The permit and the function of each axis, bank and laser (drivers/device.h), each device once. */
 void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data);
 void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data);
+/* What each device, interlocks and cameras included, reports of itself: “camera cam30: MODEL,
+ * serial number 7” (char *, with a free function), by class and name. A device that reports nothing
+ * is not in it. All devices must be open. */
+GPtrArray *devices_identities(const struct devices *devices);
 /* Whether one of them should be off or stand and has not confirmed it. */
 gboolean devices_any_unsafe(const struct devices *devices);
 

@@ -5,7 +5,9 @@
 #include <errno.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <string.h>
+#include <sys/socket.h>
 
 #define BACKLOG     128         /* connections that wait to be accepted */
 #define SEND_BUFFER (256 << 10) /* bytes that the kernel holds for a reader that is slow */
@@ -33,7 +35,8 @@ struct WebVisitor {
     gint64 since_us; /* of the phase */
     gsize read;      /* bytes of the request's body */
     gboolean answering, closing;
-    GSource *watch; /* of a stream's end; NULL: it is no stream */
+    GSource *watch;    /* of the request's head, or of a stream's end; NULL: of neither */
+    GIOStream *stream; /* until libsoup gets it; then NULL */
 };
 
 struct WebDoor {
@@ -188,8 +191,8 @@ void web_visitor_close(WebVisitor *visitor, const char *status) {
             "HTTP/1.1 %s\r\nConnection: close\r\nContent-Length: 0\r\n\r\n", status);
         g_socket_send_with_blocking(visitor->socket, answer, strlen(answer), FALSE, NULL, NULL);
     }
-    /* libsoup notices the end of what it reads or writes, and closes. A message that waits for its
-     * answer does neither. */
+    /* on_head() and libsoup notice the end of what they read or write, and close. A message that
+     * waits for its answer does neither. */
     g_socket_shutdown(visitor->socket, TRUE, TRUE, NULL);
     if (!visitor->message || visitor->phase == WEB_ASKS)
         return;
@@ -248,10 +251,94 @@ static gboolean look(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-static void count_in(WebDoor *door, GSocket *socket) {
+/* Length of a request's head without the empty line that ends it, exactly as libsoup finds it; 0:
+ * the head is not complete. libsoup takes no line for its end before the third byte. */
+static gsize head_length(const char *text, gsize n) {
+    const char *line = text;
+    for (const char *end; (end = memchr(line, '\n', n - (gsize)(line - text))); line = end + 1) {
+        const gsize before = (gsize)(line - text), length = (gsize)(end - line) + 1;
+        if ((length == 1 && before >= 2) || (length == 2 && *line == '\r' && before >= 3))
+            return before;
+    }
+    return 0;
+}
+
+/* Why libsoup must not get this head; NULL: it may. libsoup 3.2 does not free the path of a request
+ * whose length it cannot read, or whose Host has a slash. */
+static const char *refuse_head(const char *text, gsize n) {
+    SoupMessageHeaders *headers = soup_message_headers_new(SOUP_MESSAGE_HEADERS_REQUEST);
+    g_autofree char *method = NULL, *path = NULL;
+    SoupHTTPVersion version;
+    const char *ret = NULL;
+    if (soup_headers_parse_request(text, (int)n, headers, &method, &path, &version) !=
+        SOUP_STATUS_OK) {
+        ret = "400 Bad Request";
+    } else if (soup_message_headers_get_encoding(headers) == SOUP_ENCODING_UNRECOGNIZED) {
+        ret = soup_message_headers_get_list(headers, "Transfer-Encoding") ? "501 Not Implemented"
+                                                                          : "400 Bad Request";
+    } else {
+        const char *host = soup_message_headers_get_one(headers, "Host");
+        ret = host && strchr(host, '/') ? "400 Bad Request" : NULL;
+    }
+    soup_message_headers_unref(headers);
+    return ret;
+}
+
+static gboolean is_at_end(int fd) {
+    struct pollfd at = {.fd = fd, .events = POLLRDHUP};
+    return poll(&at, 1, 0) > 0;
+}
+
+/* Takes the n bytes that were looked at, since closing a socket with bytes that nobody has read
+ * could take the answer back. The stream's end frees the visitor. */
+static void turn_away(WebVisitor *visitor, const char *status, char *text, gsize n) {
+    g_autoptr(GIOStream) stream = g_steal_pointer(&visitor->stream);
+    if (recv(g_socket_get_fd(visitor->socket), text, n, MSG_DONTWAIT) > 0)
+        web_visitor_close(visitor, status);
+}
+
+/* Looks at what has come, without taking it, until the head is complete. */
+static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) {
+    WebVisitor *visitor = data;
+    const int fd = g_socket_get_fd(socket);
+    if (visitor->closing) { /* what has come by then would still be there */
+        g_clear_pointer(&visitor->watch, source_free);
+        g_clear_object(&visitor->stream);
+        return G_SOURCE_REMOVE;
+    }
+    g_autofree char *text = g_malloc(WEB_DOOR_MOST_HEAD + 1);
+    const gssize got = recv(fd, text, WEB_DOOR_MOST_HEAD, MSG_PEEK | MSG_DONTWAIT);
+    if (got < 0 && (errno == EAGAIN || errno == EINTR))
+        return G_SOURCE_CONTINUE;
+    const gsize n = got > 0 ? (gsize)got : 0, head = head_length(text, n);
+    if (head == 0 && n > 0 && n < WEB_DOOR_MOST_HEAD && !is_at_end(fd)) {
+        /* Else a part of a head would wake this again and again. */
+        g_socket_set_option(socket, SOL_SOCKET, SO_RCVLOWAT, (int)n + 1, NULL);
+        return G_SOURCE_CONTINUE;
+    }
+    text[head] = '\0';
+    const char *refused = head > 0                  ? refuse_head(text, head)
+                          : n == WEB_DOOR_MOST_HEAD ? "431 Request Header Fields Too Large"
+                                                    : "400 Bad Request";
+    g_clear_pointer(&visitor->watch, source_free);
+    if (refused) {
+        turn_away(visitor, refused, text, n);
+        return G_SOURCE_REMOVE;
+    }
+    g_autoptr(GIOStream) stream = g_steal_pointer(&visitor->stream);
     g_autoptr(GSocketAddress) remote = g_socket_get_remote_address(socket, NULL);
     g_autoptr(GSocketAddress) local = g_socket_get_local_address(socket, NULL);
     if (!remote || !local) /* it has gone already */
+        return G_SOURCE_REMOVE;
+    g_socket_set_option(socket, SOL_SOCKET, SO_RCVLOWAT, 1, NULL);
+    g_object_set_data(G_OBJECT(remote), "visitor", visitor);
+    soup_server_accept_iostream(visitor->door->soup, stream, local, remote, NULL);
+    return G_SOURCE_REMOVE;
+}
+
+static void count_in(WebDoor *door, GSocket *socket) {
+    g_autoptr(GSocketAddress) remote = g_socket_get_remote_address(socket, NULL);
+    if (!remote) /* it has gone already */
         return;
     struct peer *peer = find_peer(door, remote);
     if (peer->connections >= WEB_DOOR_PEER_CONNECTIONS)
@@ -262,19 +349,21 @@ static void count_in(WebDoor *door, GSocket *socket) {
     g_socket_set_option(socket, IPPROTO_TCP, TCP_NODELAY, TRUE, NULL);
     g_socket_set_option(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, READER_GONE_MS, NULL);
     g_socket_set_option(socket, SOL_SOCKET, SO_SNDBUF, SEND_BUFFER, NULL);
-    g_autoptr(GSocketConnection) stream = g_socket_connection_factory_create_connection(socket);
+    GSocketConnection *stream = g_socket_connection_factory_create_connection(socket);
     WebVisitor *visitor = g_new0(WebVisitor, 1);
     visitor->door = door;
+    visitor->stream = G_IO_STREAM(stream);
     visitor->peer = peer;
     visitor->socket = g_object_ref(socket);
     visitor->since_us = g_get_monotonic_time();
     peer->connections++;
     g_ptr_array_add(door->visitors, visitor);
     g_object_weak_ref(G_OBJECT(stream), on_stream_gone, visitor);
-    g_object_set_data(G_OBJECT(remote), "visitor", visitor);
     if (!door->look_id)
         door->look_id = g_timeout_add(LOOK_MS, look, door);
-    soup_server_accept_iostream(door->soup, G_IO_STREAM(stream), local, remote, NULL);
+    visitor->watch = g_socket_create_source(socket, G_IO_IN | G_IO_HUP, NULL);
+    g_source_set_callback(visitor->watch, G_SOURCE_FUNC(on_head), visitor, NULL);
+    g_source_attach(visitor->watch, NULL);
 }
 
 static gboolean accept_again(gpointer data) {
@@ -383,8 +472,11 @@ void web_door_free(WebDoor *door) {
         web_visitor_close(door->visitors->pdata[i], NULL);
     while (door->visitors->len > 0 && g_main_context_iteration(NULL, FALSE)) /* libsoup closes */
         ;
-    while (door->visitors->len > 0)
-        leave(door->visitors->pdata[0]);
+    while (door->visitors->len > 0) {
+        WebVisitor *visitor = door->visitors->pdata[0];
+        leave(visitor);
+        g_clear_object(&visitor->stream);
+    }
     g_ptr_array_unref(door->visitors);
     g_hash_table_unref(door->peers);
     g_free(door);

@@ -1,6 +1,8 @@
 /*
  * Who may come in. Accepts connections, gives them to libsoup, and closes those that take too long
- * or are too many. libsoup itself has no limit of this kind.
+ * or are too many. libsoup itself has no limit of this kind. libsoup gets a connection when the
+ * head of its request (request line and headers) is complete and has no mistake: libsoup 3.2 loses
+ * memory with each request whose length is malformed.
  *
  * A peer is an IPv4 address, or the first 64 bits of an IPv6 address, since one computer may use
  * all addresses below these. A new connection is always accepted: when there are too many, another
@@ -18,6 +20,7 @@
 #define WEB_DOOR_CONNECTIONS      256
 #define WEB_DOOR_PEER_STREAMS     16
 #define WEB_DOOR_STREAMS          64
+#define WEB_DOOR_MOST_HEAD        (64 << 10) /* bytes of request line and headers */
 #define WEB_DOOR_MOST_READ        (64 << 10)
 #define WEB_DOOR_REQUEST_S        10  /* from the connection to the last byte of the request */
 #define WEB_DOOR_ANSWER_S         90  /* from there to the last byte of the answer */

@@ -246,6 +246,7 @@ static gboolean opened(Camera *camera, GError **error) {
     const char *const *warning = aravis_worker_warnings(priv->worker);
     for (; warning && *warning; warning++)
         g_warning("%s: %s", camera->device.who, *warning);
+    device_set_identity(&camera->device, priv->limits.model, priv->limits.serial, NULL);
     camera->format = (struct camera_format){
         .width = priv->limits.width,
         .height = priv->limits.height,

@@ -303,6 +303,15 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     return TRUE;
 }
 
+static void aravis_device_read_identity(AravisDevice *device) {
+    const char *vendor = arv_camera_get_vendor_name(device->camera, NULL);
+    const char *model = arv_camera_get_model_name(device->camera, NULL);
+    const char *serial = arv_camera_get_device_serial_number(device->camera, NULL);
+    g_snprintf(device->limits.model, sizeof device->limits.model, "%s%s%s", vendor ? vendor : "",
+               vendor && model ? " " : "", model ? model : "");
+    g_strlcpy(device->limits.serial, serial ? serial : "", sizeof device->limits.serial);
+}
+
 static void on_unplugged(ArvDevice *arv, gpointer data) {
     AravisDevice *device = data;
     g_atomic_int_set(&device->unplugged, TRUE);
@@ -325,6 +334,7 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
         !set_raw(device, error) || !set_trigger(device, error) || !set_limits(device, error) ||
         !set_transport(device, error) || !make_stream(device, func, data, error))
         return NULL;
+    aravis_device_read_identity(device);
     gboolean stamped = options->stamp != ARAVIS_STAMP_NONE;
     if (stamped && ARV_IS_GV_DEVICE(device->device))
         device->ticks_per_us = (double)arv_gv_device_get_timestamp_tick_frequency(

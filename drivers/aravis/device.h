@@ -34,6 +34,7 @@ struct aravis_limits {
     gint64 min_exposure_us, max_exposure_us;
     double min_gain_db, max_gain_db; /* both 0: it has none */
     gboolean rolling;                /* it says that its rows are exposed one after the other */
+    char model[128], serial[64];     /* as the camera reports them; "": it does not */
 };
 
 /* Connects, takes control (waiting up to control_s for another program to release it), sets

@@ -86,7 +86,9 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
                     : "other registers and coils than the first");
     struct found *found = found_add(to, "modbus", address, what, NULL);
     g_autoptr(GString) section = g_string_new(NULL);
-    gboolean relays = coils && !registers;
+    /* Boards of relays have registers for their own settings as well. Drives mostly have no coils.
+     */
+    const gboolean relays = coils > 0;
     g_string_append(section, relays ? "[lamps NAME]\ndriver = modbus-relays\n"
                                     : "[axis NAME]\ndriver = modbus-axis\n");
     g_string_append_printf(section, "bus = %s\n", link->bus);
@@ -94,9 +96,12 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
         g_string_append_printf(section, "baud = %d\nparity = %s\nstop_bits = %d\n", link->baud,
                                modbus_parities[link->parity], link->stop_bits);
     g_string_append_printf(section, "unit = %d\n", unit);
-    if (relays)
+    if (relays) {
         g_string_append_printf(section, "n = %d\n", coils);
-    else
+        if (registers)
+            g_string_append(section, "# or, if it is a drive with coils:\n"
+                                     "# [axis NAME]\n# driver = modbus-axis\n");
+    } else
         g_string_append(section,
                         "# and its registers, from its manual or a preset of etc/devices\n");
     found->section = g_strdup(section->str);

@@ -265,7 +265,7 @@ static guint mask_of(int first, int n) {
 }
 
 /* Takes relays of a board and leaves them off. n 0: all from first on. */
-static struct board *board_enter(const struct device *device, struct usb_relays *relays, int *n,
+static struct board *board_enter(struct device *device, struct usb_relays *relays, int *n,
                                  GError **error) {
     const char *name = *relays->serial ? relays->serial : relays->path;
     struct board *board = NULL;
@@ -287,6 +287,7 @@ static struct board *board_enter(const struct device *device, struct usb_relays 
         board_unref(board);
         return NULL;
     }
+    device_set_identity(device, usb_product(board->usb), usb_serial(board->usb), relays->path);
     if (*n == 0)
         *n = board->n - relays->first + 1;
     if (*n < 1 || relays->first + *n - 1 > board->n)

@@ -545,6 +545,7 @@ static gboolean connect_usb(Axis *axis, GError **error) {
     tic->usb = usb_open(&match, usb_tic_on_lost, axis, error);
     if (!tic->usb)
         return FALSE;
+    device_set_identity(&axis->device, usb_product(tic->usb), usb_serial(tic->usb), tic->path);
     if (check_settings(axis, error) && read_position(axis, error))
         return TRUE;
     usb_tic_let_go(axis);

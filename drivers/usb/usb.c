@@ -325,6 +325,10 @@ const char *usb_product(const UsbDevice *usb) {
     return usb->product;
 }
 
+const char *usb_serial(const UsbDevice *usb) {
+    return usb->serial;
+}
+
 /* Returns "" if there is no string or it cannot be read. */
 static char *read_string(UsbDevice *usb, guint8 index) {
     guint8 answer[255] = {0};

@@ -359,6 +359,7 @@ static gboolean find_again(Camera *camera, GError **error) {
         v4l2->setup = before;
         return FALSE;
     }
+    device_set_identity(&camera->device, v4l2->node.card, NULL, v4l2->node.bus);
     if (v4l2->setup.format == before.format && v4l2->setup.width == before.width &&
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
         return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
@@ -431,6 +432,7 @@ static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
         return FALSE;
     if (!connect_camera(v4l2, error))
         return FALSE;
+    device_set_identity(&camera->device, v4l2->node.card, NULL, v4l2->node.bus);
     fill_format(camera);
     g_autofree char *lacking = video_controls_lacking(&v4l2->controls);
     if (lacking)

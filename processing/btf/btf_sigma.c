@@ -177,5 +177,9 @@ void btf_sigma_sum(const char *directory, struct btf_sigma_sums *ret) {
     }
     ret->median = btf_sigma_median((float *)(void *)medians->data, medians->len);
     ret->relative = btf_sigma_median((float *)(void *)relatives->data, relatives->len);
+    for (guint i = 0; i < relatives->len; i++) {
+        const double relative = (double)g_array_index(relatives, float, i);
+        ret->worse += relative > BTF_SIGMA_LARGE && relative > 2 * ret->relative;
+    }
     ret->share = values > 0 ? errors / values : 0;
 }

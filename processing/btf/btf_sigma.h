@@ -71,6 +71,8 @@ struct btf_sigma_sums {
     double relative;   /* and of their sigma.relative */
     double share;      /* Σ σ² / Σ ρ² over the known ones */
     int large;         /* pictures whose sigma.relative is above BTF_SIGMA_LARGE */
+    int worse;         /* those of them in which it is more than twice the median: what all have is
+                          told by the median */
     double worst;      /* largest sigma.relative, in */
     double worst_view_theta_deg, worst_view_phi_deg, worst_light_theta_deg, worst_light_phi_deg;
 };

@@ -10,6 +10,7 @@
 #include "base/input_file.h"
 #include "base/text_table.h"
 #include "btf/btf.h"
+#include "pictures/picture_part.h"
 
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MAX_LIST_BYTES (64 << 20)
@@ -369,7 +370,7 @@ static gboolean import_names_give_picture(int view, int light, const struct impo
     if (!ret_planes && !may_have_holes(named->path))
         return TRUE;
     g_autoptr(ImportPicture) picture =
-        import_picture_read(named->path, pictures->wish->transfer, error);
+        import_picture_read_part(named->path, region, pictures->wish->transfer, error);
     if (!picture || !import_picture_check_same(
                         pictures->first, picture, named->line ? pictures->source : named->path,
                         named->line, named->line ? named->path : "it", error))
@@ -377,7 +378,9 @@ static gboolean import_names_give_picture(int view, int light, const struct impo
     for (gsize i = 0; i < n; i++) {
         const gsize x = (gsize)region->x + i % (gsize)region->width;
         const gsize y = (gsize)region->y + i / (gsize)region->width;
-        const float *from = picture->rgb + 3 * (y * (gsize)picture->width + x);
+        const float *from =
+            picture->rgb + 3 * ((y - (gsize)picture->part.y) * (gsize)picture->part.width + x -
+                                (gsize)picture->part.x);
         const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
         for (int c = 0; ret_planes && c < 3; c++)
             ret_planes[c][i] = good ? from[c] : 0;
@@ -428,9 +431,20 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
     if (!read_names(&pictures, source, error) || !arrange(&pictures, error))
         return FALSE;
     const struct named *named = all->pdata[0];
-    g_autoptr(ImportPicture) first = import_picture_read(named->path, wish->transfer, error);
-    if (!first)
+    /* Of the first one only its size is needed; it may be too large to be read as a whole. */
+    const struct import_region corner = {0, 0, 1, 1};
+    g_autoptr(ImportPicture) first = import_picture_read_part(
+        named->path, wish->region.width > 0 ? &corner : NULL, wish->transfer, error);
+    if (!first) {
+        int width = 0, height = 0;
+        if (error && *error && wish->region.width == 0 &&
+            picture_part_can(named->path, &width, &height) && height > INPUT_FILE_PIXELS / width) {
+            g_autofree char *why = g_steal_pointer(&(*error)->message);
+            (*error)->message =
+                g_strconcat(why, "; or import a part of it: --region X,Y,WIDTH,HEIGHT", NULL);
+        }
         return FALSE;
+    }
     pictures.first = first;
     g_clear_pointer(&first->rgb, g_free);
     import_names_degrees(views, &view_theta, &view_phi);

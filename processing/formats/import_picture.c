@@ -7,6 +7,7 @@
 #include "base/data_error.h"
 #include "base/input_file.h"
 #include "exr/exr.h"
+#include "pictures/picture_part.h"
 #include "pictures/picture_read.h"
 #include "pictures/raw.h"
 #include "pictures/vision.h"
@@ -153,13 +154,24 @@ static struct import_picture *import_picture_read_exr(const char *path, GError *
     return take_exr(part, planes, plane_of(part, layer ? layer : "", "A"), grey != NULL);
 }
 
-static struct import_picture *read_other(const char *path, GError **error) {
+/* part NULL: all. */
+static struct import_picture *read_other(const char *path, const struct import_region *part,
+                                         GError **error) {
     struct picture_codes codes;
-    if (!picture_read_codes(path, &codes, error))
+    int width = 0, height = 0;
+    const gboolean some = part && picture_part_can(path, &width, &height) &&
+                          (part->width < width || part->height < height) && part->width <= width &&
+                          part->x <= width - part->width && part->height <= height &&
+                          part->y <= height - part->height;
+    if (some ? !picture_part_read(
+                   path, &(struct picture_part){part->x, part->y, part->width, part->height},
+                   &codes, error)
+             : !picture_read_codes(path, &codes, error))
         return NULL;
     struct import_picture *picture = g_new0(struct import_picture, 1);
-    *picture = (struct import_picture){.width = codes.width,
-                                       .height = codes.height,
+    *picture = (struct import_picture){.width = some ? width : codes.width,
+                                       .height = some ? height : codes.height,
+                                       .part = some ? *part : (struct import_region){0},
                                        .grey = codes.grey,
                                        .bits = codes.bits,
                                        .transparent = codes.transparent,
@@ -168,14 +180,18 @@ static struct import_picture *read_other(const char *path, GError **error) {
     return picture;
 }
 
-/* codes: the numbers in the file, and of camera raw the mosaic. */
+/* codes: the numbers in the file, and of camera raw the mosaic. part: only of pictures of which a
+ * part can be read. */
 static struct import_picture *import_picture_read_any(const char *path, gboolean codes,
+                                                      const struct import_region *part,
                                                       GError **error) {
     g_autoptr(GError) found = NULL;
     struct import_picture *picture = has_end(path, (const char *const[]){".exr", NULL})
                                          ? import_picture_read_exr(path, &found)
                                      : raw_is(path) ? import_picture_read_raw(path, codes, &found)
-                                                    : read_other(path, &found);
+                                                    : read_other(path, part, &found);
+    if (picture && picture->part.width == 0)
+        picture->part = (struct import_region){0, 0, picture->width, picture->height};
     if (!picture)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s",
                     found ? found->message : "it cannot be read");
@@ -184,7 +200,12 @@ static struct import_picture *import_picture_read_any(const char *path, gboolean
 
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error) {
-    g_autoptr(ImportPicture) picture = import_picture_read_any(path, FALSE, error);
+    return import_picture_read_part(path, NULL, wanted, error);
+}
+
+struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
+                                                enum picture_tones wanted, GError **error) {
+    g_autoptr(ImportPicture) picture = import_picture_read_any(path, FALSE, part, error);
     g_autoptr(GError) found = NULL;
     if (!picture)
         return NULL;
@@ -196,12 +217,12 @@ struct import_picture *import_picture_read(const char *path, enum picture_tones 
     }
     if (picture->bits || picture->tone.said || wanted != PICTURE_TONES_UNSAID)
         picture_tone_apply(tone, picture->bits, picture->rgb,
-                           3 * (gsize)picture->width * (gsize)picture->height);
+                           3 * (gsize)picture->part.width * (gsize)picture->part.height);
     return g_steal_pointer(&picture);
 }
 
 struct import_picture *import_picture_read_codes(const char *path, GError **error) {
-    return import_picture_read_any(path, TRUE, error);
+    return import_picture_read_any(path, TRUE, NULL, error);
 }
 
 gboolean import_picture_check_same(const struct import_picture *first,

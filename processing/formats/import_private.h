@@ -11,12 +11,13 @@
 typedef struct import_picture {
     int width, height;
     gboolean grey;
-    char cfa[5];              /* of a mosaic that says it itself, "rggb"; else "" */
-    float *rgb;               /* height × width × 3; NaN: not known */
-    gsize transparent;        /* number of pixels that are NaN since they are masked */
-    int bits;                 /* 8 or 16 of each number in the file; 0: floating-point */
-    struct picture_tone tone; /* what the file says of its tone curve */
-    int left_px, top_px;      /* where an EXR's display window begins; else 0 */
+    char cfa[5];               /* of a mosaic that says it itself, "rggb"; else "" */
+    struct import_region part; /* of the picture, that rgb shows; all of it unless asked for less */
+    float *rgb;                /* height × width × 3 of the part; NaN: not known */
+    gsize transparent;         /* number of pixels that are NaN since they are masked */
+    int bits;                  /* 8 or 16 of each number in the file; 0: floating-point */
+    struct picture_tone tone;  /* what the file says of its tone curve */
+    int left_px, top_px;       /* where an EXR's display window begins; else 0 */
 } ImportPicture;
 
 /* Reads a colour picture as linear light: EXR (R, G and B of the first part, or of its only layer
@@ -26,6 +27,11 @@ typedef struct import_picture {
  * DATA_ERROR_INVALID. */
 struct import_picture *import_picture_read(const char *path, enum picture_tones wanted,
                                            GError **error);
+/* The same of a part (NULL: all), which must lie within the picture if the picture is read before.
+ * Of a PNG that is not interlaced only that part is decoded, so that the picture may be larger than
+ * one that is read as a whole; of others, part is all. */
+struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
+                                                enum picture_tones wanted, GError **error);
 /* The same with the numbers in the file. Camera raw is a grey mosaic of floating-point numbers, 0
  * its black level and 1 its white. */
 struct import_picture *import_picture_read_codes(const char *path, GError **error);

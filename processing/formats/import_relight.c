@@ -166,7 +166,9 @@ static gboolean relight_read_plane(struct relight *relight, int plane, GError **
     if (!g_file_test(path, G_FILE_TEST_EXISTS))
         return data_error_fail(relight->path, 0, error,
                                "there is no %s beside it; planes that are cut into tiles (.dzi, "
-                               ".tzi, planes.tzi) are to be joined first",
+                               ".tzi, planes.tzi) are not read: build the set again in Relight "
+                               "without tiles, as plain pictures, or import the photographs that "
+                               "it was made of (mesorig import rti)",
                                name);
     g_autoptr(ImportPicture) picture = import_picture_read_codes(path, error);
     if (!picture)

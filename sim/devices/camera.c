@@ -295,6 +295,7 @@ static gboolean sim_camera_open_camera(Camera *camera, GError **error) {
     }
     sim->faults = g_rand_new_with_seed((guint32)sim->fault_seed);
     world_sensor(sim->world, sim->camera, &sensor);
+    device_set_identity(&camera->device, "simulated camera", sensor.serial, NULL);
     camera->format = (struct camera_format){
         .width = sensor.width,
         .height = sensor.height,

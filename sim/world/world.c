@@ -10,8 +10,10 @@ static void free_world(World *world) {
     cache_free(world->cache);
     scene_clear(&world->scene);
     sample_free(world->mesh);
-    for (int i = 0; i < WORLD_MAX_CAMERAS; i++)
+    for (int i = 0; i < WORLD_MAX_CAMERAS; i++) {
         g_free(world->camera_names[i]);
+        g_free(world->camera_serials[i]);
+    }
     for (int i = 0; i < WORLD_MAX_LAMPS; i++)
         g_free(world->lamp_names[i]);
     for (int i = 0; i < WORLD_MAX_LASERS; i++)
@@ -92,8 +94,8 @@ int world_find_laser(const World *world, const char *name) {
 void world_sensor(const World *world, int camera, struct world_sensor *ret) {
     g_return_if_fail(camera >= 0 && camera < world->n_cameras);
     const struct optics_camera *from = &world->cameras[camera];
-    *ret =
-        (struct world_sensor){from->width, from->height, from->bits, from->cfa, from->black_level};
+    *ret = (struct world_sensor){from->width, from->height,      from->bits,
+                                 from->cfa,   from->black_level, world->camera_serials[camera]};
 }
 
 void world_set_turntable(World *world, double deg) {

@@ -41,6 +41,7 @@ struct world_sensor {
     int width, height, bits;
     enum cfa cfa;
     double black_level;
+    const char *serial; /* of the world; "": none */
 };
 void world_sensor(const World *world, int camera, struct world_sensor *ret);
 

@@ -89,6 +89,7 @@ struct camera_options {
     struct optics_camera optics;
     int cfa;
     gboolean on_arm;
+    char *serial;
     double theta_deg, phi_deg, distance_mm, focal_scale;
     struct option_doubles offset_mm, turn_deg, centre_px, colour;
 };
@@ -103,6 +104,8 @@ static const struct option camera_table[] = {
      "distance from the origin, at which the camera looks"},
     {"on_arm", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(on_arm),
      "the camera arm carries the camera; its place is given with the arm at 0"},
+    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, AT(serial),
+     "the serial number that the simulated camera reports"},
     {"width", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.width), "columns"},
     {"height", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.height), "rows"},
     {"focal_px", OPTION_DOUBLE, "px", 10, 1e6, "1664", NULL, AT(optics.focal_px),
@@ -271,6 +274,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
             v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from.turn_deg));
         optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
         world->camera_on_arm[world->n_cameras] = from.on_arm;
+        world->camera_serials[world->n_cameras] = g_strdup(from.serial);
         world->camera_names[world->n_cameras++] = g_strdup(section->name);
     }
     options_clear(camera_table, &from);

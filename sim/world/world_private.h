@@ -48,6 +48,7 @@ struct World {
     struct optics_camera cameras[WORLD_MAX_CAMERAS];
     struct optics_lamp lamps[WORLD_MAX_LAMPS];
     struct optics_laser lasers[WORLD_MAX_LASERS];
+    char *camera_serials[WORLD_MAX_CAMERAS];
     char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
         *laser_names[WORLD_MAX_LASERS];
     int n_cameras, n_lamps, n_lasers;

@@ -279,7 +279,7 @@ async function loadPicture(name) {
     fill: colours[c], "fill-opacity": 0.5 })));
   camera.caption.replaceChildren(element("strong", "", name),
     ` ${told.width} × ${told.height}, `,
-    `as shown ${(100 * told.white).toFixed(1)} % white, ${(100 * told.black).toFixed(1)} % black`);
+    "brightened for the page, and so is its histogram; “mesorig snap” shows the camera's own numbers");
 }
 
 // --- course and events

@@ -147,6 +147,35 @@ static void test_predictions(void) {
     }
 }
 
+/* Cameras that take longer than they say: the time left learns it from the shots taken. */
+static void test_left_learns(void) {
+    static const struct change changes[] = {{"[camera cam30]", "fault_slow_ms = 400"},
+                                            {"[camera cam60]", "fault_slow_ms = 400"},
+                                            {"[lasers]", "rings = 30:3; 60:3"},
+                                            {0}};
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct capture_status));
+    struct run *run = run_begin(changes);
+    struct capture_status status = run_status(run);
+    const double predicted_s = status.predicted_s;
+    while (status.state != CAPTURE_DONE) {
+        g_main_context_iteration(NULL, TRUE);
+        status = run_status(run);
+        g_array_append_val(seen, status);
+    }
+    const double total_s = status.elapsed_s;
+    double worst = 0;
+    for (guint k = 0; k < seen->len; k++) {
+        const struct capture_status *at = &g_array_index(seen, struct capture_status, k);
+        if (at->elapsed_s > 0.6 * total_s && at->elapsed_s < 0.9 * total_s)
+            worst = MAX(worst, fabs(at->left_s / (total_s - at->elapsed_s) - 1));
+    }
+    g_test_message("predicted %.1f s, took %.1f s; left %.1f %% at worst", predicted_s, total_s,
+                   100 * worst);
+    g_assert_cmpfloat(total_s, >, 1.5 * predicted_s);
+    g_assert_cmpfloat(worst, <, 0.25);
+    run_free(run);
+}
+
 /* All is taken, in the time that the plan says. */
 static void run_as_planned(struct run *run) {
     g_autoptr(GError) error = NULL;
@@ -599,6 +628,7 @@ int main(int argc, char **argv) {
         return resume_in_child(argv[2]);
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/capture/predictions", test_predictions);
+    g_test_add_func("/capture/left-learns", test_left_learns);
     g_test_add_func("/capture/compressed-space", test_compressed_space);
     g_test_add_func("/capture/unseen-space", test_unseen_space);
     g_test_add_func("/capture/whole", test_whole);

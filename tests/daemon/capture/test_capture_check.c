@@ -104,6 +104,52 @@ static void test_options(void) {
     }
 }
 
+static void set_serial(const struct run *run, const char *camera, const char *serial) {
+    g_autofree char *path = g_build_filename(run->directory, "world.conf", NULL);
+    g_autofree char *text = NULL, *changed = NULL;
+    g_autofree char *line = g_strdup_printf("serial = %s", serial);
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    changed = small_rig_changed(text, &(struct change){camera, line});
+    g_assert_true(g_file_set_contents(path, changed, -1, NULL));
+}
+
+static void reopen_with(struct run *run, const char *serial_30, const char *serial_60) {
+    run_change_rig(run, NULL);
+    devices_close(run->devices);
+    set_serial(run, "[camera cam30]", serial_30);
+    set_serial(run, "[camera cam60]", serial_60);
+    run_open_devices(run);
+}
+
+/* Another device that answers to the same options. */
+static void test_devices(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GPtrArray) kept = g_ptr_array_new_with_free_func(g_free);
+    reopen_with(run, "7", "8");
+    run_start(run);
+    run_until(run, 4);
+    capture_pause(run->capture);
+    run_until(run, 0);
+    g_clear_pointer(&run->capture, capture_free);
+    reopen_with(run, "7", "8");
+    run_resume(run);
+    g_assert_null(strstr(run->told->str, "Other devices"));
+    g_clear_pointer(&run->capture, capture_free);
+    /* Two cameras whose cables were exchanged: both are named. */
+    reopen_with(run, "8", "7");
+    run_resume(run);
+    assert_has(run->told->str,
+               "warning rig: Other devices answer than when the session was begun: camera cam30 "
+               "was simulated camera, serial number 7 and is simulated camera, serial number 8; "
+               "camera cam60 was simulated camera, serial number 8 and is ");
+    run_to_end(run);
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, NULL);
+    session_suspicions(session, kept);
+    g_assert_cmpuint(kept->len, ==, 1);
+    assert_has(kept->pdata[0], "Other devices answer");
+    run_free(run);
+}
+
 /* Sentences about a session are kept once each. */
 static void test_suspicions(void) {
     struct run *run = run_new(NULL);
@@ -218,6 +264,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/capture-check/disk", test_disk);
     g_test_add_func("/capture-check/rig", test_rig);
     g_test_add_func("/capture-check/options", test_options);
+    g_test_add_func("/capture-check/devices", test_devices);
     g_test_add_func("/capture-check/suspicions", test_suspicions);
     g_test_add_func("/capture-check/calibration", test_calibration);
     g_test_add_func("/capture-check/duration", test_duration);

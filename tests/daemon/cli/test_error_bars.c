@@ -6,6 +6,7 @@
 
 static guint32 seed;
 static double gain_dn_e;
+static gint64 short_shot = -1; /* exposed for a hundredth of the time */
 
 /* Photons of one exposure of 10 ms. */
 static void noisy(struct exr_part *part, const struct session_shot *shot) {
@@ -19,7 +20,7 @@ static void noisy(struct exr_part *part, const struct session_shot *shot) {
         part->planes[0][i] = (float)(value + sqrt(gain_dn_e * value / 10) * normal);
     }
     g_rand_free(random);
-    exr_set_string(part, "mesorig.exposures_us", "10000");
+    exr_set_string(part, "mesorig.exposures_us", shot->id == short_shot ? "100" : "10000");
 }
 
 static void process(const struct fixture *fixture) {
@@ -77,9 +78,32 @@ static void test_large(struct fixture *fixture, gconstpointer unused) {
     fixture_capture(fixture, 0, fixture->n_shots, noisy);
     process(fixture);
     g_autofree char *check = process_mesorig(0, "check %s", fixture->path);
-    assert_has(check, "warning: in 12 of 12 pictures σ is more than 5 %");
+    assert_has(check, "in 12 of 12 pictures σ is more than 5 %");
+    g_assert_null(strstr(check, "warning")); /* none is worse than the others */
     g_autofree char *json = process_mesorig(0, "check --json %s", fixture->path);
     g_assert_cmpfloat(number(json, "sigma_worst"), >, 0.05);
+}
+
+static void find_lamp(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind == SHOT_LAMP)
+        short_shot = shot->id;
+}
+
+/* Pictures that are worse than the others are warned of, and only these. */
+static void test_worse(struct fixture *fixture, gconstpointer unused) {
+    gain_dn_e = 0.5;
+    fixture_capture(fixture, 0, fixture->n_shots, find_lamp);
+    fixture_capture(fixture, 0, fixture->n_shots, noisy);
+    process(fixture);
+    short_shot = -1;
+    g_autofree char *check = process_mesorig(0, "check %s", fixture->path);
+    g_autofree char *json = process_mesorig(0, "check --json %s", fixture->path);
+    const int worse = (int)number(json, "sigma_worse");
+    g_assert_cmpint(worse, >, 0);
+    g_assert_cmpint(worse, <=, N_CAMERAS);
+    g_autofree char *words =
+        g_strdup_printf("warning: in %d of 12 pictures σ is more than twice", worse);
+    assert_has(check, words);
 }
 
 /* Two captures of one sample differ by their noise, and by nothing else. */
@@ -117,9 +141,8 @@ static void test_unknown(struct fixture *fixture, gconstpointer unused) {
 
 int main(int argc, char **argv) {
     static const struct pipeline_test tests[] = {
-        {"/cli/error-bars/medians", test_medians},
-        {"/cli/error-bars/large", test_large},
-        {"/cli/error-bars/twice", test_twice},
+        {"/cli/error-bars/medians", test_medians}, {"/cli/error-bars/large", test_large},
+        {"/cli/error-bars/worse", test_worse},     {"/cli/error-bars/twice", test_twice},
         {"/cli/error-bars/unknown", test_unknown},
     };
     return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));

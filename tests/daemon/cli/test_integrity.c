@@ -81,6 +81,7 @@ static void repair(struct operation *run) {
 
 static void check_whole(struct operation *run, const char *products) {
     operator_does(run, 0, "verify", run->session, NULL);
+    assert_has(run->out, "files of frames: 26, of products: ");
     assert_has(run->out, "0 are damaged or missing, 0 other files are unknown");
     g_autofree char *are = operator_products(run->session);
     g_assert_cmpstr(are, ==, products);

@@ -116,7 +116,8 @@ static void test_resume(void) {
     operator_does(run, 0, "resume", run->session, NULL);
     g_auto(SessionConf) after = stored(run);
     g_assert_cmpstr(before.text, ==, after.text);
-    assert_has(run->out, "done: 13 of 13 shots");
+    assert_has(run->out, "done: 13 of 13 shots, ");
+    assert_has(run->out, " camera frames, ");
     g_assert_null(strstr(run->out, "chosen by"));
     operator_free(run);
 }

@@ -154,7 +154,9 @@ static void test_modbus(void) {
     const struct found *found = find(all, "modbus", there);
     g_assert_nonnull(found);
     g_assert_cmpstr(found->what, ==, "answers to registers and 16 coils");
-    g_assert_true(strstr(found->section, "driver = modbus-axis\n") != NULL);
+    g_assert_true(g_str_has_prefix(found->section, "[lamps NAME]\ndriver = modbus-relays\n"));
+    g_assert_true(strstr(found->section, "\nn = 16\n") != NULL);
+    g_assert_true(strstr(found->section, "\n# driver = modbus-axis\n") != NULL);
     g_assert_null(find(all, "modbus", not_there));
     struct virtual_modbus_state state;
     virtual_modbus_state(device, &state);

@@ -261,6 +261,8 @@ static void in_browser(void) {
                           "[...document.querySelectorAll('#cameras img')].every(i => i.complete && "
                           "i.naturalWidth > 0)");
     browser_wait(browser, "document.querySelectorAll('#cameras figure > svg path').length == 6");
+    browser_wait(browser, "[...document.querySelectorAll('#cameras figcaption')].every(c => "
+                          "c.textContent.includes('brightened for the page'))");
     /* The pose: two cameras, lamps and lasers, and the light of the last shot. */
     browser_wait(browser, "['camera', 'lamp', 'laser'].every(c => "
                           "document.querySelectorAll(`#pose .${c}:not(.ray)`).length == 2)");

@@ -245,6 +245,7 @@ static void by_serial(void) {
     section = config_find(config, "camera", "eye");
     eye.camera = camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error);
     g_assert_no_error(error);
+    g_assert_true(g_str_has_prefix(eye.camera->device.identity, "Mesorig VirtualCamera"));
     camera_listen(eye.camera, eye_on_event, &eye);
     g_assert_true(eye_ready(&eye, 1000, NULL));
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);

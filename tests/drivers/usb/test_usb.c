@@ -395,6 +395,7 @@ static void test_tic_choice(void) {
     g_autoptr(Axis) by_path = open_tic(clock, "path = 1-1\nhoming = here\n", &error);
     g_assert_no_error(error);
     g_autoptr(Axis) by_serial = open_tic(clock, "serial = BBB\nhoming = here\n", &error);
+    g_assert_true(g_str_has_suffix(by_serial->device.identity, ", serial number BBB"));
     g_assert_no_error(error);
     axis_listen(by_path, on_axis, &heard);
     axis_listen(by_serial, on_axis, &heard);

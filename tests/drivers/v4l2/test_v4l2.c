@@ -196,6 +196,7 @@ static void test_locked(void) {
 
 /* Nobody waits for a frame: it is told at the next trigger, which ends in a fault. */
 static void test_unplugged_idle(struct rig *rig, gconstpointer unused) {
+    g_assert_nonnull(strstr(rig->camera->device.identity, ", at "));
     virtual_v4l2_unplug(rig->device);
     conformance_pass(rig->clock, 0.05);
     g_assert_cmpint(rig->n, ==, 0);

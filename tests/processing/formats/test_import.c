@@ -8,6 +8,7 @@
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>
+#include <png.h>
 #include <stdlib.h>
 #include <sys/wait.h>
 
@@ -447,6 +448,80 @@ static void test_memory(void) {
     g_assert_cmpint(region, <, two);
 }
 
+enum { LARGE_WIDTH = 10100, LARGE_HEIGHT = 10000 };
+
+/* 101 megapixels, black but for a square of 100 pixels at 9000, 9000: R rises with x, G with y. */
+static void write_large_png(const char *path, int bits) {
+    FILE *file = fopen(path, "wb");
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png_create_info_struct(png);
+    const gsize bytes = (gsize)bits / 8, row = 3 * bytes * LARGE_WIDTH;
+    g_autofree guint8 *black = g_malloc0(row), *square = g_malloc0(row);
+    png_init_io(png, file);
+    png_set_IHDR(png, info, LARGE_WIDTH, LARGE_HEIGHT, bits, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_compression_level(png, 1);
+    png_set_filter(png, 0, PNG_FILTER_NONE);
+    png_write_info(png, info);
+    for (int y = 0; y < LARGE_HEIGHT; y++) {
+        const gboolean in = y >= 9000 && y < 9100;
+        for (int x = 9000; in && x < 9100; x++) {
+            square[(3 * (gsize)x) * bytes] = (guint8)(100 + x - 9000);
+            square[(3 * (gsize)x + 1) * bytes] = (guint8)(100 + y - 9000);
+        }
+        png_write_row(png, in ? square : black);
+    }
+    png_write_end(png, NULL);
+    png_destroy_write_struct(&png, &info);
+    fclose(file);
+}
+
+/* Of a PNG that is too large to be decoded as a whole, a region is. */
+static void test_large(void) {
+    g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *png = g_build_filename(dir, "large.png", NULL);
+    for (int bits = 8; bits <= 16; bits += 8) {
+        g_autofree char *path = session_fixture_path("large");
+        g_autoptr(GError) error = NULL;
+        struct import_result result;
+        write_large_png(png, bits);
+        write_list(list, "large.png 0 0 1\n");
+        const struct import_wish whole = {.transfer = PICTURE_TONES_LINEAR};
+        g_assert_false(import_rti(path, list, &whole, &quietly, &result, &error));
+        assert_has(error->message, "10100 × 10000 pixels");
+        assert_has(error->message, "--region");
+        const struct import_wish wish = {.transfer = PICTURE_TONES_LINEAR,
+                                         .region = {9002, 9005, 4, 3}};
+        g_clear_error(&error);
+        g_assert_true(import_rti(path, list, &wish, &quietly, &result, &error));
+        g_assert_no_error(error);
+        struct btf_matrix *btf = read_back(path);
+        g_assert_cmpuint(btf->layout.width, ==, 4);
+        g_assert_cmpuint(btf->layout.height, ==, 3);
+        const double most = bits == 8 ? 255 : 65535, step = bits == 8 ? 1 : 256;
+        for (int k = 0; k < 12; k++) {
+            g_assert_cmpfloat_with_epsilon(btf->values[3 * k], (102 + k % 4) * step / most, 1e-3);
+            g_assert_cmpfloat_with_epsilon(btf->values[3 * k + 1], (105 + k / 4) * step / most,
+                                           1e-3);
+            g_assert_cmpfloat_with_epsilon(btf->values[3 * k + 2], 0, 1e-6);
+        }
+        btf_matrix_free(btf);
+        const struct import_wish outside = {.region = {LARGE_WIDTH - 2, 0, 4, 3}};
+        g_autoptr(GError) refused = NULL;
+        g_assert_false(import_rti(path, list, &outside, &quietly, &result, &refused));
+    }
+    /* Its memory is that of a region of a small picture. */
+    g_autofree char *noise = g_build_filename(dir, "noise.png", NULL);
+    static const guint8 rgb[64 * 64 * 3];
+    g_assert_true(picture_write_png(noise, rgb, 64, 64, NULL, NULL));
+    const long small_kib = peak_kib(dir, 2, "10,10,20,10");
+    g_assert_cmpint(g_rename(png, noise), ==, 0);
+    const long large_kib = peak_kib(dir, 2, "9000,9000,20,10");
+    g_test_message("a region of 64 × 64 pixels %ld KiB, of 101 megapixels %ld KiB", small_kib,
+                   large_kib);
+    g_assert_cmpint(large_kib - small_kib, <, 16 << 10);
+}
+
 /* Whatever bytes a list has, it is a list or an error. */
 static void test_mutated_list(void) {
     static const char *const good = "2\na.png 0 0 1\na.png 0.5 0 0.866\n";
@@ -627,6 +702,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/import/rti", test_rti);
     g_test_add_func("/import/rti/lists", test_lists);
     g_test_add_func("/import/rti/memory", test_memory);
+    g_test_add_func("/import/rti/large", test_large);
     g_test_add_func("/import/pictures/raw", test_raw_pictures);
     g_test_add_func("/import/rti/raw", test_raw_rti);
     g_test_add_func("/import/rti/bad", test_bad_lists);

@@ -8,6 +8,7 @@
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/view_fixture.h"
 #include "lpca/lpca_levels.h"
 #include "methods/lpca_revised.h"
 #include "scene/picture.h"
@@ -16,6 +17,7 @@
 
 #include <glib/gstdio.h>
 #include <json-glib/json-glib.h>
+#include <math.h>
 #include <string.h>
 
 #define WIDTH      120
@@ -47,18 +49,23 @@ static const struct view {
  * material. */
 static const struct view knot = {"torus-knot", -90, 50, 30, 250};
 
-static void webgl_test_draw_page(Browser *browser, const struct view *v) {
-    g_autofree char *expression = g_strdup_printf(
-        "mesorig.pictureUrl({shape: '%s', cameraAzimuthDeg: %d, cameraElevationDeg: %d, "
-        "lightThetaDeg: %d, lightPhiDeg: %d, supersample: %d, shadowMap: %d}, %d, %d)",
-        v->shape, v->azimuth_deg, v->elevation_deg, v->theta_deg, v->phi_deg, SAMPLES, SHADOW_MAP,
-        WIDTH, HEIGHT);
+/* The picture of mesorig.pictureUrl(…) as page.png. */
+static void webgl_test_save(Browser *browser, const char *expression) {
     g_autofree char *url = browser_value(browser, expression);
     gsize size;
     g_assert_true(g_str_has_prefix(url, "data:image/png;base64,"));
     g_autofree guchar *png = g_base64_decode(strchr(url, ',') + 1, &size);
     g_assert_true(
         g_file_set_contents(in_folder("page.png"), (const char *)png, (gssize)size, NULL));
+}
+
+static void webgl_test_draw_page(Browser *browser, const struct view *v) {
+    g_autofree char *expression = g_strdup_printf(
+        "mesorig.pictureUrl({shape: '%s', cameraAzimuthDeg: %d, cameraElevationDeg: %d, "
+        "lightThetaDeg: %d, lightPhiDeg: %d, supersample: %d, shadowMap: %d}, %d, %d)",
+        v->shape, v->azimuth_deg, v->elevation_deg, v->theta_deg, v->phi_deg, SAMPLES, SHADOW_MAP,
+        WIDTH, HEIGHT);
+    webgl_test_save(browser, expression);
 }
 
 /* The viewer with the material's file and the MDF's, as mesorig-view --method lpca-revised has it.
@@ -272,6 +279,49 @@ static void test_converted(void) {
     assert_has(of_one, "\"compressed\": false");
 }
 
+/* Linear brightness of the middle of a plane that is seen from above, under this light alone. */
+static double webgl_test_plane(Browser *browser, double theta_deg, int phi_deg) {
+    char theta[G_ASCII_DTOSTR_BUF_SIZE];
+    g_autofree char *expression = g_strdup_printf(
+        "mesorig.pictureUrl({shape: 'plane', cameraElevationDeg: 90, cameraAzimuthDeg: 0, "
+        "lightThetaDeg: %s, lightPhiDeg: %d, ambient: 0, shadows: false, silhouettes: false}, 9, "
+        "9)",
+        g_ascii_dtostr(theta, sizeof theta, theta_deg), phi_deg);
+    webgl_test_save(browser, expression);
+    int width, height;
+    g_autofree guint8 *rgb = view_fixture_read_png(in_folder("page.png"), &width, &height);
+    return pow(rgb[3 * (width * (height / 2) + width / 2)] / 255.0, 2.2);
+}
+
+/* Light ends at the horizon by degrees, from whatever azimuth; here of few lights, on a coarse
+ * grid, whose corners are at odd multiples of 45°. */
+static void test_terminator(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *few = g_strdup(in_folder("few.exr")), *page = g_strdup(in_folder("few.html"));
+    g_autofree char *address = g_strconcat("file://", page, NULL);
+    g_autoptr(BtfMatrix) btf =
+        btf_fixture_of("few", 8, 8, btf_fixture_rings(1, 45, 0), btf_fixture_rings(1, 45, 45));
+    const gsize n_lights = btf->layout.lights.n;
+    for (gsize k = 0; k < 64 * btf_layout_values(&btf->layout); k++)
+        btf->values[k] =
+            0.5F * cosf(btf->layout.lights.theta_deg[k / 3 % n_lights] * (float)G_PI / 180);
+    g_autoptr(Lpca) lpca = relief_scene_compress(btf, 2, 2);
+    lpca_write_levels(few, (struct lpca *const[]){lpca}, 1, &error);
+    g_assert_no_error(error);
+    g_free(process_mesorig(0, "export web %s -o %s", few, page));
+    Browser *browser = browser_new(640, 480);
+    browser_open(browser, address);
+    browser_wait(browser, "window.mesorig !== undefined");
+    for (int phi_deg = 0; phi_deg < 360; phi_deg += 45) {
+        const double high = webgl_test_plane(browser, 60, phi_deg),
+                     low = webgl_test_plane(browser, 89.8, phi_deg);
+        g_test_message("azimuth %d: %.4f at 60°, %.4f at 89.8°", phi_deg, high, low);
+        g_assert_cmpfloat(high, >, 0.05);
+        g_assert_cmpfloat(low, <, high / 50);
+    }
+    browser_free(browser);
+}
+
 /* A session's directory: its BTF is compressed, its products/lpca.exr is taken as it is. */
 static void test_session(void) {
     g_autofree char *btf = g_strdup(in_folder("session.btf"));
@@ -364,6 +414,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/webgl/size", test_size);
     g_test_add_func("/webgl/converted", test_converted);
     g_test_add_func("/webgl/session", test_session);
+    g_test_add_func("/webgl/terminator", test_terminator);
     g_test_add_data_func("/webgl/pictures/weave", GINT_TO_POINTER(RELIEF_WEAVE), test_pictures);
     g_test_add_data_func("/webgl/pictures/bumps", GINT_TO_POINTER(RELIEF_BUMPS), test_pictures);
     g_test_add_data_func("/webgl/pictures/grooves", GINT_TO_POINTER(RELIEF_GROOVES), test_pictures);

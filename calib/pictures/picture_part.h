@@ -1,0 +1,25 @@
+/*
+ * Reads a part of a PNG row by row, with memory for that part alone, so that a picture may be much
+ * larger than one that is decoded as a whole. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR.
+ * Any thread.
+ */
+#pragma once
+
+#include "picture_read.h"
+
+G_BEGIN_DECLS
+
+struct picture_part {
+    int x, y, width, height; /* pixels from the top left corner */
+};
+
+/* Whether the file is a PNG whose rows follow each other, which an interlaced one's do not; and its
+ * size. FALSE also if it cannot be read. */
+gboolean picture_part_can(const char *path, int *ret_width, int *ret_height);
+
+/* As picture_read_codes(), of a part that lies within the picture; width and height of ret are
+ * those of the part. */
+gboolean picture_part_read(const char *path, const struct picture_part *part,
+                           struct picture_codes *ret, GError **error);
+
+G_END_DECLS
