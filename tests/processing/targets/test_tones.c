@@ -11,6 +11,7 @@
 struct effect {
     const char *name, *world, *camera; /* keys of the world file */
     const char *objects;               /* further sections; may be NULL */
+    gboolean bright;                   /* the turntable is */
 };
 
 /* Puts keys into the world file that is there. */
@@ -25,6 +26,8 @@ static void change_world(const char *folder, const struct effect *effect) {
         g_autofree char *camera = g_strconcat(head, effect->camera, "\n", NULL);
         g_assert_cmpint(g_string_replace(all, head, camera, 0), ==, 1);
     }
+    if (effect->bright)
+        g_string_replace(all, "turntable_albedo=0.02", "turntable_albedo=0.5", 0);
     g_string_append(all, effect->objects ? effect->objects : "");
     radiometry_rig_write(folder, "world.conf", all->str);
 }
@@ -287,6 +290,24 @@ static void soiled(void) {
     radiometry_rig_remove(folder);
 }
 
+/* Nothing dark is visible around the tile: the glare is not known, and the command says so. */
+static void bright(void) {
+    static const struct effect effect = {"bright", "", "veiling_glare=0.005", NULL, TRUE};
+    struct tile_result result;
+    g_autofree char *folder = grey_folder();
+    g_autofree char *path = g_build_filename(folder, "tile.session", NULL);
+    g_autofree char *conf = g_build_filename(folder, "calibration.conf", NULL);
+    g_autoptr(Calibration) found = calibrate(folder, &effect, &result);
+    show(found, &result);
+    for (int c = 0; c < 3; c++) {
+        g_assert_cmpfloat(found->camera_radiometry[c].glare, ==, 0);
+        g_assert_cmpfloat(found->camera_radiometry[c].glare_error, ==, 0);
+    }
+    g_autofree char *told = process_mesorig(0, "calibrate radiometry %s -r 0.96 -o %s", path, conf);
+    assert_has(told, "light that is scattered in the lens is not known of 3 of 3 cameras");
+    radiometry_rig_remove(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/tones/silent", silent);
@@ -295,5 +316,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/tones/glare", glare);
     g_test_add_func("/tones/flicker", flicker);
     g_test_add_func("/tones/soiled", soiled);
+    g_test_add_func("/tones/bright", bright);
     return g_test_run();
 }
