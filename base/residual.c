@@ -1,4 +1,4 @@
-#include "base/residual.h"
+#include "residual.h"
 
 #include <glib.h>
 #include <math.h>
