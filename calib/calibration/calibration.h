@@ -30,7 +30,9 @@ struct calibration_part {
     char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
     char *method; /* one line */
     double residual_rms;
-    char *residual_unit; /* "px", "%" … */
+    double residual_expected; /* what the noise of the data explains, in the same unit; 0: not known
+                               */
+    char *residual_unit;      /* "px", "%" … */
     int degrees_of_freedom;
     int pictures;        /* used, without the rejected ones */
     char *checksum;      /* SHA-256 of all pictures' checksums in order; calibration_checksum() */

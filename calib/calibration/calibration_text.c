@@ -12,6 +12,7 @@ static const char end[] = "\n[end]\ncomplete=yes\n";
 /* Fields of each section: key, offset, number of values, whether they are integers, and bounds. */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
+    {"residual_expected", PART(residual_expected), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
     {"degrees_of_freedom", PART(degrees_of_freedom), 1, TRUE, 0, G_MAXINT},
     {"pictures", PART(pictures), 1, TRUE, 0, G_MAXINT},
     {NULL},
@@ -65,10 +66,16 @@ static const struct field arc_fields[] = {
 #define RADIOMETRY(member) offsetof(struct radiometry_camera, member)
 static const struct field radiometry_fields[] = {
     {"colour", RADIOMETRY(colour), 3, FALSE, 1e-3, 1e3},
-    {"flat", RADIOMETRY(flat), RADIOMETRY_FLAT, FALSE, -3, 3},
+    {"flat", RADIOMETRY(flat), RADIOMETRY_SMOOTH, FALSE, -3, 3},
+    {"steps", RADIOMETRY(flat[RADIOMETRY_SMOOTH]), RADIOMETRY_FLAT - RADIOMETRY_SMOOTH, FALSE, -3,
+     3, TRUE, TRUE},
     {"response_error", RADIOMETRY(response_error), 1, FALSE, 0, 10},
     {"colour_error", RADIOMETRY(colour_error), 3, FALSE, 0, 1e3},
-    {"flat_error", RADIOMETRY(flat_error), RADIOMETRY_FLAT, FALSE, 0, 10},
+    {"flat_error", RADIOMETRY(flat_error), RADIOMETRY_SMOOTH, FALSE, 0, 10},
+    {"steps_error", RADIOMETRY(flat_error[RADIOMETRY_SMOOTH]), RADIOMETRY_FLAT - RADIOMETRY_SMOOTH,
+     FALSE, 0, 10, TRUE, TRUE},
+    {"glare", RADIOMETRY(glare), 2, FALSE, 0, 1, TRUE, TRUE},
+    {"excess", RADIOMETRY(excess), 1, FALSE, 0, 10, TRUE, TRUE},
     {"cells", RADIOMETRY(cells), 1, TRUE, 0, G_MAXINT},
     {NULL},
 };
@@ -80,6 +87,7 @@ static const struct field light_fields[] = {
     {"exponent_error", LIGHT(exponent_error), 1, FALSE, 0, 1e6},
     {"aim_error_rad", LIGHT(aim_error_rad), 1, FALSE, 0, 10},
     {"colour_error", LIGHT(colour_error), 3, FALSE, 0, 1e3},
+    {"flicker", LIGHT(flicker), 2, FALSE, 0, 10, TRUE, TRUE},
     {"shots", LIGHT(shots), 1, TRUE, 0, G_MAXINT},
     {NULL},
 };

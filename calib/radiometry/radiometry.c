@@ -18,14 +18,23 @@ static double half_diagonal(const struct rig_camera *camera) {
 }
 
 /* Basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i: s, s², s³, x, y, xy,
- * x² − y², xs, ys with s = x² + y². */
+ * x² − y², xs, ys with s = x² + y², and ±½ in the right and left, lower and upper half. */
 static void flat_basis(const struct rig_camera *camera, double x_px, double y_px,
                        double ret[RADIOMETRY_FLAT]) {
     double x = (x_px - 0.5 * (camera->width - 1)) / half_diagonal(camera);
     double y = (y_px - 0.5 * (camera->height - 1)) / half_diagonal(camera);
     double s = x * x + y * y;
-    const double values[RADIOMETRY_FLAT] = {s,     s * s,         s * s * s, x,    y,
-                                            x * y, x * x - y * y, x * s,     y * s};
+    const double values[RADIOMETRY_FLAT] = {s,
+                                            s * s,
+                                            s * s * s,
+                                            x,
+                                            y,
+                                            x * y,
+                                            x * x - y * y,
+                                            x * s,
+                                            y * s,
+                                            copysign(0.5, x),
+                                            copysign(0.5, y)};
     memcpy(ret, values, sizeof values);
 }
 
@@ -55,6 +64,7 @@ struct sums {
 };
 
 struct measuring {
+    double all[3], n_all[3]; /* sum and number of the finite pixels of each colour */
     const struct rig *rig;
     const struct rig_camera *camera;
     const char *cfa;
@@ -81,6 +91,12 @@ static double expected(const struct measuring *m, struct vec3 p, int x, int y, i
 }
 
 static void radiometry_add_pixel(struct measuring *m, int x, int y) {
+    const int own = radiometry_colour_at(m->cfa, x, y);
+    const float seen = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
+    if (isfinite(seen)) {
+        m->all[own] += (double)seen;
+        m->n_all[own]++;
+    }
     struct vec3 ray = rig_pixel_ray(m->camera, x, y);
     if (!(ray.z < 0))
         return;
@@ -167,7 +183,8 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
                                      .point_mm = vec3_scale(s->point, 1 / s->n),
                                      .signal = 1000 * mean,
                                      .error = 1000 * sqrt(noise * mean / s->n),
-                                     .expected = s->expected / s->n};
+                                     .expected = s->expected / s->n,
+                                     .mean = 1000 * m->all[k] / MAX(m->n_all[k], 1)};
             for (int b = 0; b < RADIOMETRY_FLAT; b++)
                 cell.basis[b] = s->basis[b] / s->n;
             g_array_append_val(cells, cell);

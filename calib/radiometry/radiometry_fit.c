@@ -22,7 +22,8 @@
 
 /* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: where the tile did not
  * reach, they keep the flat field smooth, as lenses are. */
-static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
+static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1,  0.1, 0.1,
+                                                0.1, 0.1, 0.1, 0.05, 0.05};
 
 /*
  * Least squares in logarithms: the residual ln(signal / expected) − Σ of parameters is weighted
@@ -337,6 +338,8 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
                                  to->colour_error);
     if (!to->known)
         return;
+    ret->exponent_off += p->x[at + 3] * p->x[at + 3];
+    ret->aim_off_rad += p->x[at + 4] * p->x[at + 4] + p->x[at + 5] * p->x[at + 5];
     lamp->intensity *= exp(mean);
     lamp->exponent = MAX(lamp->exponent + p->x[at + 3], 0);
     lamp->aim = tilted_aim(lamp, p->x[at + 4], p->x[at + 5]);
@@ -372,7 +375,80 @@ static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct 
     return TRUE;
 }
 
+/* What the residuals r of the used cells tell. Each picture's mean m of them, with error s, tells
+ * of light that differs between the cameras of a shot; what remains, of the flat field and the
+ * light's pattern: frame_flicker² = mean of (m² k/(k − 1) − s²), k: cameras of the shot, excess² =
+ * mean of ((r − m)² − σ²). */
+static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
+    const int n_cameras = p->rig->n_cameras, n = p->n_shots * n_cameras;
+    g_autofree double *sum = g_new0(double, n), *weights = g_new0(double, n);
+    double lamp_squares[RIG_MAX_LAMPS] = {0}, camera_squares[RIG_MAX_CAMERAS] = {0};
+    int lamp_n[RIG_MAX_LAMPS] = {0}, camera_n[RIG_MAX_CAMERAS] = {0};
+    struct row row;
+    double explained = 0;
+    for (int i = 0; i < p->n_cells; i++) {
+        const int picture = p->cells[i].shot * n_cameras + p->cells[i].camera;
+        if (p->bad[i])
+            continue;
+        cell_row(p, &p->cells[i], &row);
+        sum[picture] += row.weight * row.off;
+        weights[picture] += row.weight;
+        explained += 1 / row.weight;
+    }
+    ret->expected = sqrt(explained / p->n_used);
+    for (int i = 0; i < p->n_cells; i++) {
+        const int camera = p->cells[i].camera, picture = p->cells[i].shot * n_cameras + camera;
+        if (p->bad[i])
+            continue;
+        cell_row(p, &p->cells[i], &row);
+        camera_squares[camera] +=
+            pow(row.off - sum[picture] / weights[picture], 2) - 1 / row.weight;
+        camera_n[camera]++;
+    }
+    for (int s = 0; s < p->n_shots; s++) {
+        int k = 0;
+        for (int c = 0; c < n_cameras; c++)
+            k += weights[s * n_cameras + c] > 0;
+        for (int c = 0; c < n_cameras && k > 1; c++) {
+            const double w = weights[s * n_cameras + c];
+            if (!(w > 0))
+                continue;
+            lamp_squares[p->shots[s].lamp] +=
+                pow(sum[s * n_cameras + c] / w, 2) * k / (k - 1) - 1 / w;
+            lamp_n[p->shots[s].lamp]++;
+        }
+    }
+    for (int c = 0; c < n_cameras; c++)
+        ret->cameras[c].excess = sqrt(MAX(camera_squares[c] / MAX(camera_n[c], 1), 0));
+    for (int l = 0; l < p->rig->n_lamps; l++)
+        ret->lamps[l].frame_flicker = sqrt(MAX(lamp_squares[l] / MAX(lamp_n[l], 1), 0));
+}
+
+/* The flicker of each lamp, from the outputs o of its shots, one after the other: a slow drift is
+ * nearly a line through three of them. With independent outputs of variance σ² and errors e,
+ *   E (o₁ − (o₀ + o₂)/2)² = 1.5 σ² + e₁² + (e₀² + e₂²)/4. */
+static void find_flicker(const struct problem *p, struct tile_fit *ret) {
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        int last[2] = {-1, -1}, n = 0;
+        double squares = 0;
+        for (int s = 0; s < p->n_shots; s++) {
+            if (p->shots[s].lamp != l)
+                continue;
+            if (last[0] >= 0) {
+                const double *o = ret->output, *e = ret->output_error;
+                squares += pow(o[last[1]] - 0.5 * (o[last[0]] + o[s]), 2) - pow(e[last[1]], 2) -
+                           0.25 * (pow(e[last[0]], 2) + pow(e[s], 2));
+                n++;
+            }
+            last[0] = last[1];
+            last[1] = s;
+        }
+        ret->lamps[l].flicker = n > 0 ? sqrt(MAX(squares / (1.5 * n), 0)) : 0;
+    }
+}
+
 static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, GError **error) {
+    tell_residuals(p, ret); /* before the rig is changed, to which the solution is relative */
     if (!radiometry_fit_factor(p, error))
         return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
@@ -396,8 +472,13 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
             to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
         }
     }
-    for (int l = 0; l < p->rig->n_lamps; l++)
+    int n_known = 0;
+    for (int l = 0; l < p->rig->n_lamps; l++) {
         store_lamp(p, l, worse, ret);
+        n_known += ret->lamps[l].known;
+    }
+    ret->exponent_off = sqrt(ret->exponent_off / MAX(n_known, 1));
+    ret->aim_off_rad = sqrt(ret->aim_off_rad / MAX(n_known, 1));
     ret->output = g_new(double, p->n_shots);
     ret->output_error = g_new(double, p->n_shots);
     for (int s = 0; s < p->n_shots; s++) {
@@ -406,6 +487,7 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
                                                               radiometry_fit_shot_at(p, s))) *
                                worse;
     }
+    find_flicker(p, ret);
     return radiometry_fit_check_errors(p->rig, ret, error);
 }
 

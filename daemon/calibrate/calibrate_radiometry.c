@@ -1,8 +1,15 @@
 /* calibrate radiometry: cameras, lamps and marks from a captured white tile. */
+#include "base/residual.h"
 #include "calibrate.h"
 #include "targets/tile_session.h"
 
 #include <string.h>
+
+#define MOST_GLARE   0.02 /* less is usual of good lenses */
+#define MOST_FLICKER 0.005
+/* How well a rig file says how lamps shine. */
+#define EXPONENT_ERROR 1.0
+#define AIM_ERROR_RAD  (5 * G_PI / 180)
 
 static char *reflectance_option, *tile_option;
 static const GOptionEntry entries[] = {
@@ -25,6 +32,52 @@ struct job {
     struct tile_result result;
 };
 
+/* What the residuals say of the rig: sentences, g_free(). */
+static void find_warnings(const struct calibration *calibration, const struct tile_result *r,
+                          GPtrArray *ret) {
+    const struct residual tile = {"the tile", 100 * r->residual, 100 * r->expected, "%",
+                                  "a tile that is not even or not clean, other light in the room, "
+                                  "lamps that are not where the calibration says, light that is "
+                                  "scattered in the lens, a sensor of uneven gain"};
+    char *warning = residual_warning(&tile);
+    if (warning)
+        g_ptr_array_add(ret, warning);
+    /* Of exponent and the two tilts of the aim, each by what is known of it. */
+    const double off =
+        hypot(r->exponent_off / EXPONENT_ERROR, r->aim_off_rad / AIM_ERROR_RAD) / sqrt(3);
+    if (off > RESIDUAL_LIMIT)
+        g_ptr_array_add(
+            ret,
+            g_strdup_printf("the lamps' light falls on the tile in another way than the rig file "
+                            "says: their exponents are %.1f off, and their aims %.0f°, which is "
+                            "%.1f times what is usual; causes that fit: tones that are not linear "
+                            "(sRGB taken for linear, or linear for sRGB), a black level left in "
+                            "the pictures, scattered light, lamps that are not where the "
+                            "calibration says, exponents of the rig file",
+                            r->exponent_off, r->aim_off_rad * 180 / G_PI, off));
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct radiometry_camera *camera = &calibration->camera_radiometry[c];
+        if (camera->known && camera->glare > MOST_GLARE)
+            g_ptr_array_add(
+                ret, g_strdup_printf("camera %s scatters %.2f ± %.2f %% of a picture's mean light "
+                                     "over the whole picture; it is subtracted. Clean the lens, "
+                                     "take its filter off, and keep light from outside the "
+                                     "picture away from it",
+                                     calibration->rig.cameras[c].name, 100 * camera->glare,
+                                     100 * camera->glare_error));
+    }
+    for (int l = 0; l < calibration->rig.n_lamps; l++) {
+        const struct radiometry_lamp *lamp = &calibration->lamp_radiometry[l];
+        const double flicker = hypot(lamp->flicker, lamp->frame_flicker);
+        if (lamp->known && flicker > MOST_FLICKER)
+            g_ptr_array_add(
+                ret, g_strdup_printf("lamp %s flickers by %.2f %% from picture to picture; the "
+                                     "error bars hold it. Give it a better supply, or exposures of "
+                                     "whole periods of the mains",
+                                     calibration->rig.lamps[l].name, 100 * flicker));
+    }
+}
+
 static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
     const struct calibration *calibration = base->calibration;
     const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
@@ -33,6 +86,7 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
     record_strings(to, "rejected", part->rejected);
     record_int(to, "cells", r->cells);
     record_double(to, "residual", r->residual);
+    record_double(to, "residual_expected", r->expected);
     record_double(to, "quality", r->quality);
     record_double(to, "drift", r->drift);
     record_int(to, "marks", r->marks);
@@ -47,6 +101,21 @@ static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job
                "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
                100 * r->drift, r->marks, calibration->rig.n_fiducials, r->transfers,
                calibration->rig.n_cameras, calibrate_output);
+    int no_glare = 0;
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct radiometry_camera *camera = &calibration->camera_radiometry[c];
+        no_glare += camera->known && camera->glare_error == 0;
+    }
+    if (no_glare > 0)
+        record_say(to,
+                   "light that is scattered in the lens is not known of %d of %d cameras, and not "
+                   "in the error bars: let them see something matt and black around the tile\n",
+                   no_glare, calibration->rig.n_cameras);
+    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
+    find_warnings(calibration, r, warnings);
+    record_strings(to, "warnings", warnings);
+    for (guint i = 0; i < warnings->len && !cli_json; i++)
+        g_printerr("warning: %s\n", (char *)warnings->pdata[i]);
     for (int c = 0; c < calibration->rig.n_cameras && !cli_json; c++) {
         const struct transfer *t = &calibration->noise[c].transfer;
         if (calibration->noise[c].known && t->linearity > CALIBRATE_LINEAR)

@@ -130,6 +130,14 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
                 "  %s: response %.1f ± %.3f %%, colours %.4f %.4f %.4f, corners %.1f %% darker\n",
                 camera->name, camera->response, 100 * r->response_error, r->colour[0], r->colour[1],
                 r->colour[2], 100 * (1 - radiometry_flat(camera, r, 0, 0)));
+        g_autofree char *glare = r->glare_error > 0
+                                     ? g_strdup_printf("glare %.3f ± %.3f %% of the mean light",
+                                                       100 * r->glare, 100 * r->glare_error)
+                                     : g_strdup("glare not known: nothing dark around the tile");
+        if (r->known)
+            record_say(to, "  %s: right half %+.3f %%, lower half %+.3f %%; %s\n", camera->name,
+                       100 * r->flat[RADIOMETRY_SMOOTH], 100 * r->flat[RADIOMETRY_SMOOTH + 1],
+                       glare);
         const struct transfer *t = &calibration->noise[c].transfer;
         if (calibration->noise[c].known)
             record_say(to,
@@ -143,10 +151,11 @@ static void show_radiometry(Record *to, const struct calibration *calibration) {
         const struct radiometry_lamp *r = &calibration->lamp_radiometry[l];
         if (r->known)
             record_say(to,
-                       "  %s: %.3f W/sr ± %.3f %%, exponent %.2f ± %.2f, colours %.4f %.4f %.4f\n",
+                       "  %s: %.3f W/sr ± %.3f %%, exponent %.2f ± %.2f, colours %.4f %.4f %.4f; "
+                       "flicker %.2f %% between shots, %.2f %% within\n",
                        rig->lamps[l].name, rig->lamps[l].intensity, 100 * r->intensity_error,
                        rig->lamps[l].exponent, r->exponent_error, r->colour[0], r->colour[1],
-                       r->colour[2]);
+                       r->colour[2], 100 * r->flicker, 100 * r->frame_flicker);
     }
     for (int m = 0; m < rig->n_fiducials; m++)
         if (calibration->fiducials[m].known)

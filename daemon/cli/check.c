@@ -62,7 +62,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     if (!session_check_product(mdf, error) || !mdf_views_check(mdf, &check->mdf, error) ||
         !session_grid(session, &grid, error))
         return FALSE;
-    check_suspect_mdf(&check->mdf, grid.depth_mm, check->suspicions);
+    check_suspect_mdf(&check->mdf, &grid, check->suspicions);
     return TRUE;
 }
 

@@ -9,9 +9,12 @@
 #include "check.h"
 
 #include "base/direction.h"
+#include "base/robust.h"
 #include "btf/energy.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #define LEAST_COS    0.05 /* least difference of cos θ within a pair */
 #define LEAST_PAIRS  6
@@ -21,6 +24,10 @@
 #define MOST_ALBEDO  1.05
 #define LEAST_ALBEDO 0.002 /* the blackest paints have more */
 #define LEAST_SEEN   0.3
+#define MOST_ABOVE   0.01 /* of the texels, that the laser shows above the reference plane */
+#define DEAD         0.03 /* of a view's upper quartile: less is a picture without light */
+#define LEAST_LIGHTS 4    /* of a view, for that quartile */
+#define FEW_NAMES    4    /* of dark lights that are named */
 #define ROWS         256
 
 enum tone { AS_IS, ENCODED, DECODED, TONES };
@@ -137,6 +144,54 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
                                  DISPLAY, 100 * decoded, 100 * is));
 }
 
+/* Lights that are dark in all views: B(v, l) / cos θ_l, the mean over texels, is below DEAD times
+ * the upper quartile over the lights of each view, so that half of the lamps may be dead. A view's
+ * own quartile is the measure, since a glossy dark material is dark under all lights but those that
+ * it mirrors. An import may have seen dark pictures itself. */
+static void suspect_dead_lights(const struct btf_layout *layout, const double *means,
+                                GPtrArray *ret) {
+    const gsize n_lights = layout->lights.n;
+    g_autofree gboolean *dark = g_new0(gboolean, n_lights + 1);
+    g_autofree double *f = g_new(double, n_lights + 1), *sorted = g_new(double, n_lights + 1);
+    int n_views = 0, n_dark = 0;
+    for (guint i = 0; i < ret->len; i++)
+        if (strstr(ret->pdata[i], "lights are dark"))
+            return;
+    for (gsize view = 0; view < layout->views.n; view++) {
+        int n = 0;
+        for (gsize l = 0; l < n_lights; l++) {
+            const double cosine = cos_deg((double)layout->lights.theta_deg[l]);
+            f[l] = cosine > LEAST_COS ? means[view * n_lights + l] / cosine : NAN;
+            if (isfinite(f[l]))
+                sorted[n++] = f[l];
+        }
+        qsort(sorted, (gsize)n, sizeof *sorted, robust_by_value);
+        const double usual = n >= LEAST_LIGHTS ? sorted[3 * n / 4] : 0;
+        if (!(usual > 0))
+            continue;
+        for (gsize l = 0; l < n_lights; l++)
+            dark[l] = f[l] < DEAD * usual && (n_views == 0 || dark[l]);
+        n_views++;
+    }
+    g_autoptr(GString) names = g_string_new(NULL);
+    for (gsize l = 0; l < n_lights; l++) {
+        if (!dark[l] || ++n_dark > FEW_NAMES)
+            continue;
+        g_string_append_printf(names, "%s%.3g° %.3g°", n_dark > 1 ? ", " : "",
+                               (double)layout->lights.theta_deg[l],
+                               (double)layout->lights.phi_deg[l]);
+    }
+    if (n_dark > FEW_NAMES)
+        g_string_append_printf(names, " and %d more", n_dark - FEW_NAMES);
+    if (n_dark > 0)
+        g_ptr_array_add(
+            ret, g_strdup_printf(
+                     "%d of %d lights %s near zero in all views (θ φ %s), below %.0f %% "
+                     "of the other lights: did a lamp not shine? Capture these pictures "
+                     "again, or import without them",
+                     n_dark, (int)n_lights, n_dark == 1 ? "is" : "are", names->str, 100 * DEAD));
+}
+
 gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *energy,
                            GPtrArray *ret, GError **error) {
     g_autoptr(GArray) pairs = find_exchanged(&btf->layout);
@@ -145,7 +200,9 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
     if (!means)
         return FALSE;
     suspect_tones(pairs, means, btf->layout.views.n * btf->layout.lights.n, ret);
-    if (ret->len > before) /* wrong tones make wrong energies */
+    if (ret->len == before)
+        suspect_dead_lights(&btf->layout, means, ret);
+    if (ret->len > before) /* wrong tones and dark pictures make wrong energies */
         return TRUE;
     if (energy->largest_albedo > MOST_ALBEDO)
         g_ptr_array_add(
@@ -163,14 +220,26 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
     return TRUE;
 }
 
-void check_suspect_mdf(const struct mdf_views_sums *mdf, double depth_mm, GPtrArray *ret) {
+void check_suspect_mdf(const struct mdf_views_sums *mdf, const struct session_grid *grid,
+                       GPtrArray *ret) {
+    if (mdf->above > MOST_ABOVE * (double)mdf->texels) {
+        g_ptr_array_add(
+            ret,
+            g_strdup_printf("the laser shows %.1f %% of the surface above the reference plane "
+                            "at reference_mm = %g, and it is not measured there: the plane "
+                            "must touch the highest points; give a higher one (reference_mm "
+                            "in [sample] of the session file, --reference of mesorig import "
+                            "poses)",
+                            100.0 * (double)mdf->above / (double)mdf->texels, grid->reference_mm));
+        return;
+    }
     if (mdf->texels == 0 || mdf->seen >= LEAST_SEEN * mdf->texels)
         return;
-    g_ptr_array_add(ret,
-                    g_strdup_printf("only %.0f %% of the surface is seen, and points far below "
-                                    "depth_mm = %g are left out: does the structure reach deeper "
-                                    "below the reference plane? Give its depth (--depth of mesorig "
-                                    "import poses, depth_mm in [sample] of the session file) and "
-                                    "its reference plane",
-                                    100.0 * (double)mdf->seen / (double)mdf->texels, depth_mm));
+    g_ptr_array_add(
+        ret, g_strdup_printf("only %.0f %% of the surface is seen, and points far below "
+                             "depth_mm = %g are left out: does the structure reach deeper "
+                             "below the reference plane? Give its depth (--depth of mesorig "
+                             "import poses, depth_mm in [sample] of the session file) and "
+                             "its reference plane",
+                             100.0 * (double)mdf->seen / (double)mdf->texels, grid->depth_mm));
 }

@@ -105,10 +105,11 @@ static void btf_to_reflectance(const struct btf_view *view, const struct btf_lig
 
 /* The frame of a light; all 0 if it is missing. */
 struct mosaic {
-    guint16 *half; /* n_values half floats */
-    guint8 *bound; /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
-    float shorter; /* values from here on come from shorter exposures; 0: there are none */
-    int saturated; /* number of saturated pixels; −1: unknown */
+    guint16 *half;  /* n_values half floats */
+    guint8 *bound;  /* n_pixels, whether a pixel is saturated; NULL: no channel for it */
+    float shorter;  /* values from here on come from shorter exposures; 0: there are none */
+    int saturated;  /* number of saturated pixels; −1: unknown */
+    double mean[3]; /* of red, green and blue pixels, before glare was subtracted */
     struct btf_exposures exposures;
 };
 
@@ -180,9 +181,25 @@ static gboolean btf_is_in_pose(const struct btf_view *view, const struct btf_lig
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
+/* Subtracts the camera's glare from a plane of a frame, and keeps the mean light of each colour. */
+static void btf_subtract_glare(const struct btf_view *view, const char *cfa, gsize plane,
+                               float *values, struct mosaic *to) {
+    double mean[3];
+    const gboolean rgb = strcmp(cfa, "rgb") == 0;
+    if (!view->radiometry || !view->radiometry->known || !(view->radiometry->glare_error > 0))
+        return;
+    radiometry_subtract_glare(view->radiometry, rgb ? "mono" : cfa, view->camera->width,
+                              view->camera->height, values, mean);
+    if (rgb)
+        to->mean[plane] = mean[1];
+    for (int c = 0; c < 3 && !rgb; c++)
+        to->mean[c] = strcmp(cfa, "mono") == 0 ? mean[1] : mean[c];
+}
+
 /* Stores a frame's planes as half floats; if it guides, adds finite values to the guide. */
-static gboolean btf_store_planes(const struct input *input, const struct exr_part *frame, guint i,
-                                 gboolean guides, struct mosaics *to, GError **error) {
+static gboolean btf_store_planes(const struct btf_view *view, const struct input *input,
+                                 const struct exr_part *frame, guint i, gboolean guides,
+                                 struct mosaics *to, GError **error) {
     static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"R", "G", "B", NULL};
     const char *const *channels = strcmp(to->cfa, "rgb") == 0 ? rgb : grey;
     const gsize n = to->n_pixels;
@@ -191,11 +208,13 @@ static gboolean btf_store_planes(const struct input *input, const struct exr_par
     guint16 *half = to->lights[i].half = g_new(guint16, to->n_values);
     double *sum = to->sum;
     for (; *channels; channels++, half += n, sum += n) {
-        const float *plane = exr_part_plane(frame, *channels);
+        float *plane = exr_part_plane(frame, *channels);
         if (!plane)
             return data_error_fail(input->path, 0, error,
                                    "part %s has no channel %s, although its colour filter is %s",
                                    frame->name, *channels, to->cfa);
+        btf_subtract_glare(view, to->cfa, (gsize)(half - to->lights[i].half) / n, plane,
+                           &to->lights[i]);
         exr_half_from_floats(half, plane, n);
         for (gsize k = 0; guides && k < n; k++)
             sum[k] += isfinite(plane[k]) ? (double)plane[k] : 0;
@@ -213,7 +232,7 @@ static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mos
     struct exr_part *frame = input_read(input, any, error);
     const gboolean ok =
         frame && btf_check_frame(input, frame, &to->cfa, error) &&
-        btf_store_planes(input, frame, i, btf_is_in_pose(view, light), to, error) &&
+        btf_store_planes(view, input, frame, i, btf_is_in_pose(view, light), to, error) &&
         (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok)
         btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
@@ -237,19 +256,28 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
         flags[k] = flags[k] ? BTF_FLAG_HOLE : found[k];
 }
 
-/* Of the radiance of each texel and colour: var = noise + detail + ½ δ² · shift, δ being the
- * distance in pixels by which the camera is misregistered (rectify.h). */
+/* Of the radiance L of each texel and colour: var = noise + detail + ½ δ² · shift + (γ · L̄)² +
+ * (ε · L)²; δ: the distance in pixels by which the camera is misregistered (rectify.h); γ: the
+ * error of the glare, L̄ the mean of the picture; ε: the tile's residuals in excess of noise. */
 static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
                                 const struct mosaic *mosaic, const float *values, gsize n_values,
-                                float *ret) {
+                                const float *rgb, float *ret) {
     const gsize n = 3 * btf_texels(view);
+    const struct radiometry_camera *camera =
+        view->radiometry && view->radiometry->known ? view->radiometry : NULL;
+    const float excess = camera ? (float)camera->excess : 0;
+    float glare[3] = {0};
+    for (int c = 0; camera && c < 3; c++)
+        glare[c] = (float)(camera->glare_error * mosaic->mean[c] * 1000 /
+                           (view->camera->response * camera->colour[c]));
     const float half = 0.5f * (float)(view->misregistration_px * view->misregistration_px);
     g_autofree float *pixels = g_new(float, n_values);
     g_autofree float *detail = g_new(float, n), *shift = g_new(float, n);
     btf_sigma_pixels(view->noise, &mosaic->exposures, values, n_values, pixels);
     rectify_errors(rectify, values, pixels, ret, detail, shift);
     for (gsize i = 0; i < n; i++)
-        ret[i] += detail[i] + half * shift[i];
+        ret[i] += detail[i] + half * shift[i] + glare[i % 3] * glare[i % 3] +
+                  excess * excess * rgb[i] * rgb[i];
 }
 
 /* Rectifies one light's frame. An error if most of its texels are holes. */
@@ -275,14 +303,14 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
     if (variance)
-        btf_add_up_variance(view, rectify, mosaic, values, mosaics->n_values, variance);
+        btf_add_up_variance(view, rectify, mosaic, values, mosaics->n_values, rgb, variance);
     btf_to_reflectance(view, light, rgb, part, variance);
     if (variance) {
         double scale[3];
         for (gsize k = 0; k < n; k++)
             flags[k] &= BTF_FLAG_HOLE;
         btf_sigma_fill(part, variance, flags);
-        btf_sigma_scale(view->radiometry, light->radiometry, scale);
+        btf_sigma_scale(view->radiometry, light->radiometry, light->output_error, scale);
         exr_set_v3d(part, "sigma.scale", scale[0], scale[1], scale[2]);
     }
     return part;

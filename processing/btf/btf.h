@@ -36,6 +36,7 @@ struct btf_light {
     double arc_rad;
     double turntable_rad; /* while its picture was exposed; else the view's */
     double output;        /* of the lamp in this shot, relative to its calibration */
+    double output_error;  /* 0: it was not measured in this shot */
     gboolean missing;     /* the plan left it out; input is empty */
     gboolean left_out;    /* missing since predictable: not counted in BTF_MOST_MISSING */
     struct input input;

@@ -117,11 +117,16 @@ void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 
     exr_set_double(part, "sigma.relative", btf_sigma_median(relative, seen));
 }
 
-/* ρ_c ∝ 1 / (response · camera colour_c · intensity · lamp colour_c): relative variances add. */
+/* ρ_c ∝ 1 / (response · camera colour_c · intensity · output · lamp colour_c): relative variances
+ * add. The output differs from shot to shot, and among the pictures of a shot. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
-                     double ret[3]) {
+                     double output_error, double ret[3]) {
+    const double output =
+        !lamp || !lamp->known
+            ? 0
+            : hypot(output_error > 0 ? output_error : lamp->flicker, lamp->frame_flicker);
     for (int c = 0; c < 3; c++) {
-        double square = 0;
+        double square = output * output;
         if (camera && camera->known)
             square += pow(camera->response_error, 2) +
                       pow(camera->colour_error[c] / camera->colour[c], 2);

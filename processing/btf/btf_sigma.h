@@ -7,16 +7,17 @@
  *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
  *                                edges within pixels and colours that a pixel does not see; and
  *                                misregistration, as large as the calibration's residual of the
- *                                camera (rectify.h, docs/accuracy.md)
+ *                                camera (rectify.h, docs/accuracy.md); the error of the veiling
+ *                                glare; and what the white tile's residuals have in excess of noise
  *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
  *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
  *   sigma.value (double)         root mean square of ρ over the same
  *   sigma.median (double)        median over texels of sigma(x), without holes
  *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
  *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
- * have in common, from the calibrated response, intensity and colours; it is in none of the others,
- * and 0 where the radiometry is not calibrated. Errors of flat field, fall-off and aim are left
- * out: the calibration file does not say how they are correlated
+ * have in common, from the calibrated response, intensity and colours, and from the flicker of the
+ * lamp; it is in none of the others, and 0 where the radiometry is not calibrated. Errors of flat
+ * field, fall-off and aim are left out: the calibration file does not say how they are correlated
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
  * error bars of their prediction alone. Errors of parts without the channel (other predicted
@@ -29,7 +30,7 @@
 #include "radiometry/radiometry.h"
 
 /* Version of the method, as BTF_METHOD is that of the values. */
-#define BTF_SIGMA_METHOD 3
+#define BTF_SIGMA_METHOD 4
 
 #define BTF_SIGMA_DARK 0.02 /* of ρ: what relative errors of dark values relate to */
 
@@ -52,9 +53,10 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
  * variances: n_texels × 3, of R, G, B in ρ². holes: n_texels; values without meaning. */
 void btf_sigma_fill(struct exr_part *part, const float *variances, const guint8 *holes);
 
-/* Relative errors of R, G, B by camera and lamp together; either may be NULL or unknown. */
+/* Relative errors of R, G, B by camera and lamp together; either may be NULL or unknown.
+ * output_error: of the lamp's output in this shot; 0: it was not measured. */
 void btf_sigma_scale(const struct radiometry_camera *camera, const struct radiometry_lamp *lamp,
-                     double ret[3]);
+                     double output_error, double ret[3]);
 
 struct btf_sigma {
     double colour[3]; /* R, G, B */

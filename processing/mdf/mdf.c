@@ -28,6 +28,7 @@
 #define HIDDEN_REACH   2     /* of mdf_shown(); chosen: docs/accuracy.md */
 #define HIDDEN_SWEEPS  8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
 #define MANY_SWEEPS    4 /* from this number of sweeps on, one is not believed against others */
+#define OVER           (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
 
 /* What a sweep saw of a texel. */
 struct seen {
@@ -45,7 +46,8 @@ struct MdfView {
     float *ray;         /* n_pixels × 3: unit vectors, rig frame */
     float *onset_mm; /* n_pixels: distance along the ray from the centre to the reference plane */
     float *x_px, *y_px; /* n_texels: projected centres; x < 0: outside of the picture */
-    float *pixel_mm[2]; /* n_pixels, one sweep: by the brightest, second pulse; −1: none */
+    float *pixel_mm[2]; /* n_pixels, one sweep: by the brightest, second pulse; −1: none, or OVER */
+    guint8 *over;       /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
     double texel_mm;
@@ -65,6 +67,7 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->onset_mm = g_new(float, n_pixels);
     for (int rank = 0; rank < 2; rank++)
         view->pixel_mm[rank] = g_new(float, n_pixels);
+    view->over = g_new0(guint8, view->n_texels);
     view->x_px = g_new(float, view->n_texels);
     view->y_px = g_new(float, view->n_texels);
     double slant = view->centre_mm.z / vec3_length(view->centre_mm);
@@ -110,6 +113,7 @@ void mdf_view_free(MdfView *view) {
     g_free(view->onset_mm);
     for (int rank = 0; rank < 2; rank++)
         g_free(view->pixel_mm[rank]);
+    g_free(view->over);
     g_free(view->x_px);
     g_free(view->y_px);
     g_free(view);
@@ -147,7 +151,7 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
 }
 
 /* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
- * a grazing intersection, or a point outside of the volume. */
+ * a grazing intersection, or a point below the volume; OVER: a point above it. */
 static float intersect(const MdfView *view, const struct laser_sweep *sweep, double height_mm,
                        float peak, gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -160,6 +164,8 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
         return -1;
     double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
+    if (height >= ABOVE * height_mm && height < MAX(view->grid.width_mm, view->grid.height_mm))
+        return OVER;
     if (!(height < ABOVE * height_mm) || !(height > -view->grid.depth_mm - BELOW * height_mm))
         return -1;
     return (float)MAX(range - view->onset_mm[pixel], 0);
@@ -205,7 +211,7 @@ struct near {
 struct nears {
     struct near near[16];
     int n;
-    float all, seen; /* summed weights of all live pixels, and of those with a peak */
+    float all, seen, over; /* summed weights: live pixels, those with a peak, with one above */
 };
 
 static float brightness(const float *dn, gsize pixel) {
@@ -234,6 +240,7 @@ static void find_near(const MdfView *view, const struct phases *phases,
             near->y = v;
             ret->all += share;
             ret->seen += near->mm[0] >= 0 ? share : 0;
+            ret->over += near->mm[0] == OVER ? share : 0;
         }
 }
 
@@ -349,6 +356,7 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
         struct side side[2] = {{.mm = -1}, {.mm = -1}};
         if (view->x_px[i] >= 0)
             find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
+        view->over[i] += near.over > SEEN_SHARE * near.all;
         /* At a depth edge the near pixels see two surfaces. The texel lies on the one with more
          * weight, whose pixels alone are averaged; the other is a second candidate: other laser
          * positions decide. If too few pixels saw the laser, it has none. */
@@ -543,4 +551,12 @@ void mdf_view_other(const MdfView *view, const float *distance, float *ret_other
                 candidates[kept++] = candidates[k];
         ret_other[i] = mdf_merge(candidates, kept, 1).mm;
     }
+}
+
+int mdf_view_above(const MdfView *view, const float *distance) {
+    const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
+    int n = 0;
+    for (int i = 0; i < view->n_texels; i++)
+        n += distance[i] < 0 && view->over[i] >= least;
+    return n;
 }

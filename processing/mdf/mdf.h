@@ -35,6 +35,10 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
  * accepted, else what most of the remaining candidates agree on. −1: none. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
+/* Number of texels without a distance whose surface, according to two sweeps (one, if there are
+ * fewer than four), lies above the reference plane. */
+int mdf_view_above(const MdfView *view, const float *distance);
+
 /* A sweep's depth resolution: the volume in mm³ of the tetrahedron of laser source, camera centre
  * and two points 2 mm apart on the line that the laser draws through the turntable's centre. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,

@@ -155,6 +155,9 @@ gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **
             ret->denied_share += denied[i];
             answers += confirmed[i] + denied[i];
         }
+        int above = 0;
+        exr_get_int(g_ptr_array_index(file->parts, view), "mesorig.above", &above, NULL);
+        ret->above += CLAMP(above, 0, n_texels);
         ret->texels += n_texels;
         if (mdf_lines_read(g_ptr_array_index(file->parts, view), &lines))
             mdf_lines_add(&ret->lines, &lines);

@@ -58,6 +58,7 @@ struct mdf_views_sums {
     gint64 texels, seen; /* of all views */
     gint64 confirmed;    /* by at least one other view, and not refuted */
     gint64 refuted, unknown;
+    gint64 above;        /* unknown to their view: the laser shows them above the reference plane */
     double denied_share; /* of all answers of other views */
     struct mdf_lines lines;
 };

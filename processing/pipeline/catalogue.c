@@ -244,6 +244,7 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
     if (input) {
         light.radiometry = lamp;
         light.output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1;
+        light.output_error = outputs_error(catalogue->outputs, shot->id);
         light.input = *input;
         if (input->turntable_deg != shot->turntable_deg) {
             light.turntable_rad = catalogue_radians(input->turntable_deg);

@@ -147,6 +147,7 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     float *const *p = result->planes;
     mdf_view_merge(view, p[PLANE_M], p[PLANE_N], p[PLANE_S]);
     mdf_view_other(view, p[PLANE_M], p[PLANE_O]);
+    result->above = mdf_view_above(view, p[PLANE_M]);
     for (int i = 0; i < grid->width * grid->height; i++) {
         p[PLANE_D][i] = p[PLANE_M][i];
         p[PLANE_P][i] = p[PLANE_M][i] >= 0 ? MDF_MEASURED : MDF_UNSEEN;
@@ -215,6 +216,7 @@ gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
         exr_set_string(part, "mesorig.inputs", result->inputs);
         exr_set_string(part, "mesorig.views", result->agreed);
         mdf_lines_write(part, &result->lines);
+        exr_set_int(part, "mesorig.above", result->above);
         exr_file_add(file, part);
     }
     return exr_write(path, file, EXR_PIZ, TRUE, error);
@@ -236,6 +238,7 @@ static struct mdf_result *result_of(const struct exr_file *file, const struct ca
     struct mdf_result *result = mdf_product_new_result(view, inputs, grid->width * grid->height);
     memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
     result->lines = lines;
+    exr_get_int(part, "mesorig.above", &result->above, NULL);
     g_free(result->agreed);
     result->agreed = g_strdup(agreed);
     for (int i = 0; i < N_PLANES; i++) {

@@ -12,6 +12,7 @@ struct mdf_result {
     char *agreed;        /* hash of all views that settled it; empty: not settled */
     float *planes[6];    /* D, M, N, O, P, S of each texel: pipeline.h */
     struct mdf_lines lines;
+    int above; /* mdf_view_above() */
 };
 
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */

@@ -110,6 +110,11 @@ double outputs_of(const struct outputs *outputs, gint64 shot) {
     return shot >= 1 && shot <= outputs->n ? outputs->of[shot].value : 1;
 }
 
+double outputs_error(const struct outputs *outputs, gint64 shot) {
+    const gboolean known = shot >= 1 && shot <= outputs->n && outputs->of[shot].weight > 0;
+    return known ? 1 / sqrt(outputs->of[shot].weight) : 0;
+}
+
 int outputs_measured(const struct outputs *outputs) {
     return outputs->measured;
 }

@@ -1,5 +1,5 @@
-/* Two passes over the frames: the tile gives the radiometry of cameras and lamps, then the
- * fiducials beside it are calibrated with that radiometry. */
+/* Three passes over the frames: the tile gives the radiometry of cameras and lamps, what is dark
+ * around it the veiling glare, then the fiducials beside it are calibrated with that radiometry. */
 #include "tile_session.h"
 
 #include <math.h>
@@ -14,7 +14,8 @@
          */
 #define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
 #define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
-#define MOST_PAIRED 16               /* of more lamps, neighbours alone */
+#define MODEL_ERROR 5e-4 /* of the signal: how well the model describes tiles, lamps and lenses */
+#define MOST_PAIRED 16   /* of more lamps, neighbours alone */
 
 /* A frame under a lamp. */
 struct lit_frame {
@@ -281,6 +282,49 @@ static void find_mistake(struct run *run, GError **error) {
     }
 }
 
+/* Finds the veiling glare of each camera with the radiometry in run->fit and the rig it belongs to,
+ * subtracts it from the cells' signals, and fits again. rig: nominal on input as well as found. */
+static gboolean correct_glare(struct run *run, struct rig *found, GError **error) {
+    const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
+    g_autoptr(GArray) cells = g_array_new(FALSE, FALSE, sizeof(struct glare_cell));
+    struct radiometry_camera known[RIG_MAX_CAMERAS] = {{0}};
+    const guint rejected = run->rejected->len;
+    gboolean any = FALSE;
+    for (guint i = 0; i < run->frames->len && tile_session_tell(run, "glare", i); i++) {
+        const struct lit_frame *frame = &g_array_index(run->frames, struct lit_frame, i);
+        const char *cfa = NULL;
+        const float *mosaic = NULL;
+        struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
+        if (part && run->fit.cameras[frame->camera].known)
+            glare_measure(found, frame->camera, &run->fit.cameras[frame->camera], run->fit.lamps,
+                          cfa, mosaic, &run->tile, shots, frame->shot, run->fit.output[frame->shot],
+                          cells);
+        exr_part_free(part);
+    }
+    g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
+    for (int c = 0; c < found->n_cameras; c++)
+        any |= glare_fit((struct glare_cell *)(void *)cells->data, (int)cells->len, c, shots,
+                         &known[c].glare, &known[c].glare_error);
+    if (!any)
+        return check_stopped(run, error);
+    for (guint i = 0; i < run->cells->len; i++) {
+        struct tile_cell *cell = &g_array_index(run->cells, struct tile_cell, i);
+        const double glare = known[cell->camera].glare;
+        cell->signal -= glare / (1 + glare) * cell->mean;
+    }
+    tile_fit_clear(&run->fit);
+    *found = run->calibration->rig;
+    if (!check_stopped(run, error) || !tile_fit(found, shots, (int)run->tile_shots->len,
+                                                (const struct tile_cell *)(void *)run->cells->data,
+                                                (int)run->cells->len, &run->fit, error))
+        return FALSE;
+    for (int c = 0; c < found->n_cameras; c++) {
+        run->fit.cameras[c].glare = known[c].glare;
+        run->fit.cameras[c].glare_error = known[c].glare_error;
+    }
+    return TRUE;
+}
+
 /* Fits the cells of all frames and takes over the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
@@ -302,12 +346,15 @@ static gboolean fit_tile(struct run *run, GError **error) {
         return FALSE;
     }
     light_fit_set(run, &found, run->fit.residual, &light);
-    if (!check_lamps(run, &light, error))
+    if (!check_lamps(run, &light, error) || !correct_glare(run, &found, error))
         return FALSE;
     to->rig = found;
     memcpy(to->camera_radiometry, run->fit.cameras, sizeof to->camera_radiometry);
     memcpy(to->lamp_radiometry, run->fit.lamps, sizeof to->lamp_radiometry);
     run->ret->cells = (int)run->cells->len;
+    run->ret->expected = hypot(run->fit.expected, MODEL_ERROR);
+    run->ret->exponent_off = run->fit.exponent_off;
+    run->ret->aim_off_rad = run->fit.aim_off_rad;
     run->ret->residual = run->fit.residual;
     run->ret->quality = run->fit.quality;
     double least = HUGE_VAL, most = -HUGE_VAL;
@@ -327,6 +374,12 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
     struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
     if (!part)
         return;
+    const struct rig_camera *camera = &known->rig.cameras[frame->camera];
+    g_autofree float *clear =
+        g_memdup2(mosaic, sizeof *mosaic * (gsize)camera->width * (gsize)camera->height);
+    double mean[3];
+    radiometry_subtract_glare(&known->camera_radiometry[frame->camera], cfa, camera->width,
+                              camera->height, clear, mean);
     struct fiducial_scene scene = {&known->rig,
                                    frame->camera,
                                    shot->lamp,
@@ -335,7 +388,7 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->camera_radiometry[frame->camera],
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
-    fiducials_measure(&scene, cfa, mosaic, seen);
+    fiducials_measure(&scene, cfa, clear, seen);
     for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];
@@ -432,6 +485,7 @@ static void set_part(struct run *run) {
     g_free(part->residual_unit);
     part->residual_unit = g_strdup("%");
     part->residual_rms = 100 * run->ret->residual;
+    part->residual_expected = 100 * run->ret->expected;
     part->degrees_of_freedom = run->fit.degrees;
 }
 

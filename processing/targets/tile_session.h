@@ -18,10 +18,12 @@ struct tile_options {
 
 struct tile_result {
     int pictures, cells;
-    double residual, quality; /* relative RMS; χ² per degree of freedom */
-    double drift;             /* largest minus least output of a lamp, relative to its mean */
-    int marks;                /* number of calibrated fiducials */
-    int transfers;            /* number of cameras with known noise */
+    double residual, quality;         /* relative RMS; χ² per degree of freedom */
+    double expected;                  /* residual that noise explains, relative */
+    double exponent_off, aim_off_rad; /* of the lamps, RMS, as in struct tile_fit */
+    double drift;  /* largest minus least output of a lamp, relative to its mean */
+    int marks;     /* number of calibrated fiducials */
+    int transfers; /* number of cameras with known noise */
 };
 
 /* Updates the calibration and its part CALIBRATION_RADIOMETRY. The geometry is taken as it is.

@@ -60,14 +60,20 @@ static struct calibration *complete(void) {
         GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
         g_ptr_array_add(rejected, g_strdup("a picture: dark"));
         g_ptr_array_add(rejected, g_strdup("another: dark"));
-        calibration_set_part(calibration, (enum calibration_kind)k, "by hand", 2, "00", rejected);
+        calibration_set_part(calibration, (enum calibration_kind)k, "by hand", 2, "00", rejected)
+            ->residual_expected = 0.02;
     }
     for (int i = 0; i < rig->n_cameras; i++) {
         calibration->cameras[i].known = calibration->noise[i].known = TRUE;
         calibration->camera_radiometry[i].known = TRUE;
         for (int c = 0; c < 3; c++)
             calibration->camera_radiometry[i].colour[c] = 1;
+        struct radiometry_camera *radiometry = &calibration->camera_radiometry[i];
+        radiometry->flat[RADIOMETRY_SMOOTH] = radiometry->flat_error[RADIOMETRY_SMOOTH] = 0.01;
+        radiometry->glare = 0.02;
+        radiometry->excess = 0.003;
     }
+    calibration->lamp_radiometry[0].flicker = 0.004;
     for (int i = 0; i < 3; i++) {
         calibration->lamps[0].position_covariance_mm2[i][i] = 1 + i;
         calibration->lamp_radiometry[0].colour[i] = 1;

@@ -1,3 +1,4 @@
+#include "base/residual.h"
 #include "lib/radiometry_fixture.h"
 #include "radiometry/photon_transfer.h"
 #include "radiometry/radiometry.h"
@@ -295,9 +296,45 @@ static void bad_tiles(void) {
     tile_refused(shots, N_SHOTS, apart, RADIOMETRY_ERROR_DEGENERATE, "never see the tile");
 }
 
+/* Pictures that are coded as sRGB is, nearly, and taken for linear: the fit takes it for another
+ * fall-off of the lamps; a tile with spots leaves residuals. Without either nothing is in excess.
+ */
+static void wrong_tones(void) {
+    struct tile_shot shots[N_SHOTS];
+    struct rig nominal;
+    g_autoptr(World) world = tile_world(3);
+    radiometry_fixture_rig(&nominal);
+    g_autoptr(GArray) cells = tile_cells(world, &nominal, shots);
+    for (int wrong = 0; wrong < 3; wrong++) {
+        g_autofree struct tile_cell *own = g_memdup2(cells->data, cells->len * sizeof *own);
+        struct rig rig = nominal;
+        struct tile_fit fit;
+        g_autoptr(GError) error = NULL;
+        for (guint i = 0; i < cells->len; i++) {
+            const double power = wrong == 1 ? 1 / 2.2 : 1, signal = own[i].signal;
+            own[i].error *= power * pow(signal, power - 1);
+            own[i].signal = pow(signal, power);
+            if (wrong == 2)
+                own[i].signal *= 1 + 0.005 * sin(0.3 * own[i].point_mm.x + own[i].point_mm.y);
+        }
+        const gboolean ok = tile_fit(&rig, shots, N_SHOTS, own, (int)cells->len, &fit, &error);
+        g_assert_no_error(error);
+        g_assert_true(ok);
+        g_test_message("%d: residual %.5f, expected %.5f, exponents %.2f, aims %.3f, excess %.5f",
+                       wrong, fit.residual, fit.expected, fit.exponent_off, fit.aim_off_rad,
+                       fit.cameras[0].excess);
+        g_assert_cmpint(fit.aim_off_rad > 0.5, ==, wrong == 1);
+        g_assert_cmpint(fit.residual > RESIDUAL_LIMIT * fit.expected, ==, wrong == 2);
+        g_assert_cmpint(fit.cameras[0].excess > 0.002, ==, wrong == 2);
+        g_assert_cmpfloat(fabs(fit.exponent_off - 0.45), <, 0.6);
+        tile_fit_clear(&fit);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/radiometry/tile", tile);
+    g_test_add_func("/radiometry/wrong-tones", wrong_tones);
     g_test_add_func("/radiometry/photon-transfer", photon_transfer);
     g_test_add_func("/radiometry/bent-sensor", bent_sensor);
     g_test_add_func("/radiometry/bad-pairs", bad_pairs);

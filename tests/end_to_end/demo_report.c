@@ -4,6 +4,7 @@
  * the same frames processed as if the rig had not been calibrated are measured as well.
  */
 #include "base/work.h"
+#include "btf/btf_sigma.h"
 #include "demo_calibration.h"
 #include "demo_pictures.h"
 #include "mdf/mdf_views.h"
@@ -18,6 +19,7 @@
 /* A texel, in x and y: edges of shadows need many. */
 #define TRUTH_SAMPLES 12
 #define SHEETS        5 /* of each sweep, whose sheets are compared */
+#define BEYOND_SIGMA  3
 
 enum { CALIBRATED, NOMINAL, KINDS };
 
@@ -25,6 +27,8 @@ struct mdf_sums {
     double squares, squares_all;
     gint64 n, n_all, covered, seen, outliers, texels;
     GArray *errors;
+    double chi2; /* sum of the squares of errors relative to their error bars, beside no edge */
+    gint64 n_bars, beyond; /* with error bars; off by more than 3 of them */
 };
 
 struct products { /* what was made of the frames */
@@ -32,6 +36,8 @@ struct products { /* what was made of the frames */
     struct exr_file *mdf;
     struct mdf_sums sums;
     GArray *errors, *steep; /* of the BTF, relative; steep: from views below 30° */
+    double chi2;            /* as that of the MDF */
+    gint64 n_bars, beyond;
 };
 
 struct report {
@@ -114,6 +120,7 @@ static void compare_mdf_view(struct report *report, guint v, const float *truth,
         const struct exr_part *part = exr_file_part(report->products[k].mdf, name);
         const float *measured = part ? exr_part_plane(part, "D") : NULL;
         const float *from = part ? exr_part_plane(part, "P") : NULL;
+        const float *bars = part ? exr_part_plane(part, "S") : NULL;
         struct mdf_sums *sums = &report->products[k].sums;
         if (measured && from) {
             /* What other views predict is not measured, so that it counts as nothing here. */
@@ -133,6 +140,11 @@ static void compare_mdf_view(struct report *report, guint v, const float *truth,
                 sums->squares += (double)error * error;
                 sums->n++;
                 g_array_append_val(sums->errors, error);
+                if ((int)from[i] != MDF_MEASURED || !bars || !(bars[i] > 0))
+                    continue;
+                sums->n_bars++;
+                sums->chi2 += pow((double)(error / bars[i]), 2);
+                sums->beyond += error > BEYOND_SIGMA * bars[i];
             }
         }
     }
@@ -208,13 +220,24 @@ static gboolean measure_btf_pair(struct report *report, const struct session_dir
             return FALSE;
         const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                   exr_part_plane(part, "B")};
+        const float *sigma = exr_part_plane(part, "sigma");
+        struct btf_sigma of;
+        const gboolean bars = sigma && btf_sigma_read(part, &of);
+        struct products *products = &report->products[k];
         for (int t = 0; t < part->width * part->height; t++)
             for (int c = 0; c < 3; c++) {
                 const float exact = truth[t * 3 + c];
                 const float relative_error = fabsf(planes[c][t] - exact) / MAX(exact, 0.02f);
-                g_array_append_val(view->theta_deg > 60 ? report->products[k].steep
-                                                        : report->products[k].errors,
+                g_array_append_val(view->theta_deg > 60 ? products->steep : products->errors,
                                    relative_error);
+                if (!bars || !(sigma[t] > 0))
+                    continue;
+                const double bar =
+                    hypot(of.colour[c] * (double)sigma[t], of.scale[c] * (double)planes[c][t]);
+                const double off = fabs((double)(planes[c][t] - exact)) / bar;
+                products->n_bars++;
+                products->chi2 += off * off;
+                products->beyond += off > BEYOND_SIGMA;
             }
         if (k == CALIBRATED && draw && demo_btf_add(report->picture, part, view, light, truth))
             g_printerr("%s: column %d, view from theta %g, phi %g, light from %g, %g degrees\n",
@@ -274,10 +297,14 @@ enum {
     MDF_OUTLIERS,
     MDF_COVERAGE,
     MDF_SEEN,
+    MDF_CHI2,
+    MDF_BEYOND,
     BTF_MEDIAN,
     BTF_P95,
     BTF_STEEP_MEDIAN,
     BTF_STEEP_P95,
+    BTF_CHI2,
+    BTF_BEYOND,
     FIGURES
 };
 static const char *const figure_names[FIGURES] = {
@@ -288,10 +315,14 @@ static const char *const figure_names[FIGURES] = {
     "mdf_outliers",
     "mdf_coverage_of_seen",
     "mdf_seen_of_texels",
+    "mdf_chi2",
+    "mdf_beyond_3_sigma",
     "btf_relative_error_median",
     "btf_relative_error_p95",
     "btf_relative_error_above_60deg_median",
     "btf_relative_error_above_60deg_p95",
+    "btf_chi2",
+    "btf_beyond_3_sigma",
 };
 
 static void sum_up(const struct report *report, const struct products *products,
@@ -308,6 +339,10 @@ static void sum_up(const struct report *report, const struct products *products,
     ret[MDF_OUTLIERS] = (double)sums->outliers / (double)sums->n_all;
     ret[MDF_COVERAGE] = (double)sums->covered / (double)sums->seen;
     ret[MDF_SEEN] = (double)sums->seen / (double)sums->texels;
+    ret[MDF_CHI2] = sums->chi2 / (double)sums->n_bars;
+    ret[MDF_BEYOND] = (double)sums->beyond / (double)sums->n_bars;
+    ret[BTF_CHI2] = products->chi2 / (double)products->n_bars;
+    ret[BTF_BEYOND] = (double)products->beyond / (double)products->n_bars;
     ret[BTF_MEDIAN] = quantile(products->errors, 0.5);
     ret[BTF_P95] = quantile(products->errors, 0.95);
     ret[BTF_STEEP_MEDIAN] = quantile(products->steep, 0.5);

@@ -3,6 +3,7 @@
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/small_rig.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -100,11 +101,17 @@ static void tones(void) {
     }
 }
 
+static void change_session(const char *session, const char *sql) {
+    g_autofree char *path = g_build_filename(session, "session.db", NULL);
+    sqlite3 *db = NULL;
+    g_assert_cmpint(sqlite3_open(path, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, sql, NULL, NULL, NULL), ==, SQLITE_OK);
+    sqlite3_close(db);
+}
+
 /* A structure that is said to have no depth, below a plane 5 mm too high: little of it is left. */
 static void depth(void) {
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
-    g_autofree char *path = g_build_filename(session, "session.db", NULL);
-    sqlite3 *db = NULL;
     g_free(process_mesorig(0,
                            "capture " SOURCE_DIR "/tests/small/rig.conf " SOURCE_DIR
                            "/tests/small/session.conf -o %s",
@@ -112,17 +119,90 @@ static void depth(void) {
     g_free(process_mesorig(0, "process %s", session));
     g_autofree char *right = process_mesorig(0, "check %s", session);
     g_assert_null(strstr(right, "suspect "));
-    g_assert_cmpint(sqlite3_open(path, &db), ==, SQLITE_OK);
-    g_assert_cmpint(
-        sqlite3_exec(
-            db,
-            "UPDATE grid SET depth_mm = 0, reference_mm = reference_mm + 5; DELETE FROM product",
-            NULL, NULL, NULL),
-        ==, SQLITE_OK);
-    sqlite3_close(db);
+    change_session(
+        session,
+        "UPDATE grid SET depth_mm = 0, reference_mm = reference_mm + 5; DELETE FROM product");
     g_free(process_mesorig(0, "process %s", session));
     g_autofree char *wrong = process_mesorig(0, "check %s", session);
     assert_has(wrong, "below depth_mm = 0 are left out");
+}
+
+/* A picture for `import pictures` of one value. */
+static void write_even_picture(const char *path, double light) {
+    g_autoptr(ExrFile) file = exr_file_new();
+    exr_file_add(file, exr_part_new("Y", SIDE, SIDE, (const char *const[]){"Y", NULL}, EXR_FLOAT));
+    for (int i = 0; i < SIDE * SIDE; i++)
+        exr_part_plane(file->parts->pdata[0], "Y")[i] = (float)light;
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+}
+
+/* Lamps that are dead in a session whose import has not seen it, as in a captured one; a lamp that
+ * is weak; and a black varnish, which is dark but where it mirrors a lamp. */
+static void dead_lamps(void) {
+    static const struct {
+        const char *name, *says;
+        int dead;
+        double weak, matt; /* reflectance */
+    } all[] = {
+        {"alive", NULL, 0, 1, 0.4},
+        {"weak", NULL, 0, 0.2, 0.4},
+        {"varnish", NULL, 0, 1, 0.004},
+        {"dead",
+         "6 of 18 lights are near zero in all views (θ φ 30° 0°, 30° 60°, 30° 120°, 30° "
+         "180° and 2 more)",
+         6, 1, 0.4},
+        {"dead-varnish", "1 of 18 lights is near zero in all views (θ φ 30° 0°)", 1, 1, 0.004},
+    };
+    for (gsize k = 0; k < G_N_ELEMENTS(all); k++) {
+        g_autofree char *pictures = g_build_filename(folder, all[k].name, NULL);
+        g_autofree char *session = g_strconcat(pictures, ".session", NULL);
+        g_mkdir(pictures, 0700);
+        for (int v = 0; v < 2; v++)
+            for (int l = 0; l < 18; l++) {
+                const int theta = 30 + 25 * (l / 6), phi = 60 * (l % 6), view = v * 30;
+                g_autofree char *path = g_strdup_printf("%s/tl%03d_pl%03d_tv%03d_pv000.exr",
+                                                        pictures, theta, phi, view);
+                const double mirror = theta == view && phi == 180 ? 0.5 : 0;
+                const double f = l < all[k].dead ? 1e-5 : all[k].matt + mirror;
+                write_even_picture(path, f * cos(theta * G_PI / 180) * (l == 17 ? all[k].weak : 1));
+            }
+        g_free(process_mesorig(0, "import pictures %s -o %s", pictures, session));
+        g_autofree char *imported = process_mesorig(0, "check %s", session);
+        g_assert_null(strstr(imported, "near zero")); /* the import has said it */
+        g_assert_cmpint(strstr(imported, "lights are dark") != NULL, ==, all[k].says != NULL);
+        change_session(session, "DELETE FROM value WHERE key = 'suspicions'");
+        g_autofree char *told = process_mesorig(0, "check %s", session);
+        g_assert_cmpint(strstr(told, "suspect ") != NULL, ==, all[k].says != NULL);
+        if (all[k].says)
+            assert_has(told, all[k].says);
+    }
+}
+
+/* A plate of 30 mm on the turntable, below a plane that touches it, and under one that cuts through
+ * it. */
+static void plane_too_low(void) {
+    static const struct change world[] = {{"[sample]", "width_mm = 30"},
+                                          {"[sample]", "base_mm = 5"},
+                                          {"[world]", "turntable_albedo = 0.5"},
+                                          {NULL, NULL}};
+    static const struct change conf[] = {
+        {"[capture]", "sweep_steps = 60"}, {"[sample]", "texels = 24"}, {NULL, NULL}};
+    g_autofree char *directory = g_build_filename(folder, "plate", NULL);
+    g_autofree char *session = g_build_filename(directory, "plate.session", NULL);
+    g_mkdir(directory, 0700);
+    small_rig_write(directory, "rig.conf", NULL);
+    small_rig_write(directory, "world.conf", world);
+    small_rig_write(directory, "session.conf", conf);
+    g_free(process_mesorig(0, "capture %s/rig.conf %s/session.conf -o %s", directory, directory,
+                           session));
+    g_free(process_mesorig(0, "process %s", session));
+    g_autofree char *right = process_mesorig(0, "check %s", session);
+    g_assert_null(strstr(right, "suspect "));
+    change_session(session, "UPDATE grid SET reference_mm = reference_mm - 3; DELETE FROM product");
+    g_free(process_mesorig(0, "process %s", session));
+    g_autofree char *wrong = process_mesorig(0, "check %s", session);
+    assert_has(wrong, "of the surface above the reference plane at reference_mm = 2,");
+    g_free(process_mesorig(1, "check %s --strict", session));
 }
 
 int main(int argc, char **argv) {
@@ -130,6 +210,8 @@ int main(int argc, char **argv) {
     folder = g_dir_make_tmp("mesorig-check-XXXXXX", NULL);
     g_test_add_func("/check/tones", tones);
     g_test_add_func("/check/depth", depth);
+    g_test_add_func("/check/dead-lamps", dead_lamps);
+    g_test_add_func("/check/plane-too-low", plane_too_low);
     const int code = g_test_run();
     remove_tree(folder);
     g_free(folder);

@@ -206,11 +206,16 @@ static void test_scale(struct fixture *fixture, gconstpointer unused) {
         TRUE, {1.3, 1, 0.7}, .response_error = 0.01, .colour_error = {0.02, 0, 0.01}};
     const struct radiometry_lamp source = {
         TRUE, {0.9, 1, 1.2}, .intensity_error = 0.015, .colour_error = {0.009, 0, 0.03}};
-    double scale[3], none[3], sums[3] = {0};
+    struct radiometry_lamp flickering = source;
+    double scale[3], none[3], measured[3], unmeasured[3], sums[3] = {0};
     enum { DRAWS = 4000 };
     GRand *random = g_rand_new_with_seed(3);
-    btf_sigma_scale(&camera, &source, scale);
-    btf_sigma_scale(NULL, NULL, none);
+    flickering.flicker = 0.03;
+    flickering.frame_flicker = 0.004;
+    btf_sigma_scale(&camera, &source, 0, scale);
+    btf_sigma_scale(NULL, NULL, 0, none);
+    btf_sigma_scale(&camera, &flickering, 0.003, measured);
+    btf_sigma_scale(&camera, &flickering, 0, unmeasured);
     for (int i = 0; i < DRAWS; i++) {
         const double both = exp(0.01 * normal(random) + 0.015 * normal(random));
         for (int c = 0; c < 3; c++) {
@@ -223,6 +228,8 @@ static void test_scale(struct fixture *fixture, gconstpointer unused) {
     for (int c = 0; c < 3; c++) {
         g_assert_cmpfloat_with_epsilon(sums[c] / DRAWS / pow(scale[c], 2), 1, 0.1);
         g_assert_cmpfloat(none[c], ==, 0);
+        g_assert_cmpfloat_with_epsilon(measured[c], hypot(scale[c], 0.005), 1e-9);
+        g_assert_cmpfloat_with_epsilon(unmeasured[c], hypot(scale[c], hypot(0.03, 0.004)), 1e-9);
     }
 }
 

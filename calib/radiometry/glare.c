@@ -1,0 +1,261 @@
+/* Veiling glare: light that lens and sensor scatter over the whole picture, g times the mean of the
+ * light that is due there. M is the mean of the picture, with glare. A cell c of a camera's picture
+ * that shows a dark surface has, in shots s under lamp l,
+ *   d_s = γ M_s + ρ_(c,l) e_s,   γ = g / (1 + g),   e_s: what a white surface there would show.
+ * The lamp moves about the turntable and is now nearer to the cell and now farther away, so that
+ * M_s and e_s differ. With e projected out in each group of a cell, a lamp and a colour,
+ *   m_s = M_s − e_s Σ w e M / Σ w e²,   γ = Σ w m d / Σ w m²,
+ * with w = 1/σ² of the cell, over all groups. Each group has a ρ of its own, as a surface may
+ * reflect more of one lamp's light than of another's. */
+#include "radiometry.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define CELLS      12 /* as in radiometry.c */
+#define CELL_PX    16
+#define FEW_PIXELS 16
+#define BORDER_MM  4 /* around the tile, besides twice its height: it throws light and shadow */
+#define MOST_ROWS  256
+#define DARK       0.25 /* of a picture's mean: a brighter surface is not dark */
+#define ALIKE      2.0  /* factor between a shot and its group's median: shadows, marks */
+#define FEW_SHOTS  4    /* of a group */
+#define OUTLIER    4.0  /* standard deviations */
+#define MOST_ERROR 0.002
+
+struct glare_sums {
+    double n, signal, white, squares, triples;
+    float last[2];
+    int last_x, last_y, run;
+};
+
+static double glare_white(const struct rig *rig, const struct radiometry_camera *radiometry,
+                          const struct radiometry_lamp *lamp, const struct tile_shot *shot,
+                          const struct rig_camera *camera, int x, int y, int colour,
+                          struct vec3 p) {
+    const struct rig_lamp *l = &rig->lamps[shot->lamp];
+    const struct vec3 path = vec3_sub(rig_lamp_position_mm(&rig->arc, l, shot->arc_rad), p);
+    return camera->response * radiometry->colour[colour] *
+           radiometry_flat(camera, radiometry, x, y) / G_PI * MAX(path.z / vec3_length(path), 0) *
+           lamp->colour[colour] * rig_lamp_irradiance(&rig->arc, l, shot->arc_rad, p);
+}
+
+int glare_measure(const struct rig *rig, int camera, const struct radiometry_camera *radiometry,
+                  const struct radiometry_lamp *lamps, const char *cfa, const float *mosaic,
+                  const struct tile *tile, const struct tile_shot *shots, int shot, double output,
+                  GArray *cells) {
+    const struct rig_camera *c = &rig->cameras[camera];
+    const struct tile_shot *at = &shots[shot];
+    const struct vec3 eye = rig_camera_centre_mm(c);
+    const int aside = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
+    const double border_mm = BORDER_MM + 2 * tile->top_mm;
+    g_autofree struct glare_sums *sums = g_new0(struct glare_sums, CELLS * CELLS * 3);
+    double all[3] = {0}, n_all[3] = {0}, variance = 0, mean = 0;
+    const int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
+    for (int row = 0; row + 1 < c->height; row += stride)
+        for (int i = 0; i < 2 * c->width; i++) {
+            const int x = i % c->width, y = row + i / c->width;
+            const float value = mosaic[(gsize)y * (gsize)c->width + (gsize)x];
+            const int colour = radiometry_colour_at(cfa, x, y);
+            if (!isfinite(value))
+                continue;
+            all[colour] += (double)value;
+            n_all[colour]++;
+            const struct vec3 ray = rig_pixel_ray(c, x, y);
+            double white = 0; /* of what is beyond the turntable, nothing is known */
+            if (ray.z < 0) {
+                const struct vec3 p = vec3_add(eye, vec3_scale(ray, -eye.z / ray.z));
+                const struct vec3 own = rig_turn(p, -at->turntable_rad);
+                if (fabs(own.x) < tile->width_mm / 2 + border_mm &&
+                    fabs(own.y) < tile->height_mm / 2 + border_mm)
+                    continue;
+                white =
+                    output * glare_white(rig, radiometry, &lamps[at->lamp], at, c, x, y, colour, p);
+            }
+            struct glare_sums *s =
+                &sums[3 * (y * aside / c->height * CELLS + x * aside / c->width) + colour];
+            s->run = s->last_y == y && x - s->last_x <= 2 ? s->run + 1 : 1;
+            if (s->run > 2) { /* as in radiometry.c */
+                const double off = value - 2.0 * s->last[0] + s->last[1];
+                s->squares += off * off / 6;
+                s->triples++;
+            }
+            s->last[1] = s->last[0];
+            s->last[0] = value;
+            s->last_x = x;
+            s->last_y = y;
+            s->n++;
+            s->signal += (double)value;
+            s->white += white;
+        }
+    const guint before = cells->len;
+    for (int i = 0; i < CELLS * CELLS * 3; i++) {
+        variance += sums[i].squares;
+        mean += sums[i].triples;
+    }
+    const double noise = mean > 0 ? variance / mean : 0; /* of a pixel: of dark ones read noise */
+    for (int i = 0; i < CELLS * CELLS * 3 && noise > 0; i++) {
+        const struct glare_sums *s = &sums[i];
+        if (s->n < FEW_PIXELS || n_all[i % 3] == 0)
+            continue;
+        const struct glare_cell cell = {.shot = shot,
+                                        .camera = camera,
+                                        .colour = i % 3,
+                                        .cell = i / 3,
+                                        .signal = 1000 * s->signal / s->n,
+                                        .error = 1000 * sqrt(noise / s->n),
+                                        .mean = 1000 * all[i % 3] / n_all[i % 3],
+                                        .white = s->white / s->n};
+        g_array_append_val(cells, cell);
+    }
+    return (int)(cells->len - before);
+}
+
+struct glare_sort {
+    int camera;
+    const struct tile_shot *shots;
+};
+
+static int glare_compare(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct glare_cell *x = a, *y = b;
+    const struct glare_sort *by = data;
+    const int lamps = by->shots[x->shot].lamp - by->shots[y->shot].lamp;
+    if ((x->camera == by->camera) != (y->camera == by->camera))
+        return x->camera == by->camera ? -1 : 1;
+    return x->cell != y->cell       ? x->cell - y->cell
+           : lamps != 0             ? lamps
+           : x->colour != y->colour ? x->colour - y->colour
+                                    : x->shot - y->shot;
+}
+
+static int glare_by_value(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Sums of one pass over the groups: of all, and of each lamp. */
+struct glare_pass {
+    double up, down, chi2;
+    int n, groups;
+    double darkest; /* least median of a group's d / M: glare is not above it */
+    double lamp_up[RIG_MAX_LAMPS], lamp_down[RIG_MAX_LAMPS];
+};
+
+/* Adds a group of n cells. g < 0: the first pass; else outliers from it are left out, by `scale`.
+ */
+static void glare_add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
+                            struct glare_pass *to) {
+    g_autofree double *share = g_new(double, n), *sorted = g_new(double, n);
+    g_autofree gboolean *good = g_new(gboolean, n);
+    double em = 0, ee = 0, ed = 0;
+    int kept = 0;
+    for (int i = 0; i < n; i++)
+        sorted[i] = share[i] = cells[i].signal / cells[i].mean;
+    qsort(sorted, (gsize)n, sizeof *sorted, glare_by_value);
+    const double median = sorted[n / 2];
+    if (n < FEW_SHOTS || !(median > 0) || median > DARK)
+        return;
+    for (int round = 0; round < 2; round++) { /* the second leaves outliers of the first out */
+        const double rho = round > 0 && ee > 0 ? (ed - g * em) / ee : 0;
+        for (int i = 0; i < n; i++) {
+            const double off = cells[i].signal - g * cells[i].mean - rho * cells[i].white;
+            good[i] = share[i] < ALIKE * median && share[i] > median / ALIKE &&
+                      (round == 0 || g < 0 || fabs(off) < OUTLIER * scale * cells[i].error);
+        }
+        em = ee = ed = kept = 0;
+        for (int i = 0; i < n; i++) {
+            const double w = good[i] ? 1 / (cells[i].error * cells[i].error) : 0;
+            em += w * cells[i].white * cells[i].mean;
+            ee += w * cells[i].white * cells[i].white;
+            ed += w * cells[i].white * cells[i].signal;
+            kept += good[i];
+        }
+    }
+    if (kept < FEW_SHOTS)
+        return;
+    const double by = ee > 0 ? em / ee : 0, rho = ee > 0 ? (ed - MAX(g, 0) * em) / ee : 0;
+    for (int i = 0; i < n; i++) {
+        if (!good[i])
+            continue;
+        const double w = 1 / (cells[i].error * cells[i].error);
+        const double m = cells[i].mean - by * cells[i].white;
+        const double off = cells[i].signal - MAX(g, 0) * cells[i].mean - rho * cells[i].white;
+        to->up += w * m * cells[i].signal;
+        to->down += w * m * m;
+        to->lamp_up[lamp] += w * m * cells[i].signal;
+        to->lamp_down[lamp] += w * m * m;
+        to->chi2 += w * off * off;
+        to->n++;
+    }
+    to->groups++;
+    to->darkest = MIN(to->darkest, median);
+}
+
+static void glare_run(const struct glare_cell *cells, int n, const struct tile_shot *shots,
+                      double g, double scale, struct glare_pass *ret) {
+    *ret = (struct glare_pass){.darkest = HUGE_VAL};
+    for (int first = 0, i = 1; i <= n; i++) {
+        const struct glare_cell *a = &cells[first], *b = &cells[i];
+        if (i < n && a->cell == b->cell && a->colour == b->colour &&
+            shots[a->shot].lamp == shots[b->shot].lamp)
+            continue;
+        glare_add_group(a, i - first, shots[a->shot].lamp, g, scale, ret);
+        first = i;
+    }
+}
+
+gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct tile_shot *shots,
+                   double *ret_glare, double *ret_error) {
+    const struct glare_sort by = {camera, shots};
+    struct glare_pass pass;
+    double g = -1, scale = 1, scatter = 0;
+    int own = 0, lamps = 0;
+    g_qsort_with_data(cells, n, sizeof *cells, glare_compare, (gpointer)&by);
+    while (own < n && cells[own].camera == camera)
+        own++;
+    for (int round = 0; round < 4; round++) {
+        glare_run(cells, own, shots, g, scale, &pass);
+        if (!(pass.down > 0))
+            return FALSE;
+        g = MAX(pass.up / pass.down, 0);
+        if (round > 0)
+            scale = sqrt(MAX(pass.chi2 / MAX(pass.n - pass.groups - 1, 1), 1));
+        else
+            scale = HUGE_VAL;
+    }
+    /* What is not described, such as a gloss of the surround, differs from lamp to lamp. */
+    for (int l = 0; l < RIG_MAX_LAMPS; l++)
+        if (pass.lamp_down[l] > 0) {
+            scatter += pass.lamp_down[l] * pow(pass.lamp_up[l] / pass.lamp_down[l] - g, 2);
+            lamps++;
+        }
+    *ret_error = scale / sqrt(pass.down);
+    if (lamps > 1)
+        *ret_error = MAX(*ret_error, sqrt(scatter / (lamps - 1) / pass.down));
+    *ret_glare = g / (1 - g); /* M has the glare in it */
+    return *ret_error < MOST_ERROR && g < pass.darkest + 3 * *ret_error;
+}
+
+void radiometry_subtract_glare(const struct radiometry_camera *radiometry, const char *cfa,
+                               int width, int height, float *mosaic, double ret_mean[3]) {
+    const gsize n = (gsize)width * (gsize)height;
+    double counts[3] = {0}, by[3];
+    memset(ret_mean, 0, 3 * sizeof *ret_mean);
+    for (gsize i = 0; i < n; i++) {
+        const int colour =
+            radiometry_colour_at(cfa, (int)(i % (gsize)width), (int)(i / (gsize)width));
+        if (!isfinite(mosaic[i]))
+            continue;
+        ret_mean[colour] += (double)mosaic[i];
+        counts[colour]++;
+    }
+    for (int k = 0; k < 3; k++) {
+        ret_mean[k] = counts[k] > 0 ? ret_mean[k] / counts[k] : 0;
+        by[k] = radiometry->glare / (1 + radiometry->glare) * ret_mean[k];
+    }
+    if (!(radiometry->glare > 0))
+        return;
+    for (gsize i = 0; i < n; i++)
+        mosaic[i] -=
+            (float)by[radiometry_colour_at(cfa, (int)(i % (gsize)width), (int)(i / (gsize)width))];
+}
