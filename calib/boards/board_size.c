@@ -150,6 +150,9 @@ static void see_print(const struct picture *picture, const struct board *board, 
     to->white = n[1] ? sum[1] / n[1] : 0;
 }
 
+/* By side, in the board's frame. */
+static const int outwards[4][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}};
+
 /* The print's black and its contrast near a place. FALSE: it is not to be seen there. */
 static gboolean levels_near(const struct board *board, const struct print *print,
                             const struct outside *place, double *ret_black, double *ret_contrast) {
@@ -186,7 +189,6 @@ static double level_at(const struct picture *picture, Project project, gconstpoi
 static int margin_at(const struct picture *picture, const struct board *board,
                      const struct print *print, const struct outside *place, Project project,
                      gconstpointer data) {
-    static const int out[4][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}};
     const double s = board->square_mm;
     double black, contrast, dark = 0;
     if (!levels_near(board, print, place, &black, &contrast))
@@ -197,8 +199,9 @@ static int margin_at(const struct picture *picture, const struct board *board,
     }
     for (int k = 0; k < EDGE_STEPS; k++) {
         const double u = ((k + 0.5) / EDGE_STEPS * 2 - 1) * EDGE_REACH * s;
-        const double level = level_at(picture, project, data, place->x + u * out[place->side][0],
-                                      place->y + u * out[place->side][1], black, contrast);
+        const double level =
+            level_at(picture, project, data, place->x + u * outwards[place->side][0],
+                     place->y + u * outwards[place->side][1], black, contrast);
         if (!isfinite(level))
             return 0;
         dark += level < 0.5;
@@ -208,12 +211,24 @@ static int margin_at(const struct picture *picture, const struct board *board,
 
 enum end { OPEN, ENDS, GOES_ON };
 
-/* Whether the picture shows that the board ends as it is described, or goes on at one side. */
+/* Whether a place beside a black square is light. */
+static gboolean is_light_beyond(const struct picture *picture, const struct board *board,
+                                const struct print *print, const struct outside *place,
+                                Project project, gconstpointer data) {
+    const double s = OUTSIDE * board->square_mm;
+    double black, contrast;
+    return levels_near(board, print, place, &black, &contrast) &&
+           level_at(picture, project, data, place->x + s * outwards[place->side][0],
+                    place->y + s * outwards[place->side][1], black, contrast) > WHITE;
+}
+
+/* Whether the picture shows that the board ends as it is described, or goes on at one side: dark
+ * where the next squares or circles would be dark, and light where they would be light. */
 static enum end end_of(const struct picture *picture, const struct board *board, Project project,
                        gconstpointer data) {
     g_autoptr(GArray) places = g_array_new(FALSE, FALSE, sizeof(struct outside));
     struct print print;
-    int n[4] = {0}, edges[4] = {0}, light[4] = {0}, dark[4] = {0};
+    int n[4] = {0}, edges[4] = {0}, light[4] = {0}, dark[4] = {0}, beyond[4] = {0};
     if (board->circle_mm > 0)
         add_circles(board, places);
     for (int side = 0; side < 4 && !(board->circle_mm > 0); side++)
@@ -224,13 +239,16 @@ static enum end end_of(const struct picture *picture, const struct board *board,
         const int margin = margin_at(picture, board, &print, place, project, data);
         n[place->side]++;
         edges[place->side] += place->is_edge;
+        beyond[place->side] +=
+            place->is_edge && is_light_beyond(picture, board, &print, place, project, data);
         light[place->side] += margin > 0;
         dark[place->side] += margin < 0;
     }
     g_array_unref(print.points);
     gboolean ends = TRUE;
     for (int side = 0; side < 4; side++) {
-        if (n[side] > edges[side] && dark[side] >= CONTINUED * (n[side] - edges[side]))
+        if (n[side] > edges[side] && beyond[side] >= CONTINUED * edges[side] &&
+            dark[side] >= CONTINUED * (n[side] - edges[side]))
             return GOES_ON;
         ends &= n[side] > 0 && light[side] >= CLOSED * n[side];
     }
@@ -295,14 +313,14 @@ static enum end end_of_chessboard(const struct picture *picture, struct board *b
     return end_of(picture, board, by_corner_grid, &grid);
 }
 
-static gboolean measure_chessboard(const struct picture *picture, struct board *board) {
+static enum end measure_chessboard(const struct picture *picture, struct board *board) {
     int columns, rows;
     g_autoptr(GArray) corners = vision_measure_chessboard(picture, &columns, &rows, NULL);
     if (!corners)
-        return FALSE;
+        return GOES_ON;
     board->columns = columns + 1;
     board->rows = rows + 1;
-    return end_of_chessboard(picture, board, corners) == ENDS;
+    return end_of_chessboard(picture, board, corners);
 }
 
 /* The homography from corners of a board to their places. ids: NULL: all of them in order. */
@@ -315,7 +333,7 @@ static gboolean plane_of(const struct board *board, const int *ids, const double
     return vision_homography(from, places, n, ANY_PX, ret_h, good);
 }
 
-static gboolean measure_circles(const struct picture *picture, struct board *board) {
+static enum end measure_circles(const struct picture *picture, struct board *board) {
     for (int bright = 0; bright < 2; bright++) {
         g_autoptr(GArray) spots = vision_find_spots(picture, bright, NULL);
         int columns, rows;
@@ -327,11 +345,12 @@ static gboolean measure_circles(const struct picture *picture, struct board *boa
         board->columns = columns;
         board->rows = rows;
         return columns <= BOARD_MAX_SQUARES && rows <= BOARD_MAX_SQUARES &&
-               plane_of(board, NULL, (const double *)(gconstpointer)grid->data, columns * rows,
-                        h) &&
-               end_of(picture, board, by_plane, h) == ENDS;
+                       plane_of(board, NULL, (const double *)(gconstpointer)grid->data,
+                                columns * rows, h)
+                   ? end_of(picture, board, by_plane, h)
+                   : GOES_ON;
     }
-    return FALSE;
+    return GOES_ON;
 }
 
 /* How many of the markers lie on a plane if the board has these columns. ret_h: that plane;
@@ -372,14 +391,14 @@ static int count_on_plane(const struct board *board, const GArray *found, double
 
 /* The rows' number does not matter to where markers lie relative to each other, but it does to the
  * print's centre. */
-static gboolean measure_markers(const struct picture *picture, struct board *board) {
+static enum end measure_markers(const struct picture *picture, struct board *board) {
     g_autoptr(GArray) found =
         vision_find_markers(picture, board->dictionary, board_border(board), FALSE, NULL);
     struct board best = *board;
     int most = 0, second = 0, rows;
     double h[9];
     if (!found || found->len < LEAST_SPOTS)
-        return FALSE;
+        return GOES_ON;
     for (int k = 0; k < 2 * BOARD_MAX_SQUARES; k++) {
         struct board tried = *board;
         tried.columns = k / 2 + 1;
@@ -397,10 +416,10 @@ static gboolean measure_markers(const struct picture *picture, struct board *boa
         best.rows = rows;
     }
     if (most < AGREEING * found->len || second > ALONE * most || best.rows < 2)
-        return FALSE;
+        return GOES_ON;
     *board = best;
-    return count_on_plane(board, found, h, &rows) > 0 &&
-           end_of(picture, board, by_plane, h) == ENDS;
+    return count_on_plane(board, found, h, &rows) > 0 ? end_of(picture, board, by_plane, h)
+                                                      : GOES_ON;
 }
 
 static int most_px(const struct board *board) {
@@ -428,19 +447,24 @@ static gboolean is_exchangeable(const struct board *board) {
     return board->print == BOARD_CHESSBOARD || board->print == BOARD_CIRCLES;
 }
 
-gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
-                       int *ret_rows) {
+/* GOES_ON: nothing is known. OPEN: the board is at least as large. */
+static enum end measure(const struct picture *picture, const struct board *given, int *ret_columns,
+                        int *ret_rows) {
     g_autoptr(Picture) small = reduce(picture, most_px(given));
     struct board board = *given;
-    if (!(board.marker_mm > 0   ? measure_markers
-          : board.circle_mm > 0 ? measure_circles
-                                : measure_chessboard)(small, &board))
-        return FALSE;
+    const enum end end = (board.marker_mm > 0   ? measure_markers
+                          : board.circle_mm > 0 ? measure_circles
+                                                : measure_chessboard)(small, &board);
     const gboolean wide = given->columns >= given->rows;
     const gboolean turned = is_exchangeable(given) && (board.columns >= board.rows) != wide;
     *ret_columns = turned ? board.rows : board.columns;
     *ret_rows = turned ? board.columns : board.rows;
-    return TRUE;
+    return end;
+}
+
+gboolean board_measure(const struct picture *picture, const struct board *given, int *ret_columns,
+                       int *ret_rows) {
+    return measure(picture, given, ret_columns, ret_rows) == ENDS;
 }
 
 struct sighting {
@@ -553,7 +577,12 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
                         gboolean searched, GError **error) {
     const struct board *given = &census->given;
     int columns = 0, rows = 0;
-    if (!board_measure(picture, given, &columns, &rows))
+    const enum end end = measure(picture, given, &columns, &rows);
+    /* A chessboard that shows just as many inner corners as the given one has squares is what was
+     * meant, even if its margin is narrow, or its outer squares are cut. */
+    const gboolean counted_corners = given->print == BOARD_CHESSBOARD && end == OPEN &&
+                                     columns == given->columns + 1 && rows == given->rows + 1;
+    if (end != ENDS && !counted_corners)
         columns = rows = 0;
     /* A picture may show two boards. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {

@@ -11,7 +11,8 @@
  *
  * Columns and rows of chessboards and of symmetric grids of circles look the same if they are
  * exchanged, and are not compared. Boards of less than 4 × 4 squares or 3 × 3 circles are not
- * recognised, nor boards without a margin; then nothing is said.
+ * recognised, nor boards without a margin; then nothing is said. Only a chessboard with just as
+ * many inner corners as the given one has squares is recognised without a margin.
  *
  * Any thread; several threads may use one census together.
  */

@@ -4,7 +4,8 @@
  * are computed here: a pinhole above a plane, light that falls off, a blurred picture with noise,
  * and strips of dark, grey or white paper over the board's edge.
  *
- * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/mistakes.md.
+ * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/mistakes.md; a
+ * number of 0 … 6 after it: of this print alone.
  */
 #include "boards/board_size.h"
 
@@ -165,9 +166,142 @@ static int print_table(int only) {
     return 0;
 }
 
+/* A view from not far off the board's normal. */
+static struct view easy_view(GRand *rand, const struct board *board) {
+    struct view view = random_view(rand, board, BARE);
+    view.tilt_rad *= 0.4;
+    return view;
+}
+
+/* One board for each print; the sizes that are given wrongly for it. */
+static const struct mistake {
+    const char *path, *real, *keys, *says;
+    const char *given[4];
+} mistakes[] = {{"/board size/chessboard",
+                 "10x7",
+                 "square=10",
+                 "the pictures show 9 × 6 inner corners = 10 × 7 squares",
+                 {"9x6", "10x8", "8x7", "11x8"}},
+                {"/board size/charuco",
+                 "8x6",
+                 "square=10,marker=7,dictionary=5x5_1000",
+                 "the pictures show 7 × 5 inner corners = 8 × 6 squares",
+                 {"7x5", "6x8", "9x6", "8x5"}},
+                {"/board size/markers",
+                 "6x4",
+                 "marker=10,gap=3,dictionary=4x4_1000",
+                 "the pictures show 6 × 4 markers",
+                 {"5x4", "4x6", "7x4", "6x3"}},
+                {"/board size/circles",
+                 "7x5",
+                 "spacing=10,circle=5",
+                 "the pictures show 7 × 5 circles",
+                 {"6x5", "7x6", "8x5", "9x7"}},
+                {"/board size/staggered",
+                 "4x9",
+                 "spacing=10,circle=6,grid=staggered",
+                 "the pictures show 4 × 9 circles",
+                 {"9x4", "4x11", "5x9", "4x8"}}};
+#define N_VIEWS 6
+
+/* What the census says of views of a board, as it is asked while they are searched. NULL: nothing.
+ */
+static char *ask(const struct board *given, struct picture *const *views, int n) {
+    g_autoptr(BoardCensus) census = board_census_new(given);
+    for (int i = 0; i < n; i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GArray) corners = board_find(views[i], given, TRUE, NULL);
+        if (!board_census_after(census, views[i], corners, &error)) {
+            g_assert_error(error, BOARD_ERROR, BOARD_ERROR_SPEC);
+            return g_strdup(error->message);
+        }
+    }
+    return NULL;
+}
+
+static void test_mistake(gconstpointer data) {
+    const struct mistake *mistake = data;
+    g_autofree char *spec = g_strdup_printf("%s,%s", mistake->real, mistake->keys);
+    const struct board board = parse(spec);
+    GRand *rand = g_rand_new_with_seed(3);
+    struct picture *views[N_VIEWS];
+    struct tally tally = {0};
+    for (int i = 0; i < N_VIEWS; i++) {
+        const struct view view = easy_view(rand, &board);
+        int columns, rows;
+        views[i] = see(&board, &view, rand);
+        const gboolean measured = board_measure(views[i], &board, &columns, &rows);
+        tally.right += measured && is_same(&board, columns, rows);
+        tally.wrong += measured && !is_same(&board, columns, rows);
+    }
+    g_test_message("%s: right %d, wrong %d of %d", spec, tally.right, tally.wrong, N_VIEWS);
+    g_assert_cmpint(tally.wrong, ==, 0);
+    g_assert_cmpint(tally.right, >=, 3);
+    g_autofree char *none = ask(&board, views, N_VIEWS);
+    g_assert_null(none);
+    for (int k = 0; k < 4; k++) {
+        g_autofree char *given = g_strdup_printf("%s,%s", mistake->given[k], mistake->keys);
+        g_autofree char *give = g_strdup_printf("give --board %s,", mistake->real);
+        const struct board wrong = parse(given);
+        g_autofree char *said = ask(&wrong, views, N_VIEWS);
+        g_test_message("%s: %s", given, said ? said : "nothing");
+        g_assert_nonnull(said);
+        g_assert_nonnull(strstr(said, mistake->says));
+        g_assert_nonnull(strstr(said, give));
+    }
+    for (int i = 0; i < N_VIEWS; i++)
+        picture_free(views[i]);
+    g_rand_free(rand);
+}
+
+/* A board that is partly covered is not taken for a smaller one, nor is one that reaches beyond the
+ * picture. */
+static void test_partial(void) {
+    static const char *const specs[] = {
+        "10x7,square=10", "8x6,square=10,marker=7,dictionary=5x5_1000", "7x5,spacing=10,circle=5"};
+    GRand *rand = g_rand_new_with_seed(5);
+    struct tally tally = {0};
+    for (gsize i = 0; i < G_N_ELEMENTS(specs); i++)
+        for (int k = 0; k < 8; k++) {
+            const struct board board = parse(specs[i]);
+            struct view view = easy_view(rand, &board);
+            view.cover = k % 2 ? COVERED : CUT;
+            count(&board, &view, rand, &tally);
+        }
+    g_test_message("right %d, wrong %d, nothing %d", tally.right, tally.wrong, tally.nothing);
+    g_assert_cmpint(tally.wrong, ==, 0);
+    g_rand_free(rand);
+}
+
+/* Large pictures are examined before the search. */
+static void test_before(void) {
+    const struct board board = parse("10x7,square=10"), given = parse("9x6,square=10");
+    GRand *rand = g_rand_new_with_seed(3);
+    g_autoptr(BoardCensus) census = board_census_new(&given), right = board_census_new(&board);
+    g_autoptr(GError) error = NULL;
+    gboolean ok = TRUE, more = TRUE;
+    for (int i = 0; i < N_VIEWS && ok && more; i++) {
+        const struct view view = easy_view(rand, &board);
+        g_autoptr(Picture) small = see(&board, &view, rand);
+        g_autoptr(Picture) large = picture_new("large", "large", 4 * WIDTH, 4 * HEIGHT);
+        for (int k = 0; k < 16 * WIDTH * HEIGHT; k++)
+            large->values[k] = small->values[k / (16 * WIDTH) * WIDTH + k % (4 * WIDTH) / 4];
+        ok = board_census_before(census, large, &more, &error);
+        gboolean further;
+        g_assert_true(board_census_before(right, large, &further, NULL));
+    }
+    g_rand_free(rand);
+    g_assert_false(ok);
+    g_assert_nonnull(strstr(error->message, "10 × 7 squares (large and large); give --board 10x7"));
+}
+
 int main(int argc, char **argv) {
     if (argc >= 2 && strcmp(argv[1], "--print") == 0)
         return print_table(argc > 2 ? atoi(argv[2]) : -1);
     g_test_init(&argc, &argv, NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++)
+        g_test_add_data_func(mistakes[i].path, &mistakes[i], test_mistake);
+    g_test_add_func("/board size/partial", test_partial);
+    g_test_add_func("/board size/before", test_before);
     return g_test_run();
 }

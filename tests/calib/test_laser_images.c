@@ -427,7 +427,7 @@ static void test_usage(void) {
          test.output},
         {MESORIG, "calibrate", "laser", "x.session", "-b", CHESS, "-o", test.output},
         {MESORIG, "calibrate", "laser", "-o", test.output}};
-    static const char *const says[] = {"give --board", "give -c FILE", "--board \"9\"",
+    static const char *const says[] = {"give --board", "give -c FILE", "board “9”",
                                        "are for --images", "give captured sessions"};
     for (gsize i = 0; i < G_N_ELEMENTS(calls); i++) {
         g_autofree char *out = NULL, *err = NULL;
