@@ -582,7 +582,9 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
      * meant, even if its margin is narrow, or its outer squares are cut. */
     const gboolean counted_corners = given->print == BOARD_CHESSBOARD && end == OPEN &&
                                      columns == given->columns + 1 && rows == given->rows + 1;
-    if (end != ENDS && !counted_corners)
+    /* A board of the given size that does not go on is the given one. */
+    const gboolean as_given = end == OPEN && columns == given->columns && rows == given->rows;
+    if (end != ENDS && !counted_corners && !as_given)
         columns = rows = 0;
     /* A picture may show two boards. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {

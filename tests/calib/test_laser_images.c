@@ -409,10 +409,6 @@ static void test_refused(void) {
     g_assert_cmpint(code, ==, 1);
     g_assert_nonnull(strstr(few, "2 of 3 photographs show board and laser line; at least 3"));
     g_assert_nonnull(strstr(few, "00.ppm: no line on the board is "));
-    /* Another size of the board than it has. */
-    g_autofree char *size = run(&test, "8x7,square=20,marker=14,dictionary=4x4_50", FALSE, &code);
-    g_assert_cmpint(code, ==, 1);
-    g_assert_nonnull(strstr(size, "the pictures show 8 × 6 inner corners = 9 × 7 squares"));
     end(&test);
 }
 
