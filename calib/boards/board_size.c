@@ -132,8 +132,9 @@ static void see_print(const struct picture *picture, const struct board *board, 
     g_autofree double *at = g_new(double, 2 * nx * ny + 2);
     g_autofree float *values = g_new(float, nx *ny + 1);
     for (int i = 0; i < nx * ny; i++) {
-        at[2 * i] = (i % nx + 0.5) * step - size[0] / 2;
-        at[2 * i + 1] = (i / nx + 0.5) * step - size[1] / 2;
+        const int x = i % nx, y = i / nx;
+        at[2 * i] = (x + 0.5) * step - size[0] / 2;
+        at[2 * i + 1] = (y + 0.5) * step - size[1] / 2;
     }
     board_values(board, at, nx * ny, values);
     to->points = g_array_new(FALSE, FALSE, sizeof(struct point));

@@ -273,8 +273,9 @@ static GArray *gather(const struct look *look) {
     g_autofree float *printed = g_new(float, nx *ny + 1);
     GArray *samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
     for (int i = 0; i < nx * ny; i++) {
-        at[2 * i] = (i % nx + 0.5) * step - size[0] / 2;
-        at[2 * i + 1] = (i / nx + 0.5) * step - size[1] / 2;
+        const int x = i % nx, y = i / nx;
+        at[2 * i] = (x + 0.5) * step - size[0] / 2;
+        at[2 * i + 1] = (y + 0.5) * step - size[1] / 2;
     }
     board_values(look->board, at, nx * ny, printed);
     for (int i = 0; i < nx * ny; i++) {
