@@ -16,6 +16,7 @@
 #define FAR             0.2 /* the same before it is known, as a share of the picture's width */
 #define LEAST_CORNERS   6   /* in a usable picture */
 #define LEAST_PICTURES  3   /* of a camera, to refine it */
+#define SIZE_PICTURES   8   /* that are examined for another size of the board */
 #define HALF_TURN_DEG   10  /* an x axis this near to half a turn from 0 points the wrong way */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
@@ -128,6 +129,18 @@ static gboolean find_board(struct cameras_work *work, int i, double reach_px, GE
     seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
     if (!seen->corners)
         cameras_set_why(seen, why->message);
+    return board_census_after(work->census, picture, seen->corners, error);
+}
+
+/* Large pictures are searched for a board of another size first, some from all lays. */
+static gboolean check_size(struct cameras_work *work, GError **error) {
+    const int n = work->task->n_pictures, most = MIN(n, SIZE_PICTURES);
+    gboolean more = TRUE;
+    for (int k = 0; k < most && more; k++) {
+        g_autoptr(Picture) picture = work->task->read(k * n / most, work->task->data, error);
+        if (!picture || !board_census_before(work->census, picture, &more, error))
+            return FALSE;
+    }
     return TRUE;
 }
 
@@ -396,7 +409,9 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
     /* OpenCV and this room solve thousands of small systems, between which threads only wait. */
     work_use_one_blas_thread();
     cameras_work_init(&work, calibration, task, free_boards);
-    gboolean ok = for_each(&work, find_board, NULL, error);
+    work.census = board_census_new(&task->board);
+    gboolean ok = check_size(&work, error) && for_each(&work, find_board, NULL, error);
+    board_census_free(work.census);
     if (free_boards) {
         struct rig_camera *camera = &work.nominal.cameras[0];
         camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "boards/board_find.h"
+#include "boards/board_size.h"
 #include "bundle.h"
 #include "cameras.h"
 
@@ -23,6 +24,7 @@ struct cameras_work {
     struct seen *seen;
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
+    BoardCensus *census;  /* notices a wrong size of the board */
     gboolean free_boards;
     double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
     int steps, step;

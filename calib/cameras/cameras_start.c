@@ -8,7 +8,6 @@
 
 #define MOST_CANDIDATES 40
 #define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
-#define HINT_PICTURES   4    /* number of pictures that are searched for another board */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -184,28 +183,6 @@ static void take_common_size(struct cameras_work *work) {
     }
 }
 
-/* Other programs count a chessboard's inner corners, one fewer each way than its squares. NULL: the
- * first pictures do not show a board with one more column and row. */
-static char *hint_at_inner_corners(const struct cameras_work *work) {
-    struct board board = work->task->board;
-    board.columns++;
-    board.rows++;
-    for (int i = 0;
-         board.print == BOARD_CHESSBOARD && i < MIN(work->task->n_pictures, HINT_PICTURES); i++) {
-        g_autoptr(Picture) picture = work->task->read(i, work->task->data, NULL);
-        g_autoptr(GArray) corners = picture ? board_find(picture, &board, FALSE, NULL) : NULL;
-        if (!corners)
-            continue;
-        g_autofree char *spec = board_spec(&board);
-        return g_strdup_printf("; but %s shows a chessboard of %d × %d squares, which has %d × %d "
-                               "inner corners: count "
-                               "squares, and give --board %s",
-                               picture->name, board.columns, board.rows, board.columns - 1,
-                               board.rows - 1, spec);
-    }
-    return NULL;
-}
-
 /* Initial focal length from homographies of at least three pictures; principal point at the
  * centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
@@ -230,12 +207,11 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
         g_ptr_array_add(views, points);
     }
     if (views->len < 3) {
-        g_autofree char *hint = views->len == 0 ? hint_at_inner_corners(work) : NULL;
-        return cameras_refuse(
-            error, CAMERAS_ERROR_PICTURES,
-            "the board was found in %u of %d pictures; at least 3 are needed%s%s%s", views->len, n,
-            n > 0 && work->seen[0].why ? "; for example, not in " : "",
-            n > 0 && work->seen[0].why ? work->seen[0].why : "", hint ? hint : "");
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "the board was found in %u of %d pictures; at least 3 are needed%s%s",
+                              views->len, n,
+                              n > 0 && work->seen[0].why ? "; for example, not in " : "",
+                              n > 0 && work->seen[0].why ? work->seen[0].why : "");
     }
     if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
                              camera->width, camera->height, focal, error))

@@ -10,8 +10,10 @@
 
 namespace {
 
-/* OpenCV also prints the errors that it throws; one message is enough. It starts no threads: whoever
- * calls these functions works on several pictures at once. */
+constexpr int FEWEST_CIRCLES = 9; /* that a grid is looked for in */
+
+/* OpenCV also prints the errors that it throws; one message is enough. It starts no threads:
+ * whoever calls these functions works on several pictures at once. */
 const bool set_up = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     cv::setNumThreads(0);
@@ -136,15 +138,19 @@ bool find_corners(const cv::Mat &bytes, cv::Size inner, double scale, bool by_se
 
 /* Searches for blobs by area and roundness; the limits of the area follow from the picture's size
  * and the number of circles. */
-bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
-                  std::vector<cv::Point2f> &centres) {
+cv::Ptr<cv::SimpleBlobDetector> blob_detector(const cv::Mat &bytes, int circles) {
     cv::SimpleBlobDetector::Params p;
-    const int grid = staggered ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
     p.minArea = 20;
-    p.maxArea = (float)bytes.total() / (float)many.area();
+    p.maxArea = (float)bytes.total() / (float)circles;
     p.minDistBetweenBlobs = 4;
     p.minConvexity = 0.85f;
-    const auto blobs = cv::SimpleBlobDetector::create(p);
+    return cv::SimpleBlobDetector::create(p);
+}
+
+bool find_circles(const cv::Mat &bytes, cv::Size many, bool staggered,
+                  std::vector<cv::Point2f> &centres) {
+    const int grid = staggered ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
+    const auto blobs = blob_detector(bytes, many.area());
     return cv::findCirclesGrid(bytes, many, centres, grid, blobs) ||
            cv::findCirclesGrid(bytes, many, centres, grid | cv::CALIB_CB_CLUSTERING, blobs);
 }
@@ -205,6 +211,52 @@ gboolean vision_find_chessboard(const struct picture *picture, int columns, int 
                find_corners(bytes, inner, 0.5, true, ret_xy_px) ||
                find_corners(bytes, inner, 1, false, ret_xy_px);
     });
+}
+
+GArray *vision_measure_chessboard(const struct picture *picture, int *ret_columns, int *ret_rows,
+                                  GError **error) {
+    GArray *found = nullptr;
+    guarded(error, picture->name, [&] {
+        const double scale = enlargement(cv::Mat(picture->height, picture->width, CV_8U));
+        cv::Mat scaled = to_bytes(picture), meta;
+        std::vector<cv::Point2f> corners;
+        if (scale > 1)
+            cv::resize(scaled, scaled, {}, scale, scale, cv::INTER_CUBIC);
+        if (!cv::findChessboardCornersSB(scaled, {3, 3}, corners,
+                                         cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_LARGER,
+                                         meta) ||
+            corners.size() != meta.total())
+            return false;
+        *ret_columns = meta.cols;
+        *ret_rows = meta.rows;
+        found = g_array_new(FALSE, FALSE, sizeof(double));
+        for (const auto &corner : corners) {
+            const double xy[2] = {((double)corner.x + 0.5) / scale - 0.5,
+                                  ((double)corner.y + 0.5) / scale - 0.5};
+            g_array_append_vals(found, xy, 2);
+        }
+        return true;
+    });
+    return found;
+}
+
+GArray *vision_find_spots(const struct picture *picture, gboolean bright, GError **error) {
+    GArray *found = g_array_new(FALSE, FALSE, sizeof(double));
+    const bool ok = guarded(error, picture->name, [&] {
+        cv::Mat bytes = to_bytes(picture);
+        std::vector<cv::KeyPoint> spots;
+        if (bright)
+            cv::bitwise_not(bytes, bytes);
+        blob_detector(bytes, FEWEST_CIRCLES)->detect(bytes, spots);
+        for (const auto &spot : spots) {
+            const double xy[2] = {(double)spot.pt.x, (double)spot.pt.y};
+            g_array_append_vals(found, xy, 2);
+        }
+        return true;
+    });
+    if (!ok)
+        g_clear_pointer(&found, g_array_unref);
+    return found;
 }
 
 gboolean vision_find_circles(const struct picture *picture, int columns, int rows,

@@ -32,6 +32,15 @@ GArray *vision_find_markers(const struct picture *picture, const char *dictionar
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error);
 
+/* Finds the inner corners of the largest chessboard in the picture, whatever its size, but of at
+ * least 3 × 3 inner corners. Returns double x, y, row by row, and how many there are in a row and
+ * in a column. Rows may run in any direction. NULL without an error: there is none. */
+GArray *vision_measure_chessboard(const struct picture *picture, int *ret_columns, int *ret_rows,
+                                  GError **error);
+
+/* Finds the centres of all dark round spots, or of the bright ones. Double x, y. NULL: an error. */
+GArray *vision_find_spots(const struct picture *picture, gboolean bright, GError **error);
+
 /* Finds dark circles on a bright ground, or else bright ones on a dark ground, row by row.
  * staggered: every second row is moved by half the distance of the circles. FALSE without an error:
  * there are none. */

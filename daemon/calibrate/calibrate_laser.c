@@ -1,5 +1,6 @@
 /* calibrate laser: sheets and sweeps from sessions of flat plates of different height. */
 #include "calibrate.h"
+#include "calibrate_laser_images.h"
 #include "exr/exr.h"
 #include "laser/laser.h"
 
@@ -23,6 +24,18 @@ static const GOptionEntry entries[] = {
      "Heights of the plates' tops above the turntable, one a session; default: each session's "
      "reference plane",
      "MM;MM…"},
+    {"images", 'i', 0, G_OPTION_ARG_FILENAME, &laser_images_folder,
+     "No sessions: a folder of photographs of a board with the line of a laser that stands still",
+     "DIR"},
+    {"board", 'b', 0, G_OPTION_ARG_STRING, &laser_images_board,
+     "With --images: the board, as measured, in mm", "8x8,square=9,marker=6.75"},
+    {"dark-images", 0, 0, G_OPTION_ARG_FILENAME, &laser_images_dark,
+     "With --images: the same photographs without the laser, under the same file names", "DIR"},
+    {"name", 0, 0, G_OPTION_ARG_STRING, &laser_images_name, "With --images: the laser's name",
+     "NAME"},
+    {"plane", 0, 0, G_OPTION_ARG_FILENAME, &laser_images_plane,
+     "With --images: also write the plane and its covariance to this file, a table of numbers",
+     "FILE"},
     {NULL},
 };
 
@@ -274,6 +287,13 @@ static int cli_calibrate_laser_run(const struct call *call, GError **error) {
     static const struct calibrate_method method = {cli_calibrate_laser_find,
                                                    cli_calibrate_laser_tell};
     struct job job = {0};
+    if (laser_images_folder)
+        return laser_images_calibrate(call, error);
+    if (call->n_arguments < 1)
+        return cli_usage(call->command, "give captured sessions, or --images DIR");
+    if (laser_images_board || laser_images_dark || laser_images_name || laser_images_plane)
+        return cli_usage(call->command,
+                         "--board, --dark-images, --name and --plane are for --images");
     job.names = g_ptr_array_new();
     job.plates = g_array_new(FALSE, FALSE, sizeof(struct plate));
     job.points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
@@ -288,12 +308,15 @@ static int cli_calibrate_laser_run(const struct call *call, GError **error) {
 const struct command calibrate_laser = {
     .name = "calibrate laser",
     .arguments = "SESSION SESSION… -o FILE",
-    .examples = "  mesorig calibrate laser plate1.session plate8.session -c rig.calibration -o "
-                "rig.calibration\n",
+    .examples =
+        "  mesorig calibrate laser plate1.session plate8.session -c rig.calibration -o "
+        "rig.calibration\n"
+        "  mesorig calibrate laser --images photographs -b 10x7,square=25 -c lens.calibration "
+        "-o scanner.calibration\n",
     .help = "Find out how the laser sheets lie and sweep, from "
-            "sessions of flat plates of different height.",
+            "sessions of flat plates of different height; or the plane of a laser that stands "
+            "still, from photographs of a board with its line.",
     .options = entries,
     .writes = TRUE,
-    .min = 1,
     .max = 64,
     .run = cli_calibrate_laser_run};

@@ -2,6 +2,7 @@
 #include "calibrate_video.h"
 
 #include "boards/board_find.h"
+#include "boards/board_size.h"
 #include "exr/exr.h"
 #include "pictures/vision.h"
 
@@ -22,10 +23,9 @@ static gboolean calibrate_video_progress(int done, int n, gpointer data, GError 
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
 
-/* Where the board's outer corners are in a frame. Returns the number of corners found; 0: it is not
- * seen. */
-static guint board_place(const struct picture *picture, const struct board *board, double ret[8]) {
-    g_autoptr(GArray) corners = board_find(picture, board, TRUE, NULL);
+/* Where the board's outer corners are in a frame. corners: NULL: it is not seen. Returns the number
+ * of corners; 0: too few. */
+static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
     const int n = corners ? (int)corners->len : 0;
     double size[2], h[9];
     if (n < 4)
@@ -104,6 +104,12 @@ static void choose(struct calibrate_video *video, const double *places, const gu
     g_array_sort(video->chosen, by_frame);
 }
 
+/* kept: number of a frame that was kept. */
+static char *frame_name(const struct calibrate_video *video, guint kept) {
+    return g_strdup_printf("%s#%d", video->path,
+                           g_array_index(video->video->frames, struct video_frame, kept).index);
+}
+
 struct calibrate_video *calibrate_video_read(const char *path, const struct board *board,
                                              const struct work *work, GError **error) {
     struct telling telling = {work, g_get_monotonic_time()};
@@ -116,10 +122,18 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
     const guint n = video->video->frames->len;
     g_autofree double *places = g_new0(double, 8 * n + 1);
     g_autofree guint *corners = g_new0(guint, n + 1);
+    g_autoptr(BoardCensus) census = board_census_new(board);
+    gboolean more = TRUE;
     telling.begun_us = g_get_monotonic_time();
     for (guint i = 0; i < n; i++) {
-        g_autoptr(Picture) picture = video_picture(video->video, i, path, video->checksum);
-        corners[i] = board_place(picture, board, places + 8 * i);
+        g_autofree char *name = frame_name(video, i);
+        g_autoptr(Picture) picture = video_picture(video->video, i, name, video->checksum);
+        if (more && !board_census_before(census, picture, &more, error))
+            return NULL;
+        g_autoptr(GArray) found = board_find(picture, board, TRUE, NULL);
+        if (!board_census_after(census, picture, found, error))
+            return NULL;
+        corners[i] = board_place(board, found, places + 8 * i);
         video->n_seen += corners[i] > 0;
         if (!work_tell(work, "frames", (int)i + 1, (int)n, telling.begun_us, error))
             return NULL;
@@ -145,9 +159,7 @@ void calibrate_video_free(struct calibrate_video *video) {
 }
 
 char *calibrate_video_name(const struct calibrate_video *video, guint i) {
-    const guint kept = g_array_index(video->chosen, guint, i);
-    return g_strdup_printf("%s#%d", video->path,
-                           g_array_index(video->video->frames, struct video_frame, kept).index);
+    return frame_name(video, g_array_index(video->chosen, guint, i));
 }
 
 struct picture *calibrate_video_picture(const struct calibrate_video *video, guint i) {

@@ -1,0 +1,167 @@
+/* Circles of a board are recognised by their places relative to their neighbours. From one spot and
+ * two steps to its neighbours, integer coordinates spread over the grid: each spot predicts its
+ * neighbours by the steps that led to it. The steps are some basis of the grid's lattice. Of all
+ * integer maps of small numbers, the one is taken that makes a full rectangle of the coordinates.
+ */
+#include "spot_grid.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MOST_SPOTS 1600 /* 40 × 40 */
+#define SEEDS      8    /* spots that are tried as a beginning */
+#define NEAR       0.25 /* of a step: largest deviation of a spot from its predicted place */
+#define LEAST_TURN 0.35 /* least sine of the angle between the two steps */
+#define LEAST      3    /* circles in a row and in a column */
+#define REACH      2    /* largest number of the integer maps */
+
+struct node {
+    int a, b; /* coordinates */
+    gboolean known;
+    double step[2][2]; /* to the next spot along a, and along b */
+};
+
+struct lattice {
+    const double *xy;
+    int n;
+    struct node *nodes; /* n */
+};
+
+static int nearest(const struct lattice *lattice, const double at[2], double within) {
+    double least = within * within;
+    int best = -1;
+    for (int i = 0; i < lattice->n; i++) {
+        const double dx = lattice->xy[2 * i] - at[0], dy = lattice->xy[2 * i + 1] - at[1];
+        if (dx * dx + dy * dy >= least)
+            continue;
+        least = dx * dx + dy * dy;
+        best = i;
+    }
+    return best;
+}
+
+/* The steps to the nearest spot, and to the nearest one in another direction. */
+static gboolean first_steps(const struct lattice *lattice, int seed, double ret[2][2]) {
+    const double *from = lattice->xy + 2 * seed;
+    double length[2] = {INFINITY, INFINITY};
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < lattice->n; i++) {
+            const double d[2] = {lattice->xy[2 * i] - from[0], lattice->xy[2 * i + 1] - from[1]};
+            const double far = hypot(d[0], d[1]);
+            if (i == seed || far >= length[k] ||
+                (k == 1 &&
+                 fabs(d[0] * ret[0][1] - d[1] * ret[0][0]) < LEAST_TURN * far * length[0]))
+                continue;
+            length[k] = far;
+            memcpy(ret[k], d, sizeof d);
+        }
+    return isfinite(length[1]);
+}
+
+/* Spreads coordinates from a spot. Returns how many spots have some. */
+static int spread(struct lattice *lattice, int seed) {
+    g_autofree int *queue = g_new(int, lattice->n + 1);
+    int in = 0;
+    memset(lattice->nodes, 0, sizeof *lattice->nodes * (gsize)lattice->n);
+    if (!first_steps(lattice, seed, lattice->nodes[seed].step))
+        return 0;
+    lattice->nodes[seed].known = TRUE;
+    queue[in++] = seed;
+    for (int next = 0; next < in; next++) {
+        const int from = queue[next];
+        struct node *node = &lattice->nodes[from];
+        for (int way = 0; way < 4; way++) {
+            const int axis = way / 2, sign = way % 2 ? -1 : 1;
+            const double *step = node->step[axis], *xy = lattice->xy + 2 * from;
+            const double at[2] = {xy[0] + sign * step[0], xy[1] + sign * step[1]};
+            const double other =
+                MIN(hypot(step[0], step[1]), hypot(node->step[!axis][0], node->step[!axis][1]));
+            const int i = nearest(lattice, at, NEAR * other);
+            if (i < 0 || lattice->nodes[i].known)
+                continue;
+            struct node *to = &lattice->nodes[i];
+            memcpy(to->step, node->step, sizeof to->step);
+            for (int k = 0; k < 2; k++)
+                to->step[axis][k] = sign * (lattice->xy[2 * i + k] - xy[k]);
+            to->a = node->a + (axis == 0 ? sign : 0);
+            to->b = node->b + (axis == 1 ? sign : 0);
+            to->known = TRUE;
+            queue[in++] = i;
+        }
+    }
+    return in;
+}
+
+struct rectangle {
+    int columns, rows;
+    int *spot; /* columns × rows; −1: there is none */
+};
+
+/* Whether x = m₀ a + m₁ b, y = m₂ a + m₃ b of the known spots fill a rectangle. Staggered: y is a
+ * row, and every row has as many circles as the others, two x apart, with even and odd x in turn.
+ */
+static gboolean fills(const struct lattice *lattice, const int m[4], gboolean staggered, int known,
+                      struct rectangle *ret) {
+    int low[2] = {G_MAXINT, G_MAXINT}, high[2] = {-G_MAXINT, -G_MAXINT};
+    for (int i = 0; i < lattice->n; i++) {
+        const struct node *node = &lattice->nodes[i];
+        const int at[2] = {m[0] * node->a + m[1] * node->b, m[2] * node->a + m[3] * node->b};
+        for (int k = 0; node->known && k < 2; k++) {
+            low[k] = MIN(low[k], at[k]);
+            high[k] = MAX(high[k], at[k]);
+        }
+    }
+    const int wide = high[0] - low[0] + 1, rows = high[1] - low[1] + 1;
+    const int columns = staggered ? wide / 2 : wide;
+    if ((staggered && wide % 2) || columns < (staggered ? 2 : LEAST) || rows < LEAST ||
+        columns * rows != known)
+        return FALSE;
+    ret->columns = columns;
+    ret->rows = rows;
+    for (int i = 0; i < known; i++)
+        ret->spot[i] = -1;
+    for (int i = 0; i < lattice->n; i++) {
+        const struct node *node = &lattice->nodes[i];
+        if (!node->known)
+            continue;
+        const int x = m[0] * node->a + m[1] * node->b - low[0];
+        const int y = m[2] * node->a + m[3] * node->b - low[1];
+        if (staggered && (x - y) % 2 != 0)
+            return FALSE;
+        int *spot = &ret->spot[y * columns + (staggered ? x / 2 : x)];
+        if (*spot >= 0)
+            return FALSE;
+        *spot = i;
+    }
+    return TRUE;
+}
+
+GArray *spot_grid_find(const GArray *spots, gboolean staggered, int *ret_columns, int *ret_rows) {
+    const int n = (int)spots->len / 2, all = 2 * REACH + 1;
+    if (n < LEAST * LEAST || n > MOST_SPOTS)
+        return NULL;
+    g_autofree struct node *nodes = g_new0(struct node, n);
+    g_autofree int *spot = g_new(int, n);
+    struct lattice lattice = {(const double *)(gconstpointer)spots->data, n, nodes};
+    struct rectangle found = {.spot = spot};
+    int known = 0;
+    for (int k = 0; k < SEEDS && 2 * known <= n; k++)
+        known = spread(&lattice, k * (n - 1) / (SEEDS - 1));
+    if (2 * known <= n)
+        return NULL;
+    for (int i = 0; i < all * all * all * all; i++) {
+        int m[4];
+        for (int k = 0, rest = i; k < 4; k++, rest /= all)
+            m[k] = rest % all - REACH;
+        if (abs(m[0] * m[3] - m[1] * m[2]) != (staggered ? 2 : 1) ||
+            !fills(&lattice, m, staggered, known, &found))
+            continue;
+        GArray *ret = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int s = 0; s < known; s++)
+            g_array_append_vals(ret, lattice.xy + 2 * (gsize)found.spot[s], 2);
+        *ret_columns = found.columns;
+        *ret_rows = found.rows;
+        return ret;
+    }
+    return NULL;
+}

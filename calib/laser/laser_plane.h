@@ -1,0 +1,57 @@
+/*
+ * The plane of a laser that stands still, from photographs of a calibration board on which its line
+ * is seen. In each photograph the board's pose follows from its corners; the line's pixels, cast on
+ * the board, lie in the plane. The plane is determined if the lines of the photographs do not all
+ * lie on one straight line.
+ *
+ * Two numbers of each photograph are adjusted: the distances of two points of its line from the
+ * plane. Their covariance contains the line's scatter and the error of the board's pose, which
+ * moves both. Photographs that contradict the others are left out. The plane's covariance also
+ * contains that of the camera's parameters, which are in error in all photographs alike, and grows
+ * where the photographs scatter more than their errors explain.
+ *
+ * Pure; any thread.
+ */
+#pragma once
+
+#include "calibration/calibration.h"
+#include "laser_line.h"
+
+#define LASER_PLANE_LEAST 3 /* photographs */
+
+#define LASER_PLANE_ERROR laser_plane_error_quark()
+GQuark laser_plane_error_quark(void);
+enum laser_plane_error {
+    LASER_PLANE_ERROR_PICTURES,   /* too few photographs, or they contradict each other */
+    LASER_PLANE_ERROR_DEGENERATE, /* their lines do not determine a plane */
+};
+
+struct laser_photograph {
+    const char *name;      /* for messages */
+    const GArray *corners; /* struct corner */
+    const GArray *dots;    /* struct laser_dot */
+};
+
+struct laser_plane {
+    struct rig_plane plane;         /* rig frame: n·x = d; n points away from the camera */
+    struct vec3 point_mm;           /* of the plane, in the middle of the lines, */
+    struct vec3 along;              /* unit: the mean direction of the lines */
+    double covariance[4][4];        /* of n_x, n_y, n_z and d (mm) */
+    double offset_error_mm;         /* standard errors: of the plane at point_mm, */
+    double tilt_error_rad;          /* and of its normal, in the direction in which it is largest */
+    double rms_mm, expected_rms_mm; /* distances of the lines from the plane */
+    double spread_mm; /* RMS distance of the lines' points from the straight line nearest to them */
+    int used, dots;
+    double *off_mm;     /* of each photograph: RMS distance of its line; NAN: it was left out */
+    gboolean *left_out; /* of each */
+};
+
+/* errors: of the camera; NULL, or known FALSE: it is exact. NULL: refused. */
+struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
+                                    const struct calibration_camera *errors,
+                                    const struct board *board,
+                                    const struct laser_photograph *photographs, int n,
+                                    GError **error);
+void laser_plane_free(struct laser_plane *plane); /* NULL is ignored */
+typedef struct laser_plane LaserPlane;
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(LaserPlane, laser_plane_free)
