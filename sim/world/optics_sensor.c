@@ -58,7 +58,7 @@ static inline guint16 read_pixel(const struct sensor *s, const struct column *co
 /* One column per pixel of a row. */
 static struct column *columns_new(const struct optics_camera *camera) {
     const double max = (double)((1 << camera->bits) - 1);
-    struct column *columns = g_new(struct column, camera->width);
+    struct column *columns = g_new0(struct column, camera->width);
     struct sample_random random = {camera->columns_key};
     for (int x = 0; x < camera->width; x++) {
         const double offset = camera->column_offset * sample_deviate(&random);

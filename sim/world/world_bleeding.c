@@ -33,8 +33,8 @@ struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {
     bleeding->y_mm =
         ((double)scene->low[1] + (double)scene->high[1] - (bleeding->ny - 1) * pitch) / 2;
     bleeding->cells = g_new(struct surface, (gsize)bleeding->nx * (gsize)bleeding->ny);
-    g_autofree struct v3 *starts = g_new(struct v3, bleeding->nx);
-    g_autofree struct v3 *down = g_new(struct v3, bleeding->nx);
+    g_autofree struct v3 *starts = g_new0(struct v3, bleeding->nx);
+    g_autofree struct v3 *down = g_new0(struct v3, bleeding->nx);
     g_autofree gboolean *hit = g_new(gboolean, bleeding->nx);
     for (int j = 0; j < bleeding->ny; j++) {
         struct surface *row = bleeding->cells + (gsize)j * (gsize)bleeding->nx;

@@ -47,7 +47,7 @@ void world_speckle(const World *world, int camera, int laser, const struct world
     }
     for (int k = 0; k <= across; k++)
         kernel[k] /= (float)sqrt(squares);
-    const gsize row = (gsize)(width + across);
+    const gsize row = (gsize)width + (gsize)across;
     g_autofree float *noise = g_new(float, row *(gsize)(height + across));
     g_autofree float *columns = g_new(float, row *(gsize)height);
     g_autofree float *line = g_new(float, width);

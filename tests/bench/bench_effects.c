@@ -91,7 +91,8 @@ static void write_sample(GKeyFile *world) {
     g_autofree guint16 *height = g_new(guint16, SIDE * SIDE),
                        *albedo = g_new(guint16, SIDE * SIDE * 3);
     for (int i = 0; i < SIDE * SIDE; i++) {
-        const double x = 2 * G_PI * (i % SIDE) / SIDE, y = 2 * G_PI * (i / SIDE) / SIDE;
+        const int column = i % SIDE, row = i / SIDE;
+        const double x = 2 * G_PI * column / SIDE, y = 2 * G_PI * row / SIDE;
         height[i] = (guint16)(32767 * (1 + 0.5 * (sin(3 * x + y) + cos(4 * y - x))));
         for (int c = 0; c < 3; c++)
             albedo[3 * i + c] =
@@ -165,7 +166,7 @@ static void note_warnings(const char *text, GPtrArray *warnings) {
             g_ptr_array_add(warnings, g_strdup(*line));
 }
 
-/* FALSE: the program has failed; ret_refused is then the last line that it has written. */
+/* FALSE: the program has failed; ret_refused is then the last line with a reason. */
 static gboolean step(const char *const *argv, GPtrArray *warnings, char **ret_refused) {
     g_autofree char *out = NULL, *err = NULL;
     const int code = process_run(argv, &out, &err);
@@ -173,8 +174,12 @@ static gboolean step(const char *const *argv, GPtrArray *warnings, char **ret_re
     note_warnings(err, warnings);
     if (code == 0)
         return TRUE;
-    const char *last = strrchr(g_strchomp(err), '\n');
-    *ret_refused = g_strdup(last ? last + 1 : err);
+    g_auto(GStrv) lines = g_strsplit(g_strchomp(err), "\n", -1);
+    for (char **line = lines; *line; line++)
+        if (!*ret_refused || g_str_has_prefix(*line, "mesorig: ")) {
+            g_free(*ret_refused);
+            *ret_refused = g_strdup(*line);
+        }
     return FALSE;
 }
 

@@ -167,9 +167,10 @@ static void wobble_view(void) {
             double sum = 0, at[3];
             picture_of(text, &state, 0.1, picture);
             for (int i = 0; i < PIXELS; i++) {
+                const int column = i % SIDE, row = i / SIDE;
                 sum += picture[i];
-                centre[wobbles][0] += picture[i] * (i % SIDE);
-                centre[wobbles][1] += picture[i] * (i / SIDE);
+                centre[wobbles][0] += picture[i] * column;
+                centre[wobbles][1] += picture[i] * row;
             }
             centre[wobbles][0] /= sum;
             centre[wobbles][1] /= sum;
@@ -285,9 +286,10 @@ static void middle_of(const double *picture, int filter, double ret[2]) {
     for (int i = 0; i < PIXELS; i++) {
         if (filter_of(i) != filter)
             continue;
+        const int column = i % SIDE, row = i / SIDE;
         sum += picture[i];
-        ret[0] += picture[i] * (i % SIDE);
-        ret[1] += picture[i] * (i / SIDE);
+        ret[0] += picture[i] * column;
+        ret[1] += picture[i] * row;
     }
     ret[0] /= sum;
     ret[1] /= sum;
