@@ -1,6 +1,7 @@
 /* calibrate: one subcommand a file, calibrate_*.c. */
 #include "calibrate.h"
 
+#include "base/residual.h"
 #include "command/work.h"
 #include "exr/exr.h"
 #include "pictures/picture_read.h"
@@ -142,6 +143,14 @@ void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, c
     g_free(part->residual_unit);
     part->residual_unit = g_strdup(residual_unit);
     part->degrees_of_freedom = degrees_of_freedom;
+}
+
+void calibrate_say_residual(Record *to, const struct residual *residual) {
+    g_autofree char *warning = residual_warning(residual);
+    if (!warning)
+        return;
+    record_string(to, "warning", warning);
+    record_say(to, "  warning: %s\n", warning);
 }
 
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
