@@ -123,6 +123,13 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
         swings[i]->axis = rig_turn(swings[i]->axis, angle_rad);
         swings[i]->centre_mm = rig_turn(swings[i]->centre_mm, angle_rad);
     }
+    for (int k = 0; k < RIG_WOBBLE_HARMONICS; k++)
+        for (int of = 0; of < 2; of++) { /* of cos kτ, of sin kτ */
+            double *rad = rig->wobble.rad[k];
+            const struct vec3 turned = rig_turn(vec3(rad[of], rad[2 + of], 0), angle_rad);
+            rad[of] = turned.x;
+            rad[2 + of] = turned.y;
+        }
     double *const pairs[] = {rig->arc.tilt_rad, rig->arc.centre_mm};
     for (gsize k = 0; k < G_N_ELEMENTS(pairs); k++) {
         const struct vec3 turned = rig_turn(vec3(pairs[k][0], pairs[k][1], 0), angle_rad);

@@ -72,12 +72,18 @@ struct calibration_camera { /* with rig.cameras */
     /* Rows k4, k5, k6 against all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
     double residual_rms_px;
-    int points; /* corners it was calibrated from */
+    double expected_px; /* what the noise of the corners explains of it; 0: not known */
+    int points;         /* corners it was calibrated from */
 };
 
 struct calibration_lamp { /* with rig.lamps */
     gboolean known;
     double position_covariance_mm2[3][3];
+};
+
+struct calibration_turntable { /* with rig.wobble; standard error */
+    gboolean known;
+    double wobble_rad; /* of the tilt, mean over a turn */
 };
 
 struct calibration_arc { /* with rig.arc; standard errors, 0 for values that were not estimated */
@@ -106,6 +112,7 @@ struct calibration {
     struct rig rig;
     struct calibration_part parts[CALIBRATION_PARTS];
     struct calibration_camera cameras[RIG_MAX_CAMERAS];
+    struct calibration_turntable turntable;
     struct calibration_arc arc;
     struct calibration_lamp lamps[RIG_MAX_LAMPS];
     struct calibration_laser lasers[RIG_MAX_LASERS];

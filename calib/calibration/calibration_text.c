@@ -35,6 +35,7 @@ static const struct field camera_fields[] = {
     {"further_covariance", CAMERA(further_covariance), 3 * CALIBRATION_ALL_CAMERA_PARAMETERS, FALSE,
      -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
     {"residual_rms_px", CAMERA(residual_rms_px), 1, FALSE, 0, FIELD_LARGE},
+    {"expected_px", CAMERA(expected_px), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
     {"points", CAMERA(points), 1, TRUE, 0, G_MAXINT},
     {NULL},
 };
@@ -52,6 +53,12 @@ static const struct field laser_fields[] = {
     {"normal_rad", LASER(normal_rad), 1, FALSE, 0, FIELD_LARGE},
     {"stretch", LASER(stretch), 1, FALSE, 0, FIELD_LARGE, TRUE},
     {"residual_rms_mm", LASER(residual_rms_mm), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {NULL},
+};
+
+#define TURNTABLE(member) offsetof(struct calibration_turntable, member)
+static const struct field turntable_fields[] = {
+    {"wobble_rad", TURNTABLE(wobble_rad), 1, FALSE, 0, 1},
     {NULL},
 };
 
@@ -133,6 +140,7 @@ static const struct group {
 #define ARRAY(member) offsetof(struct calibration, member), sizeof(*((Calibration *)0)->member)
 #define ONE(member)   offsetof(struct calibration, member), sizeof(((Calibration *)0)->member)
     {"camera errors", N(cameras), ARRAY(cameras), camera_fields},
+    {"turntable errors", NONE, ONE(turntable), turntable_fields},
     {"arc errors", NONE, ONE(arc), arc_fields},
     {"lamp errors", N(lamps), ARRAY(lamps), lamp_fields},
     {"laser errors", N(lasers), ARRAY(lasers), laser_fields},

@@ -29,9 +29,11 @@ const bool quiet = [] {
 
 constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
 constexpr double ASPECT_SIGMA = 0.002;   /* of fx / fy about the prior's */
+constexpr double WOBBLE_SIGMA = 0.002;   /* rad, of each coefficient about 0, a prior */
 
 /* A corner's residual, whitened and divided by its noise. */
-struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1, 3> {
+struct Reprojection final
+    : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6, 1, 3, BUNDLE_WOBBLE> {
     const bundle *b;
     const bundle_observation *o;
 
@@ -40,23 +42,25 @@ struct Reprojection final : ceres::SizedCostFunction<2, BUNDLE_INTRINSICS, 6, 6,
 
     bool Evaluate(double const *const *parameters, double *residuals,
                   double **jacobians) const override {
-        static constexpr int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1, 3};
+        static constexpr int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1, 3, BUNDLE_WOBBLE};
         const bundle_camera &camera = b->cameras[o->camera];
-        const bundle_parameters at = {parameters[0], parameters[1], parameters[2], parameters[3][0],
-                                      parameters[4]};
+        const bundle_stop &stop = b->stops[o->stop];
+        const bundle_parameters at = {parameters[0],     parameters[1], parameters[2],
+                                      parameters[3][0],  parameters[4], parameters[5],
+                                      stop.commanded_rad};
         double px[2];
         bundle_slopes slopes;
-        if (!bundle_image(&camera, &b->lays[b->stops[o->stop].lay], &at, o->board_mm, px,
+        if (!bundle_image(&camera, &b->lays[stop.lay], &at, o->board_mm, px,
                           jacobians ? &slopes : nullptr))
             return false;
         const double noise = camera.noise * o->noise;
         const double d[2] = {px[0] - o->seen_px[0], px[1] - o->seen_px[1]};
-        const double *const from[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0], slopes.angle,
-                                      slopes.bend[0]};
+        const double *const from[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0],
+                                      slopes.angle,   slopes.bend[0], slopes.wobble[0]};
         for (int i = 0; i < 2; i++) {
             const double *w = o->whiten[i];
             residuals[i] = (w[0] * d[0] + w[1] * d[1]) / noise;
-            for (int k = 0; jacobians && k < 5; k++)
+            for (int k = 0; jacobians && k < 6; k++)
                 for (int l = 0; jacobians[k] && l < sizes[k]; l++)
                     jacobians[k][i * sizes[k] + l] =
                         (w[0] * from[k][l] + w[1] * from[k][sizes[k] + l]) / noise;
@@ -88,6 +92,18 @@ struct LensPrior final : ceres::SizedCostFunction<BUNDLE_INTRINSICS + 1, BUNDLE_
         if (j) {
             j[n * n] = 1 / lens[1] / ASPECT_SIGMA;
             j[n * n + 1] = -lens[0] / (lens[1] * lens[1]) / ASPECT_SIGMA;
+        }
+        return true;
+    }
+};
+
+struct WobblePrior final : ceres::SizedCostFunction<BUNDLE_WOBBLE, BUNDLE_WOBBLE> {
+    bool Evaluate(double const *const *parameters, double *residuals,
+                  double **jacobians) const override {
+        for (int i = 0; i < BUNDLE_WOBBLE; i++) {
+            residuals[i] = parameters[0][i] / WOBBLE_SIGMA;
+            for (int k = 0; jacobians && jacobians[0] && k < BUNDLE_WOBBLE; k++)
+                jacobians[0][BUNDLE_WOBBLE * i + k] = i == k ? 1 / WOBBLE_SIGMA : 0;
         }
         return true;
     }
@@ -182,6 +198,7 @@ struct Work {
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
     std::array<double, 3> bend;
+    std::array<double, BUNDLE_WOBBLE> wobble;
     std::vector<int> of_lay, of_stop, of_camera, of_lens; /* number of observations of each */
     ceres::Problem problem;
 
@@ -199,11 +216,14 @@ struct Work {
         for (gsize i = 0; i < angles.size(); i++)
             angles[i] = b->stops[i].angle_rad;
         std::memcpy(bend.data(), b->bend, sizeof b->bend);
+        std::memcpy(wobble.data(), b->wobble, sizeof b->wobble);
         add_observations();
         if (problem.HasParameterBlock(bend.data()) && b->bend_sigma > 0)
             problem.AddResidualBlock(new BendPrior(b->bend_sigma), nullptr, bend.data());
         else if (problem.HasParameterBlock(bend.data()))
             problem.SetParameterBlockConstant(bend.data());
+        if (problem.HasParameterBlock(wobble.data()))
+            add_wobble();
         add_cameras();
         add_turntable();
     }
@@ -226,8 +246,22 @@ struct Work {
             problem.AddResidualBlock(new Reprojection(b, &o),
                                      b->robust > 0 ? new ceres::HuberLoss(b->robust) : nullptr,
                                      lenses[lens_of(camera)].data(), poses[camera].data(),
-                                     lays[lay].data(), &angles[stop], bend.data());
+                                     lays[lay].data(), &angles[stop], bend.data(), wobble.data());
         }
+    }
+
+    /* Harmonic 1 has two parameters, higher ones have four each. */
+    void add_wobble() {
+        std::vector<int> unused;
+        for (int i = 4 * b->wobble_harmonics - 2; i < BUNDLE_WOBBLE; i++)
+            unused.push_back(i);
+        if (b->wobble_harmonics < 1) {
+            problem.SetParameterBlockConstant(wobble.data());
+            return;
+        }
+        problem.AddResidualBlock(new WobblePrior, nullptr, wobble.data());
+        if (!unused.empty())
+            problem.SetManifold(wobble.data(), new ceres::SubsetManifold(BUNDLE_WOBBLE, unused));
     }
 
     void add_lens(const bundle_camera &c, double *lens) {
@@ -310,11 +344,13 @@ struct Work {
         for (gsize i = 0; i < angles.size(); i++)
             b->stops[i].angle_rad = angles[i];
         std::memcpy(b->bend, bend.data(), sizeof b->bend);
+        std::memcpy(b->wobble, wobble.data(), sizeof b->wobble);
     }
 
-    /* All free parameter blocks in order; of each camera's lens and pose the first column in the
-     * Jacobian, −1 if it is fixed. */
-    std::vector<double *> free_blocks(std::vector<int> *lens, std::vector<int> *pose) {
+    /* All free parameter blocks in order; of each camera's lens and pose, and of the wobble, the
+     * first column in the Jacobian, −1 if it is fixed. */
+    std::vector<double *> free_blocks(std::vector<int> *lens, std::vector<int> *pose,
+                                      int *ret_wobble) {
         std::vector<double *> blocks;
         int columns = 0;
         const auto add = [&](double *block, bool used) {
@@ -335,6 +371,7 @@ struct Work {
         for (gsize i = 0; i < angles.size(); i++)
             add(&angles[i], of_stop[i] > 0);
         add(bend.data(), problem.HasParameterBlock(bend.data()));
+        *ret_wobble = add(wobble.data(), problem.HasParameterBlock(wobble.data()));
         return blocks;
     }
 };
@@ -376,12 +413,16 @@ gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError 
         ceres::CRSMatrix j;
         std::vector<int> lens, pose;
         std::vector<double> residuals;
-        options.parameter_blocks = work.free_blocks(&lens, &pose);
+        int wobble = -1;
+        options.parameter_blocks = work.free_blocks(&lens, &pose, &wobble);
         if (!work.problem.Evaluate(options, nullptr, &residuals, nullptr, &j))
             return fail(error, BUNDLE_ERROR_FAILED, "a board is behind its camera");
-        const bundle_linear linear = {j.num_rows,    j.num_cols,      j.rows.data(),
-                                      j.cols.data(), j.values.data(), residuals.data(),
-                                      lens.data(),   pose.data()};
+        const bundle_linear linear = {
+            j.num_rows,      j.num_cols,
+            j.rows.data(),   j.cols.data(),
+            j.values.data(), residuals.data(),
+            lens.data(),     pose.data(),
+            wobble,          wobble < 0 ? 0 : 4 * bundle->wobble_harmonics - 2};
         return bundle_scatter(bundle, &linear, ret_inflation, error);
     } catch (const std::exception &e) {
         return fail(error, BUNDLE_ERROR_FAILED, e.what());
@@ -399,6 +440,7 @@ gboolean bundle_project(const struct bundle *bundle, int camera, int stop, gbool
         c.lens = RIG_LENS_POLYNOMIAL;
         std::fill(c.intrinsics + 4, c.intrinsics + BUNDLE_INTRINSICS, 0.0);
     }
-    const bundle_parameters at = {c.intrinsics, pose, lay, s.angle_rad, bundle->bend};
+    const bundle_parameters at = {c.intrinsics,   pose,           lay, s.angle_rad, bundle->bend,
+                                  bundle->wobble, s.commanded_rad};
     return bundle_image(&c, &l, &at, board_mm, ret_px, nullptr);
 }

@@ -4,9 +4,10 @@
  *
  * A board point X (mm, z = b₀ x² + b₁ x y + b₂ y², b being the bend that all boards have in common)
  * of a board in the position `lay`, with the turntable at angle τ of `stop`, is at p = Rz(τ) (R_l X
- * + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h being the height at which the
- * print's plane meets the turntable's axis, which is the rig's z axis and has no parameters. A
- * camera sees p at project(R_c p + t_c), rig.h's model.
+ * + t_l) in the rig frame, or at W(τ) p if the turntable's bearing wobbles (struct rig_wobble in
+ * rig.h; τ is the commanded angle there). t_l is parametrised as (t_x, t_y, h), h being the height
+ * at which the print's plane meets the turntable's axis, which is the rig's z axis and has no
+ * parameters. A camera sees p at project(R_c p + t_c), rig.h's model.
  *
  * Rotations are R = R₀ exp([ω]×); covariances are those of ω at R = R₀.
  *
@@ -22,6 +23,10 @@ G_BEGIN_DECLS
 
 #define BUNDLE_INTRINSICS 12 /* fx fy cx cy k1 k2 k3 p1 p2 k4 k5 k6 */
 #define BUNDLE_CAMERA     18 /* parameters of a camera, in the order of its covariance */
+/* Parameters of the wobble: real and imaginary part of z_n, x + i y = Σ z_n exp(i n τ), for n = −1,
+ * 2, −2, 3, −3, 4, −4. A tilt with n = 1 turns with the board and is part of its pose. */
+#define BUNDLE_HARMONICS 4 /* as RIG_WOBBLE_HARMONICS */
+#define BUNDLE_WOBBLE    (4 * BUNDLE_HARMONICS - 2)
 
 struct bundle_camera {
     enum rig_lens lens; /* parameters that the model does not have are not changed */
@@ -66,9 +71,12 @@ struct bundle {
     int n_cameras, n_lays, n_stops, n_observations;
     double bend[3];    /* b₀, b₁, b₂, in 1 / mm */
     double bend_sigma; /* standard deviation of each about 0, a prior; 0: they stay as they are */
-    gboolean fix_azimuth; /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
-    double robust;        /* Huber's threshold in standard deviations; 0: plain least squares */
-    gboolean coarse;      /* stops when a step lowers the cost by less than 1e-5 of it */
+    double wobble[BUNDLE_WOBBLE];
+    int wobble_harmonics; /* the highest harmonic that is adjusted; 0: the wobble stays as it is */
+    double wobble_error_rad; /* out: standard deviation of the tilt, mean over a turn; 0: fixed */
+    gboolean fix_azimuth;    /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
+    double robust;           /* Huber's threshold in standard deviations; 0: plain least squares */
+    gboolean coarse;         /* stops when a step lowers the cost by less than 1e-5 of it */
 };
 
 /* Minimises in place. FALSE with a BUNDLE_ERROR if it does not converge. */
@@ -80,17 +88,21 @@ enum bundle_error {
 };
 gboolean bundle_solve(struct bundle *bundle, GError **error);
 
-/* Sets the cameras' covariances. C = (JᵀJ)⁻¹ holds if residuals are independent and of the noise
- * given. The cluster-robust estimate, a cluster being a picture i with residuals r_i (Liang & Zeger
- * 1986), with residuals corrected for what the fit has taken from them (CR2, Bell & McCaffrey
- * 2002), is
- *   S = C J_pᵀ J_p C + Σ_i u_i u_iᵀ,  u_i = C J_iᵀ (I − J_i C J_iᵀ)^−½ r_i,
- * J_p being the rows of priors; its expectation is C if C is right. It has as many degrees of
- * freedom as there are pictures, few for so many entries, so that it is shrunk towards a multiple
- * of C: with n pictures and p parameters of the camera V = g (n S + p f C) / (n + p), f = max(1,
- * tr(C⁻¹ S) / p). f is ret_inflation of each camera (may be NULL). Errors in units of a scatter
- * that n pictures show follow Student's t of n − 1 degrees of freedom (Cameron & Miller 2015): g =
- * 1 + (t² − 1)(1 − 1 / f), t being its 97.5 % over that of normal errors, if f is above 1. */
+/* The wobble of the parameters, in rig.h's form. */
+struct rig_wobble;
+void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret);
+
+/* Sets the cameras' covariances, and the error of the wobble. C = (JᵀJ)⁻¹ holds if residuals are
+ * independent and of the noise given. The cluster-robust estimate, a cluster being a picture i with
+ * residuals r_i (Liang & Zeger 1986), with residuals corrected for what the fit has taken from them
+ * (CR2, Bell & McCaffrey 2002), is S = C J_pᵀ J_p C + Σ_i u_i u_iᵀ,  u_i = C J_iᵀ (I − J_i C
+ * J_iᵀ)^−½ r_i, J_p being the rows of priors; its expectation is C if C is right. It has as many
+ * degrees of freedom as there are pictures, few for so many entries, so that it is shrunk towards a
+ * multiple of C: with n pictures and p parameters of the camera V = g (n S + p f C) / (n + p), f =
+ * max(1, tr(C⁻¹ S) / p). f is ret_inflation of each camera (may be NULL). Errors in units of a
+ * scatter that n pictures show follow Student's t of n − 1 degrees of freedom (Cameron & Miller
+ * 2015): g = 1 + (t² − 1)(1 − 1 / f), t being its 97.5 % over that of normal errors, if f is
+ * above 1. */
 gboolean bundle_covariance(struct bundle *bundle, double *ret_inflation, GError **error);
 
 /* Projects a board point. straight: as if the lens had no distortion. FALSE: behind the camera. */

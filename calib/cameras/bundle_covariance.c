@@ -15,7 +15,10 @@
 
 #define LEAST_LEFT  1e-6  /* least share of a residual that remains after the fit */
 #define LEAST_RCOND 1e-15 /* least reciprocal condition number of JᵀJ with unit diagonal */
-#define MOST_OWN    (BUNDLE_CAMERA + 6 + 1 + 3) /* columns of a picture: camera, lay, angle, bend */
+#define MOST_OWN                                                                                   \
+    (BUNDLE_CAMERA + 6 + 1 + 3 +                                                                   \
+     BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, */
+                    /* wobble */
 
 struct factor {
     int n;
@@ -226,11 +229,33 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
     return TRUE;
 }
 
+/* √ trace of the wobble's part of C: the mean of |tilt|² over a turn is Σ |z_n|². */
+static gboolean wobble_error(struct bundle *bundle, const struct factor *factor,
+                             const struct bundle_linear *linear) {
+    const int k = linear->n_wobble;
+    int columns[BUNDLE_WOBBLE];
+    double r[BUNDLE_WOBBLE * BUNDLE_WOBBLE], sum = 0;
+    g_autofree double *q = g_new(double, (gsize)factor->n *BUNDLE_WOBBLE + 1);
+    bundle->wobble_error_rad = 0;
+    if (linear->wobble < 0 || k == 0)
+        return TRUE;
+    for (int i = 0; i < k; i++)
+        columns[i] = linear->wobble + i;
+    if (!columns_of_inverse(factor, columns, k, q, r))
+        return FALSE;
+    for (int i = 0; i < k; i++)
+        for (int l = 0; l < k; l++)
+            sum += pow(r[l * k + i] * factor->scale[columns[i]], 2);
+    bundle->wobble_error_rad = sqrt(sum);
+    return TRUE;
+}
+
 gboolean bundle_scatter(struct bundle *bundle, const struct bundle_linear *linear,
                         double *ret_inflation, GError **error) {
     struct factor factor;
     g_autoptr(GArray) y = NULL;
-    gboolean ok = factorise(linear, &factor) && (y = scores(bundle, &factor, linear));
+    gboolean ok = factorise(linear, &factor) && (y = scores(bundle, &factor, linear)) &&
+                  wobble_error(bundle, &factor, linear);
     for (int i = 0; ok && i < bundle->n_cameras; i++) {
         /* Columns in the order of the covariance: fx … p2, ω, shift, k4, k5, k6. */
         int of_lens[BUNDLE_INTRINSICS], free[BUNDLE_CAMERA], at[BUNDLE_CAMERA], p = 0;
@@ -254,7 +279,8 @@ gboolean bundle_scatter(struct bundle *bundle, const struct bundle_linear *linea
     g_free(factor.scale);
     if (!ok)
         g_set_error_literal(error, BUNDLE_ERROR, BUNDLE_ERROR_SINGULAR,
-                            "the joint refinement has failed: the observations do not determine "
-                            "all parameters");
+                            "the joint refinement has failed: the pictures do not determine all "
+                            "parameters; take more of them, with the board at several tilts, and "
+                            "at angles all around the turntable");
     return ok;
 }

@@ -6,9 +6,11 @@
 G_BEGIN_DECLS
 
 /* Derivatives of the picture's x, y (rows) by the parameters of a lens, of a camera's pose (ω,
- * shift), of a lay (ω, t_x, t_y, h), by the turntable's angle, and by the board's bend. */
+ * shift), of a lay (ω, t_x, t_y, h), by the turntable's angle, by the board's bend, and by the
+ * wobble. */
 struct bundle_slopes {
     double lens[2][BUNDLE_INTRINSICS], pose[2][6], lay[2][6], angle[2], bend[2][3];
+    double wobble[2][BUNDLE_WOBBLE];
 };
 
 /* bundle_project.c: a board point in the picture, from parameters and the rotations R₀ (row by row)
@@ -16,7 +18,9 @@ struct bundle_slopes {
 struct bundle_parameters {
     const double *lens, *pose, *lay;
     double angle;
-    const double *bend; /* NULL: the board is flat */
+    const double *bend;   /* NULL: the board is flat */
+    const double *wobble; /* NULL: none */
+    double commanded;     /* angle of the turntable that the wobble belongs to */
 };
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
                       const struct bundle_parameters *at, const double board_mm[2],
@@ -41,6 +45,7 @@ struct bundle_linear {
     const int *rows, *columns;
     const double *values, *residuals;
     const int *lens, *pose;
+    int wobble, n_wobble; /* first column, −1: fixed; and number of columns */
 };
 
 /* bundle_covariance.c: sets the cameras' covariances. */

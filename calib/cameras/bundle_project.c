@@ -1,8 +1,9 @@
 /* The projection of the bundle adjustment, and its derivatives by the chain rule. */
 #include "bundle_private.h"
 
-#include "base/vec.h"
+#include "geometry/rig.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #define LEAST_Z     1e-6 /* least z of a point in front of the camera */
@@ -111,6 +112,36 @@ static void along(const double a[2][3], struct vec3 v, double *ret_x, double *re
     *ret_y = a[1][0] * v.x + a[1][1] * v.y + a[1][2] * v.z;
 }
 
+/* n of the wobble's parameters 2 i and 2 i + 1. */
+static int wobble_order(int i) {
+    return i == 0 ? -1 : i % 2 ? (i + 3) / 2 : -(i + 2) / 2;
+}
+
+/* z exp(i n τ) = (a + i b)(cos n τ + i sin n τ). */
+static void wobble_tilt(const double *z, double angle, double ret[2]) {
+    ret[0] = ret[1] = 0;
+    for (int i = 0; i < BUNDLE_WOBBLE / 2; i++) {
+        const double c = cos(wobble_order(i) * angle), s = sin(wobble_order(i) * angle);
+        ret[0] += z[2 * i] * c - z[2 * i + 1] * s;
+        ret[1] += z[2 * i] * s + z[2 * i + 1] * c;
+    }
+}
+
+G_STATIC_ASSERT(BUNDLE_HARMONICS == RIG_WOBBLE_HARMONICS);
+
+void bundle_wobble(const double wobble[BUNDLE_WOBBLE], struct rig_wobble *ret) {
+    memset(ret, 0, sizeof *ret);
+    for (int i = 0; i < BUNDLE_WOBBLE / 2; i++) {
+        const int n = wobble_order(i), sign = n < 0 ? -1 : 1;
+        const double a = wobble[2 * i], b = wobble[2 * i + 1];
+        double *of = ret->rad[abs(n) - 1];
+        of[0] += a;
+        of[1] -= sign * b;
+        of[2] += b;
+        of[3] += sign * a;
+    }
+}
+
 /* With M = R₀ exp([ω]×): ∂(M x)/∂ω_k = M (J_k × x). The board's point is at p = Rz(τ) (M_l X + t),
  * and n = M_l (0, 0, 1); t_z = h − (n_x t_x + n_y t_y) / n_z. The camera sees q = M_c p + shift. */
 gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_lay *lay,
@@ -132,8 +163,16 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
     const double off = n.x * t[0] + n.y * t[1];
     const struct vec3 from = vec3_add(mat3_mul_vec(&m_lay, x), vec3(t[0], t[1], t[2] - off / n.z));
     const double cosine = cos(at->angle), sine = sin(at->angle);
-    const struct vec3 p =
+    const struct vec3 level =
         vec3(cosine * from.x - sine * from.y, sine * from.x + cosine * from.y, from.z);
+    double tilt[3] = {0, 0, 0};
+    struct mat3 w = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    struct vec3 j_tilt[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    if (at->wobble)
+        wobble_tilt(at->wobble, at->commanded, tilt);
+    if (tilt[0] != 0 || tilt[1] != 0)
+        exponential(tilt, &w, j_tilt);
+    const struct vec3 p = mat3_mul_vec(&w, level);
     exponential(at->pose, &turn, j_camera);
     m_camera = product(camera->rotation, &turn);
     const struct vec3 q =
@@ -146,7 +185,9 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
     if (!ret)
         return TRUE;
     memset(ret->lens, 0, sizeof ret->lens);
-    double by_p[2][3], by_from[2][3]; /* of the picture's x, y by p, and before Rz */
+    double by_p[2][3], by_level[2][3], by_from[2][3]; /* of the picture's x, y by p, before W, and
+                                                         before Rz */
+    double by_tilt[2][2];
     for (int i = 0; i < 2; i++) {
         ret->lens[i][i] = uv[i];
         ret->lens[i][2 + i] = 1;
@@ -157,9 +198,12 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
         for (int l = 0; l < 3; l++)
             by_p[i][l] = j[i][0] * m_camera.m[0][l] + j[i][1] * m_camera.m[1][l] +
                          j[i][2] * m_camera.m[2][l];
-        by_from[i][0] = cosine * by_p[i][0] + sine * by_p[i][1];
-        by_from[i][1] = cosine * by_p[i][1] - sine * by_p[i][0];
-        by_from[i][2] = by_p[i][2];
+        for (int l = 0; l < 3; l++)
+            by_level[i][l] =
+                by_p[i][0] * w.m[0][l] + by_p[i][1] * w.m[1][l] + by_p[i][2] * w.m[2][l];
+        by_from[i][0] = cosine * by_level[i][0] + sine * by_level[i][1];
+        by_from[i][1] = cosine * by_level[i][1] - sine * by_level[i][0];
+        by_from[i][2] = by_level[i][2];
         ret->pose[i][3] = j[i][0];
         ret->pose[i][4] = j[i][1];
         ret->pose[i][5] = j[i][2];
@@ -169,7 +213,7 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
         const double along_n = by_from[i][0] * n.x + by_from[i][1] * n.y + by_from[i][2] * n.z;
         for (int l = 0; l < 3; l++)
             ret->bend[i][l] = along_n * squares[l];
-        ret->angle[i] = -by_p[i][0] * p.y + by_p[i][1] * p.x;
+        ret->angle[i] = -by_level[i][0] * level.y + by_level[i][1] * level.x;
     }
     for (int l = 0; l < 3; l++) {
         along((const double(*)[3])by_p, vec3_cross(j_camera[l], p), &ret->pose[0][l],
@@ -178,6 +222,17 @@ gboolean bundle_image(const struct bundle_camera *camera, const struct bundle_la
         const struct vec3 dn = mat3_mul_vec(&m_lay, vec3_cross(j_lay[l], up));
         moved.z -= (dn.x * t[0] + dn.y * t[1] - off * dn.z / n.z) / n.z;
         along((const double(*)[3])by_from, moved, &ret->lay[0][l], &ret->lay[1][l]);
+        if (l < 2) /* ∂(W x)/∂tilt = W (J × x) */
+            along((const double(*)[3])by_level, vec3_cross(j_tilt[l], level), &by_tilt[0][l],
+                  &by_tilt[1][l]);
+    }
+    for (int i = 0; i < BUNDLE_WOBBLE / 2; i++) {
+        const double along_x = cos(wobble_order(i) * at->commanded);
+        const double along_y = sin(wobble_order(i) * at->commanded);
+        for (int l = 0; l < 2; l++) {
+            ret->wobble[l][2 * i] = by_tilt[l][0] * along_x + by_tilt[l][1] * along_y;
+            ret->wobble[l][2 * i + 1] = by_tilt[l][1] * along_x - by_tilt[l][0] * along_y;
+        }
     }
     return TRUE;
 }

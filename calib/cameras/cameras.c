@@ -247,8 +247,7 @@ static void fix_unknown(struct cameras_work *work) {
     }
 }
 
-/* One bundle adjustment with the corners found so far. */
-static gboolean cameras_solve(struct cameras_work *work, GError **error) {
+gboolean cameras_solve(struct cameras_work *work, GError **error) {
     fix_unknown(work);
     cameras_set_observations(work);
     work->bundle.robust = 3;
@@ -299,6 +298,7 @@ static struct cameras_result *cameras_new_result(const struct cameras_work *work
     to->rms_px = n ? sqrt(sum / n) : 0;
     memcpy(to->held_out_px, work->held_out_px, sizeof to->held_out_px);
     memcpy(to->inflation, work->inflation, sizeof to->inflation);
+    to->expected_px = cameras_expected_px(work, -1);
     for (int id = 0; id < board_n_corners(&work->task->board); id++) {
         double mm[2];
         board_corner_mm(&work->task->board, id, mm);
@@ -357,6 +357,12 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
     struct calibration_part *part =
         calibration_set_part(calibration, CALIBRATION_CAMERAS, method, used, sum, rejected);
     part->residual_rms = result->rms_px;
+    part->residual_expected = result->expected_px;
+    bundle_wobble(work->bundle.wobble, &calibration->rig.wobble);
+    result->wobble_rad = rig_wobble_most_rad(&calibration->rig.wobble);
+    result->wobble_error_rad = work->bundle.wobble_error_rad;
+    calibration->turntable = (struct calibration_turntable){.known = result->wobble_rad > 0,
+                                                            .wobble_rad = result->wobble_error_rad};
     part->degrees_of_freedom = MAX(2 * (int)result->residuals->len - cameras_n_parameters(work), 0);
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const struct bundle_camera *from = &work->bundle.cameras[c];
@@ -384,6 +390,7 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
             to->points++;
         }
         to->residual_rms_px = to->points ? sqrt(squares / to->points) : 0;
+        to->expected_px = cameras_expected_px(work, c);
         to->known = TRUE;
     }
     result->arm_known = arm != NULL;
@@ -392,6 +399,58 @@ static struct cameras_result *cameras_store_result(struct cameras_work *work,
         cameras_place_stops(work, calibration, result);
     }
     return result;
+}
+
+/* Places the boards by the nominal cameras, and adjusts all for the first time. */
+static gboolean cameras_begin(struct cameras_work *work, GError **error) {
+    return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
+           (!work->task->no_turntable || cameras_level(work, error)) && cameras_solve(work, error);
+}
+
+/* Nothing yet says how high the boards lie: moves everything along the turntable's axis so that the
+ * flattest board lies on its top, as nominal positions presume. */
+static void set_top(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    const struct bundle_lay *flat = &b->lays[0];
+    for (int l = 1; l < b->n_lays; l++)
+        if (cameras_tilt_rad(&b->lays[l]) < cameras_tilt_rad(flat))
+            flat = &b->lays[l];
+    const double up_mm = work->task->board.thickness_mm - flat->place[2];
+    for (int l = 0; l < b->n_lays; l++)
+        b->lays[l].place[2] += up_mm;
+    for (int c = 0; c < b->n_cameras; c++)
+        for (int i = 0; i < 3 && !b->cameras[c].fixed_pose; i++)
+            b->cameras[c].shift[i] -= b->cameras[c].rotation[3 * i + 2] * up_mm;
+}
+
+/* Looks for a mistake in what is noted if that does not go well. */
+static gboolean begin_or_find_mistake(struct cameras_work *work, GError **error) {
+    g_autoptr(GError) why = NULL;
+    cameras_start(work);
+    const gboolean begun = cameras_begin(work, &why);
+    if (cameras_find_mistake(work, begun, error))
+        return FALSE;
+    if (!begun)
+        g_propagate_error(error, g_steal_pointer(&why));
+    if (begun && !work->task->no_turntable)
+        set_top(work);
+    return begun && cameras_check_start(work, error);
+}
+
+/* The boards have not fitted from the beginning: a failure of the adjustment says nothing of its
+ * cause. */
+static void tell_unexplained(const struct cameras_work *work, GError **error) {
+    if (!error || !*error || !(work->unexplained_px > 0) ||
+        ((*error)->domain != BUNDLE_ERROR && (*error)->domain != CAMERAS_ERROR))
+        return;
+    g_clear_error(error);
+    cameras_refuse(error, CAMERAS_ERROR_FIT,
+                   "the boards do not fit the rig file: half of all corners are more than %.3g px "
+                   "from where they should be, and neither a reversed turntable, nor angles in "
+                   "radians, nor exchanged cameras explain it. Check theta_deg, phi_deg and "
+                   "distance_mm of each camera, the angles of the turntable, and whether every "
+                   "session is of one position of the board",
+                   work->unexplained_px);
 }
 
 /* free_boards: a lens alone; the camera frame is the rig frame, every photograph is a lay of its
@@ -419,10 +478,7 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
         ok = ok && cameras_start_lens(&work, error) && cameras_start_lays(&work, error) &&
              cameras_choose_lens(&work, error);
     } else {
-        cameras_start(&work);
-        ok = ok && cameras_check_motion(&work, error) && cameras_start_lays(&work, error) &&
-             (!task->no_turntable || cameras_level(&work, error)) && cameras_solve(&work, error) &&
-             cameras_check_start(&work, error) && search_everywhere(&work, error) &&
+        ok = ok && begin_or_find_mistake(&work, error) && search_everywhere(&work, error) &&
              cameras_check_pictures(&work, error);
     }
     if (ok)
@@ -432,6 +488,9 @@ static struct cameras_result *cameras_run(struct calibration *calibration,
          cameras_check_result(&work, error);
     if (ok && task->no_turntable)
         cameras_align(&work);
+    ok = ok && (free_boards || cameras_check_places(&work, error));
+    if (!ok)
+        tell_unexplained(&work, error);
     ok = ok && cameras_fit_arm(&work, &arm_known, &arm, error);
     if (ok)
         result = cameras_store_result(&work, arm_known ? &arm : NULL);

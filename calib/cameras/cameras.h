@@ -35,6 +35,11 @@
  * that was calibrated at two others, gets its pose from the axis; its errors are those of the
  * nearest stop, increased by how far the calibrated stops are from the axis.
  *
+ * A wobble of the turntable's bearing (struct rig_wobble) is fitted if the pictures show one: its
+ * harmonics as far as the number of angles determines them, at most RIG_WOBBLE_HARMONICS. It is
+ * kept if χ² falls by more than four standard deviations of what as many parameters lower it by
+ * chance, after division by the inflation of variances.
+ *
  * Errors include the scatter between pictures (bundle.h).
  *
  * Any thread, one calibration at a time.
@@ -106,6 +111,9 @@ struct cameras_result {
     struct rig_swing_fit arm;          /* its fit; valid if arm_known */
     guint32 predicted;                 /* cameras (bits) whose poses the axis gave */
     double inflation[RIG_MAX_CAMERAS]; /* of variances, by the scatter of pictures; ≥ 1 */
+    double expected_px;      /* the RMS that the noise of the pictures explains; 0: not known */
+    double wobble_rad;       /* largest tilt of the turntable's axis, 0: no wobble is significant */
+    double wobble_error_rad; /* its standard deviation, mean over a turn */
 };
 void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 

@@ -179,7 +179,9 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
 }
 
 gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
-    return check_lays(work, error) && check_scale(work, error);
+    return check_lays(work, error) &&
+           (work->task->no_turntable || cameras_check_places(work, error)) &&
+           check_scale(work, error);
 }
 
 /* The boards must differ in tilt, and the relative standard error of the focal length must be

@@ -28,7 +28,14 @@ struct cameras_work {
     gboolean free_boards;
     double held_out_px[RIG_LENSES], inflation[RIG_MAX_CAMERAS]; /* cameras.h */
     int steps, step;
+    double unexplained_px; /* typical residual of the first fit, if it is large, and no mistake that
+                              is known explains it; else 0 */
 };
+
+/* Advice of an error about two exchanged cameras; printf arguments: the names of both. */
+#define CAMERAS_EXCHANGE_THEM                                                                      \
+    "exchange the devices of [camera %s] and [camera %s] in the rig file, or for imported "        \
+    "pictures their names in the table, and capture or import again"
 
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
@@ -70,6 +77,18 @@ void cameras_estimate_noise(struct bundle *bundle);
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
+/* The RMS in pixels that the noise of the corners leaves after the fit. camera −1: of all. 0: not
+ * known, for photographs, whose noise compression and sharpening have changed. */
+double cameras_expected_px(const struct cameras_work *work, int camera);
+
+/* cameras.c: one bundle adjustment with the corners found so far. */
+gboolean cameras_solve(struct cameras_work *work, GError **error);
+
+/* cameras_mistakes.c: if the boards do not fit as noted, but do with one mistake, sets the error to
+ * that mistake. fitted: the first fit has not failed. FALSE: the work is as it was. */
+gboolean cameras_find_mistake(struct cameras_work *work, gboolean started, GError **error);
+/* Refuses cameras that stand at each other's places. */
+gboolean cameras_check_places(const struct cameras_work *work, GError **error);
 
 /* cameras_check.c: refuses results that cannot be right. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);

@@ -3,6 +3,7 @@
 #include "cameras_private.h"
 
 #include <math.h>
+#include <string.h>
 
 #define RAD(deg)        ((deg) * (G_PI / 180))
 #define OUTLIER         4.5    /* times the noise: rejects 4e-5 of all corners with pure noise */
@@ -10,6 +11,7 @@
 #define ROBUST          3      /* times the noise: threshold of Huber's loss */
 #define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
 #define TYPICAL         20     /* weight of the camera's noise in that of a picture, in residuals */
+#define SIGNIFICANT     4      /* standard deviations of χ²'s decrease by chance */
 #define MOST_REJECTED   0.4    /* share of rejected corners from which the picture is rejected */
 
 /* |W (projected − seen)|, W being the inverse square root of the corner's covariance. */
@@ -29,7 +31,29 @@ int cameras_n_parameters(const struct cameras_work *work) {
     for (int c = 0; c < work->bundle.n_cameras; c++)
         lenses += work->bundle.cameras[c].stop == 0;
     return 9 * lenses + 6 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
-           (work->free_boards ? 0 : work->bundle.n_stops) + (work->bundle.bend_sigma > 0 ? 3 : 0);
+           (work->free_boards ? 0 : work->bundle.n_stops) + (work->bundle.bend_sigma > 0 ? 3 : 0) +
+           (work->bundle.wobble_harmonics > 0 ? 4 * work->bundle.wobble_harmonics - 2 : 0);
+}
+
+/* A corner's covariance is L Lᵀ with L = W⁻¹: its trace is the mean square of the corner's noise.
+ * The fit leaves the share 1 − p / N of it, with p parameters and N residuals. */
+double cameras_expected_px(const struct cameras_work *work, int camera) {
+    const struct bundle *b = &work->bundle;
+    double sum = 0;
+    int n = 0, all = 0;
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        all += !o->rejected;
+        if (o->rejected || (camera >= 0 && o->camera != camera))
+            continue;
+        const double k = 1 / o->whiten[0][0], m = 1 / o->whiten[1][1];
+        const double l = -o->whiten[1][0] * k * m;
+        sum += k * k + l * l + m * m;
+        n++;
+    }
+    if (work->free_boards || n == 0)
+        return 0;
+    return sqrt(sum / n * MAX(1 - cameras_n_parameters(work) / (2.0 * all), 0.05));
 }
 
 /* Median |residual| / √(2 ln 2). The corners' covariances contain the pixel noise only;
@@ -46,6 +70,56 @@ void cameras_estimate_noise(struct bundle *b) {
         if (residuals->len > 0)
             b->cameras[c].noise = MAX(cameras_median(residuals) / MEDIAN_OF_NOISE, 1);
     }
+}
+
+/* Sum of squared residuals over their noise, each at most ROBUST². */
+static double robust_squares(const struct bundle *b) {
+    double sum = 0, d[2];
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        const double r = cameras_residual(b, o, d) / b->cameras[o->camera].noise;
+        sum += MIN(r * r, ROBUST * ROBUST);
+    }
+    return sum;
+}
+
+/* Distinct angles of the turntable, modulo a turn. */
+static int n_angles(const struct bundle *b) {
+    int n = 0;
+    for (int i = 0; i < b->n_stops; i++) {
+        gboolean fresh = TRUE;
+        for (int k = 0; k < i && fresh; k++)
+            fresh = fabs(remainder(b->stops[i].commanded_rad - b->stops[k].commanded_rad,
+                                   2 * G_PI)) > RAD(0.5);
+        n += fresh;
+    }
+    return n;
+}
+
+/* Fits the bearing's wobble, and keeps it if it is significant. With n angles the harmonics 1 … (n
+ * − 1) / 2 are determined (Nyquist). */
+static gboolean fit_wobble(struct cameras_work *work, GError **error) {
+    struct bundle *b = &work->bundle;
+    double inflation[RIG_MAX_CAMERAS] = {0}, most = 1;
+    const int harmonics = MIN((n_angles(b) - 1) / 2, RIG_WOBBLE_HARMONICS);
+    if (work->free_boards || work->task->no_turntable || harmonics < 1)
+        return TRUE;
+    const double without = robust_squares(b);
+    b->wobble_harmonics = harmonics;
+    if (!bundle_solve(b, error) || !bundle_covariance(b, inflation, error))
+        return FALSE;
+    for (int c = 0; c < b->n_cameras; c++)
+        most = MAX(most, inflation[c]);
+    const double with = robust_squares(b), p = 4 * harmonics - 2;
+    const double gain = 2 * b->n_observations * (without / MAX(with, 1e-9) - 1) / most;
+    if (gain > p + SIGNIFICANT * sqrt(2 * p)) {
+        cameras_estimate_noise(b);
+        return TRUE;
+    }
+    b->wobble_harmonics = 0;
+    b->wobble_error_rad = 0;
+    memset(b->wobble, 0, sizeof b->wobble);
+    return TRUE;
 }
 
 static gboolean is_outlier(const struct bundle *b, const struct bundle_observation *o,
@@ -153,6 +227,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     one.n_observations = (int)own->len;
     one.fix_azimuth = FALSE;
     one.bend_sigma = 0;
+    one.wobble_harmonics = 0;
     one.robust = ROBUST;
     const gboolean was_fixed = one.lays[seen->lay].fixed;
     one.lays[seen->lay].fixed |= !work->free_boards && !work->task->no_turntable;
@@ -220,6 +295,8 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
             if (!bundle_solve(&work->bundle, error))
                 return FALSE;
             cameras_estimate_noise(&work->bundle);
+            if (!fit_wobble(work, error))
+                return FALSE;
         }
         cameras_refine_weigh(work);
         weigh_pictures(work);

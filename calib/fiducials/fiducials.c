@@ -349,7 +349,7 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
         struct fiducial_seen found = {
             .camera = scene->camera, .fiducial = i, .turntable_rad = scene->turntable_rad};
         m.eye = rig_camera_centre_mm(m.camera);
-        m.middle = rig_turn(m.fiducial->centre_mm, scene->turntable_rad);
+        m.middle = rig_sample_point(scene->rig, scene->turntable_rad, m.fiducial->centre_mm);
         if (!expected_centroid(&m, &found.expected_x_px, &found.expected_y_px) ||
             !fiducials_set_bounds(&m, RING + FARTHEST))
             continue;

@@ -62,7 +62,8 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
         } else {
             turn += angle;
         }
-        struct vec3 p = rig_turn(check->rig->fiducials[seen->fiducial].centre_mm, turn);
+        struct vec3 p =
+            rig_sample_point(check->rig, turn, check->rig->fiducials[seen->fiducial].centre_mm);
         if (!rig_project(&now, p, &x[side], &y[side]))
             return;
     }

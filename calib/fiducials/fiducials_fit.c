@@ -24,8 +24,8 @@ struct position {
 static gboolean fiducials_fit_project(const struct position *position,
                                       const struct fiducial_seen *seen, struct vec3 p,
                                       double ret[2]) {
-    return rig_project(&position->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad),
-                       &ret[0], &ret[1]);
+    return rig_project(&position->rig->cameras[seen->camera],
+                       rig_sample_point(position->rig, seen->turntable_rad, p), &ret[0], &ret[1]);
 }
 
 static void fiducials_fit_add_seen(struct position *position, const struct fiducial_seen *seen) {

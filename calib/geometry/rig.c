@@ -256,7 +256,7 @@ struct vec3 rig_turn(struct vec3 v, double angle_rad) {
 
 /* Rodrigues' formula for the rotation vector t = (tx, ty, 0): v cos θ + sign (k × v) sin θ + k
  * (k·v)(1 − cos θ), θ = |t|, k = t/θ. */
-static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
+struct vec3 rig_tilt_point(const double t[2], struct vec3 v, double sign) {
     double angle = hypot(t[0], t[1]);
 
     if (angle == 0)
@@ -267,11 +267,89 @@ static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
     return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
 }
 
+void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]) {
+    ret_rad[0] = ret_rad[1] = 0;
+    for (int k = 0; k < RIG_WOBBLE_HARMONICS; k++) {
+        const double *of = wobble->rad[k];
+        const double c = cos((k + 1) * turntable_rad), s = sin((k + 1) * turntable_rad);
+        ret_rad[0] += of[0] * c + of[1] * s;
+        ret_rad[1] += of[2] * c + of[3] * s;
+    }
+}
+
+double rig_wobble_most_rad(const struct rig_wobble *wobble) {
+    double most = 0, tilt_rad[2];
+    for (int deg = 0; deg < 360; deg++) {
+        rig_wobble_tilt(wobble, deg * (G_PI / 180), tilt_rad);
+        most = MAX(most, hypot(tilt_rad[0], tilt_rad[1]));
+    }
+    return most;
+}
+
+/* Rotates all that does not turn with the sample by sign · t. A camera sees the same with R Wᵀ
+ * instead of R: each row of its rotation is rotated like a point. */
+static void rig_tilt(struct rig *rig, const double t[2], double sign) {
+    if (t[0] == 0 && t[1] == 0)
+        return;
+    for (int i = 0; i < rig->n_cameras; i++)
+        for (int row = 0; row < 3; row++) {
+            double *of = rig->cameras[i].rotation.m[row];
+            const struct vec3 v = rig_tilt_point(t, vec3(of[0], of[1], of[2]), sign);
+            of[0] = v.x;
+            of[1] = v.y;
+            of[2] = v.z;
+        }
+    rig->arc.tilt_rad[0] += sign * t[0];
+    rig->arc.tilt_rad[1] += sign * t[1];
+    for (int i = 0; i < rig->n_lamps; i++) {
+        struct rig_lamp *lamp = &rig->lamps[i];
+        if (!lamp->fixed)
+            continue;
+        lamp->position_mm = rig_tilt_point(t, lamp->position_mm, sign);
+        lamp->aim = rig_tilt_point(t, lamp->aim, sign);
+    }
+    for (int i = 0; i < rig->n_lasers; i++) {
+        struct rig_laser *laser = &rig->lasers[i];
+        if (!laser->fixed)
+            continue;
+        laser->position_mm = rig_tilt_point(t, laser->position_mm, sign);
+        laser->axis = rig_tilt_point(t, laser->axis, sign);
+        laser->normal = rig_tilt_point(t, laser->normal, sign);
+    }
+    struct rig_swing *const swings[] = {&rig->arm, &rig->probe};
+    for (gsize i = 0; i < G_N_ELEMENTS(swings); i++) {
+        swings[i]->axis = rig_tilt_point(t, swings[i]->axis, sign);
+        swings[i]->centre_mm = rig_tilt_point(t, swings[i]->centre_mm, sign);
+    }
+}
+
+void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret) {
+    double t[2];
+    rig_wobble_tilt(&rig->wobble, turntable_rad, t);
+    if (ret != rig)
+        *ret = *rig;
+    rig_tilt(ret, t, -1);
+}
+
+void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret) {
+    double t[2];
+    rig_wobble_tilt(&rig->wobble, turntable_rad, t);
+    if (ret != rig)
+        *ret = *rig;
+    rig_tilt(ret, t, 1);
+}
+
+struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm) {
+    double t[2];
+    rig_wobble_tilt(&rig->wobble, turntable_rad, t);
+    return rig_tilt_point(t, rig_turn(point_mm, turntable_rad), 1);
+}
+
 /* Tilt · Rz(α + zero) · d. */
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
     if (!arc)
         return rig_turn(direction, arc_rad);
-    return tilt(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
+    return rig_tilt_point(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
 }
 
 /* Tilt · Rz(α + zero) · p + centre. */
@@ -285,7 +363,7 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
     if (!arc)
         return rig_turn(point_mm, -arc_rad);
     struct vec3 p = vec3_sub(point_mm, vec3(arc->centre_mm[0], arc->centre_mm[1], 0));
-    return rig_turn(tilt(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
+    return rig_turn(rig_tilt_point(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
 }
 
 /* The three below: from the frame of a device's carrier to the rig frame, and back. */

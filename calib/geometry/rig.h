@@ -5,7 +5,8 @@
  *
  * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
  * up. Sample frame: rotates with the turntable; at turntable angle τ (counter-clockwise seen from
- * above) a point p of the sample is at Rz(τ) p in the rig. A fixed camera at azimuth φ_c is seen
+ * above) a point p of the sample is at Rz(τ) p in the rig, if the bearing is perfect (struct
+ * rig_wobble). A fixed camera at azimuth φ_c is seen
  * by the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ, one that stands
  * by itself at azimuth φ_l at φ_l − τ.
  *
@@ -105,6 +106,17 @@ struct rig_swing {
     struct vec3 centre_mm;
 };
 
+#define RIG_WOBBLE_HARMONICS 4
+#define RIG_MOST_WOBBLE_RAD  0.02 /* of each coefficient */
+
+/* The wobble of the turntable's bearing: its axis is tilted by a rotation vector (x, y, 0) that is
+ * a function of the turntable's angle τ, and the sample's point p is at W(τ) Rz(τ) p. Of harmonic k
+ * = 1, 2, … x = c cos kτ + s sin kτ with {c, s} in [0] and [1], and y likewise in [2] and [3]. The
+ * axis itself is the mean: there is no harmonic 0. All 0: a perfect bearing. */
+struct rig_wobble {
+    double rad[RIG_WOBBLE_HARMONICS][4];
+};
+
 struct rig {
     char id[64]; /* identifies the rig; a calibration of another one is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
@@ -115,6 +127,7 @@ struct rig {
     int n_lasers;
     struct rig_arc arc;
     struct rig_swing arm, probe;
+    struct rig_wobble wobble;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
     double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc */
@@ -169,6 +182,24 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
 
 /* Rotates about z: from sample to rig frame by +τ, from rig to sample frame by −τ. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
+
+/* The tilt (x, y, 0) of the turntable's axis at an angle, and the largest one over a turn. */
+void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]);
+double rig_wobble_most_rad(const struct rig_wobble *wobble);
+
+/* The same rig with the turntable at an angle, in the frame in which the axis is z also at this
+ * angle: cameras, arc, and what stands by itself are tilted back by the wobble. In this frame
+ * the sample turns by Rz alone, and what lies on the turntable is level. The arc's axis is moved to
+ * first order: the error is below 1 µm for wobbles below 0.1°. ret may be rig. */
+void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
+/* The inverse of rig_at(). */
+void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret);
+
+/* Rotates a point or direction by sign times such a tilt: W v, or back W⁻¹ v. */
+struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign);
+
+/* A point of the sample in the rig frame, with wobble. */
+struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm);
 
 /* Transforms between the arc's frame at angle α and the rig frame. arc may be NULL here and
  * below: an ideal arc. */

@@ -31,6 +31,8 @@ static const struct field rig_fields[] = {
      1 + UNIT_TOLERANCE, TRUE, TRUE},
     {"probe_centre_mm", offsetof(struct rig, probe.centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE,
      TRUE, TRUE},
+    {"turntable_wobble_rad", offsetof(struct rig, wobble.rad), 4 * RIG_WOBBLE_HARMONICS, FALSE,
+     -RIG_MOST_WOBBLE_RAD, RIG_MOST_WOBBLE_RAD, TRUE, TRUE},
     {NULL},
 };
 

@@ -5,6 +5,7 @@
  * estimated by drive.h). */
 #include "lamps.h"
 
+#include "base/residual.h"
 #include "geometry/drive.h"
 
 #include <math.h>
@@ -19,6 +20,15 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 #define HIGHLIGHT_STEPS 50
 /* A lamp that is nearer to another's place than to its own by this factor is exchanged. */
 #define EXCHANGED 5.0
+/* Other sizes of the marks: their standard deviation as a share of the largest, how much better the
+ * sights must fit with them, and to how many standard deviations; from how many standard errors on
+ * a size is another one; and the range of ratios of sizes that are all wrong alike. */
+#define MISFITS   0.03 /* share of sights that do not fit from which a mistake is looked for */
+#define LOOSE     0.2
+#define BETTER    3.0
+#define EXPLAINED 2.0
+#define CERTAIN   5.0
+#define ALIKE     1.02
 
 /* Columns of the parameters that a sight depends on: arc, lamp, mark and its size, camera,
  * drives. */
@@ -36,6 +46,7 @@ struct problem {
     int size_at[LAMP_MAX_MARKS];
     struct drive turntable, arc;
     int *turn, *swing; /* of each sight: index of the drive's angle; −1: none */
+    double (*tilt)[2]; /* of each sight: of the turntable's axis, by the wobble of its bearing */
     double *shift; /* n × 4: derivative of its x and y by the camera's offset in pixels, across and
                       down */
     int n_parameters;
@@ -111,15 +122,16 @@ static void target_of(const struct problem *problem, const double *x, struct lam
 }
 
 /* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
- * the sample frame of the commanded angle. */
+ * the sample frame of the commanded angle. tilt_rad: of the turntable's axis. */
 static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
                               const struct lamp_sight *sight, double turntable_rad,
-                              struct vec3 lamp_mm, double ret[2]) {
+                              const double tilt_rad[2], struct vec3 lamp_mm, double ret[2]) {
     if (target->kind == LAMP_BALLS)
-        return lamp_highlight_px(&problem->rig->cameras[sight->camera],
-                                 lamp_mark_mm(target, sight->mark, turntable_rad),
-                                 target->marks[sight->mark].size_mm, lamp_mm, &ret[0], &ret[1]);
-    struct vec3 end, lamp = rig_turn(lamp_mm, -turntable_rad);
+        return lamp_highlight_px(
+            &problem->rig->cameras[sight->camera],
+            rig_tilt_point(tilt_rad, lamp_mark_mm(target, sight->mark, turntable_rad), 1),
+            target->marks[sight->mark].size_mm, lamp_mm, &ret[0], &ret[1]);
+    struct vec3 end, lamp = rig_turn(rig_tilt_point(tilt_rad, lamp_mm, -1), -turntable_rad);
     if (!lamp_shadow_mm(target, sight->mark, lamp_mark_mm(target, sight->mark, 0), lamp, &end,
                         NULL))
         return FALSE;
@@ -146,9 +158,9 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
                                : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad + off);
         const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
-        gboolean seen =
-            lamps_predict(problem, &target, s,
-                          s->turntable_rad + x[problem->turntable.at + problem->turn[i]], lamp, at);
+        gboolean seen = lamps_predict(
+            problem, &target, s, s->turntable_rad + x[problem->turntable.at + problem->turn[i]],
+            problem->tilt[i], lamp, at);
         at[0] += shift[0] * d[0] + shift[1] * d[1];
         at[1] += shift[2] * d[0] + shift[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
@@ -164,7 +176,7 @@ static void lamps_find_shift(const struct problem *problem, const struct lamp_si
     double x[3], y[3];
     for (int k = 0; k < 3; k++) {
         struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
-        if (!rig_project(camera, rig_turn(p, s->turntable_rad), &x[k], &y[k]))
+        if (!rig_project(camera, rig_sample_point(problem->rig, s->turntable_rad, p), &x[k], &y[k]))
             return; /* not visible: the residual is FIT_LOST then */
     }
     double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
@@ -401,6 +413,11 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
     for (int i = 0; i < ret->target.n;
          i++) /* keep the given sizes: another round must not use measured ones as its prior */
         ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
+    for (int i = 0; i < ret->target.n; i++) {
+        const int at = problem->size_at[i];
+        ret->size_mm[i] = problem->target->marks[i].size_mm + (at >= 0 ? x[at] : 0);
+        ret->size_error_mm[i] = at >= 0 ? sqrt(MAX(covariance_at(problem, fit, at, at), 0)) : 0;
+    }
     for (int k = 0; problem->fit_arc && k < 2; k++) {
         ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
         ret->centre_error_mm[k] = sqrt(covariance_at(problem, fit, k + 2, k + 2));
@@ -433,6 +450,11 @@ static void lamps_take(const struct problem *problem, const double *x, struct fi
     ret->rejected = g_steal_pointer(&fit->rejected);
 }
 
+/* Whether more than noise keeps the sights from agreeing. */
+static gboolean is_misfit(const struct lamps_result *result, int n) {
+    return result->sigma > RESIDUAL_LIMIT || n - result->n_used > MISFITS * n;
+}
+
 static gboolean check_result(const struct problem *problem, const struct fit_result *fit,
                              const struct lamps_result *ret, GError **error) {
     for (int i = 0; i < problem->rig->n_lamps; i++) {
@@ -445,10 +467,24 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
         if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
             continue;
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                    "lamp %s: the pictures do not determine its position (standard error %.3g mm); "
-                    "use posts or balls further apart, or more angles of arc and turntable",
-                    name, fit->undetermined < 0 ? spread : HUGE_VAL);
+        /* The errors contain the residuals, and sights that do not fit are missing: where that is
+         * so, no other arrangement of the target helps. */
+        if (fit->undetermined < 0 && is_misfit(ret, problem->n))
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                        "lamp %s: its position has a standard error of %.3g mm, because the sights "
+                        "contradict each other: %d of %d do not fit, and the others are %.2g %s "
+                        "from where they should be (RMS), %.1f times what noise explains. Is the "
+                        "target's description right, does the target lie on the turntable without "
+                        "moving, does the turntable's bearing wobble (calibrate cameras measures "
+                        "that), and have the cameras not moved since they were calibrated?",
+                        name, spread, problem->n - ret->n_used, problem->n, ret->rms,
+                        problem->target->kind == LAMP_POLES ? "mm" : "px", ret->sigma);
+        else
+            g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                        "lamp %s: the pictures do not determine its position (standard error %.3g "
+                        "mm); use posts or balls further apart, or more angles of arc and "
+                        "turntable",
+                        name, fit->undetermined < 0 ? spread : HUGE_VAL);
         return FALSE;
     }
     return TRUE;
@@ -475,14 +511,18 @@ static gboolean lamps_check_places(const struct rig *rig, const struct lamps_res
     return TRUE;
 }
 
-gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
-                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
-                   GError **error) {
+static gboolean lamps_solve(const struct rig *rig, const struct lamp_target *target,
+                            const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                            GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
     struct drive *const drives[] = {&problem.turntable, &problem.arc};
     struct fit_result fitted;
     g_autofree double *shift = problem.shift = g_new0(double, 4 * (gsize)n);
     g_autofree int *turn = g_new(int, n), *swing = g_new(int, n);
+    g_autofree double *tilt = g_new(double, 2 * (gsize)n + 1);
+    problem.tilt = (double(*)[2])tilt;
+    for (int i = 0; i < n; i++)
+        rig_wobble_tilt(&rig->wobble, sights[i].turntable_rad, problem.tilt[i]);
     problem.turn = turn;
     problem.swing = swing;
     memset(ret, 0, sizeof *ret);
@@ -516,6 +556,80 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
         lamps_result_clear(ret);
     drive_clear(&problem.turntable);
     drive_clear(&problem.arc);
+    return ok;
+}
+
+/* The marks whose sizes are not as the target says, as text; NULL: none. */
+static char *other_sizes(const struct lamp_target *target, const struct lamps_result *found) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    const char *what = target->kind == LAMP_POLES ? "post" : "ball";
+    int n = 0, all = 0;
+    double least = G_MAXDOUBLE, most = 0, sum = 0;
+    for (int i = 0; i < target->n; i++) {
+        const double said_mm = target->marks[i].size_mm, ratio = found->size_mm[i] / said_mm;
+        const double error_mm = found->size_error_mm[i];
+        if (!(error_mm > 0))
+            continue;
+        all++;
+        if (fabs(found->size_mm[i] - said_mm) < CERTAIN * MAX(error_mm, target->tolerance_mm))
+            continue;
+        least = MIN(least, ratio);
+        most = MAX(most, ratio);
+        sum += ratio;
+        g_string_append_printf(text, "%s%s %d %.2f ± %.2f mm, not %g mm", n++ > 0 ? ", " : "", what,
+                               i + 1, found->size_mm[i], error_mm, said_mm);
+    }
+    if (n == 0)
+        return NULL;
+    if (n == all && n > 2 && most < ALIKE * least)
+        return g_strdup_printf("all %ss %.4g times what the target's description says", what,
+                               sum / n);
+    return g_string_free(g_steal_pointer(&text), FALSE);
+}
+
+/* Solves again with sizes that are hardly known. Names them if the sights fit then, much better
+ * than with the sizes of the target. */
+static gboolean lamps_check_sizes(const struct rig *rig, const struct lamp_target *target,
+                                  const struct lamp_sight *sights, int n,
+                                  const struct lamps_result *as_said, GError **error) {
+    struct lamp_target loose = *target;
+    struct lamps_result found;
+    double largest_mm = 0;
+    for (int i = 0; i < target->n; i++)
+        largest_mm = MAX(largest_mm, target->marks[i].size_mm);
+    loose.tolerance_mm = MAX(LOOSE * largest_mm, 3 * target->tolerance_mm);
+    if (!lamps_solve(rig, &loose, sights, n, &found, NULL))
+        return TRUE;
+    g_autofree char *sizes = other_sizes(target, &found);
+    const gboolean better = found.sigma < EXPLAINED && !is_misfit(&found, n) &&
+                            (BETTER * found.sigma < as_said->sigma ||
+                             BETTER * (n - found.n_used) < n - as_said->n_used);
+    const char *unit = target->kind == LAMP_POLES ? "mm" : "px";
+    if (sizes && better)
+        g_set_error(
+            error, LAMPS_ERROR, LAMPS_ERROR_MISTAKE,
+            "the %s of the target are not as its description says: with %s, %d of %d sights "
+            "fit, to %.2g %s (RMS), instead of %d to %.2g %s; measure them again, and "
+            "correct places_mm",
+            target->kind == LAMP_POLES ? "heights of the posts" : "radii of the balls", sizes,
+            found.n_used, n, found.rms, unit, as_said->n_used, as_said->rms, unit);
+    lamps_result_clear(&found);
+    return !(sizes && better);
+}
+
+gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
+                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                   GError **error) {
+    g_autoptr(GError) why = NULL;
+    gboolean ok = lamps_solve(rig, target, sights, n, ret, &why);
+    const gboolean misfit =
+        ok || (why->domain == LAMPS_ERROR && why->code == LAMPS_ERROR_DEGENERATE);
+    if (misfit && is_misfit(ret, n) && !lamps_check_sizes(rig, target, sights, n, ret, error)) {
+        lamps_result_clear(ret);
+        return FALSE;
+    }
+    if (!ok)
+        g_propagate_error(error, g_steal_pointer(&why));
     return ok;
 }
 

@@ -89,9 +89,11 @@ struct lamps_result {
     double zero_error_rad;
     gboolean arc_known; /* whether the axis was determined; else it is the nominal one */
     double tilt_error_rad[2], centre_error_mm[2];
-    struct lamp_target target; /* the target with the estimated positions of its marks */
-    double rms;                /* RMS residual of the used sights: mm on the plate, or px */
-    double sigma;              /* residuals over their expected standard deviation */
+    struct lamp_target target;      /* the target with the estimated positions of its marks */
+    double size_mm[LAMP_MAX_MARKS]; /* the marks' sizes as estimated within their tolerance, */
+    double size_error_mm[LAMP_MAX_MARKS]; /* and their standard errors; 0: not seen */
+    double rms;   /* RMS residual of the used sights: mm on the plate, or px */
+    double sigma; /* residuals over their expected standard deviation */
     double turntable_rad,
         drive_rad; /* standard deviation of the angle errors of turntable and arc */
     int n_used, degrees_of_freedom;
@@ -99,7 +101,9 @@ struct lamps_result {
 };
 
 /* Estimates lamps and arc. rig: calibrated cameras, nominal lamps and arc. A lamp that is found
- * five times nearer to the nominal place of another one than to its own is LAMPS_ERROR_MISTAKE. */
+ * five times nearer to the nominal place of another one than to its own is LAMPS_ERROR_MISTAKE. So
+ * are marks of other sizes than the target's, if the sights do not fit with its sizes, but do, at
+ * least three times better, with others. */
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error);

@@ -51,8 +51,11 @@ static void shadows_clear_shot(gpointer data) {
 ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_rad,
                             const struct lamp_target *target, const struct plate_map *map) {
     ShadowView *view = g_new0(ShadowView, 1);
-    view->rig = rig;
-    view->map = map;
+    view->rig = g_new(struct rig, 1);
+    rig_at(rig, turntable_rad, view->rig);
+    if (rig_wobble_most_rad(&rig->wobble) > 0)
+        view->own_map = plate_map_new(&view->rig->cameras[camera], target);
+    view->map = view->own_map ? view->own_map : map;
     view->target = *target;
     view->camera = camera;
     view->turntable_rad = turntable_rad;
@@ -66,6 +69,8 @@ void shadow_view_free(ShadowView *view) {
         return;
     g_array_unref(view->shots);
     g_free(view->pattern);
+    plate_map_free(view->own_map);
+    g_free(view->rig);
     g_free(view);
 }
 
@@ -312,16 +317,18 @@ static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected) {
     shadow_find_pattern(view);
-    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
+    g_autofree struct rig *at = g_new(struct rig, 1);
+    rig_at(rig, view->turntable_rad, at);
+    struct vec3 eye = rig_camera_centre_mm(&at->cameras[view->camera]);
     gboolean seen = FALSE;
     const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
         /* Under low lamps a post's side is bright and the plate dark. A body's edge lies on the
          * same pixels in every picture, so one measurement has all the information. */
-        gboolean body = vec3_unit(rig->lamps[shot->lamp].position_mm).z > BODY_LAMP && !seen;
+        gboolean body = vec3_unit(at->lamps[shot->lamp].position_mm).z > BODY_LAMP && !seen;
         seen |= body;
-        struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
+        struct vec3 lamp = rig_lamp_position_mm(&at->arc, &at->lamps[shot->lamp], shot->arc_rad);
         g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
         struct window w = {
             .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};

@@ -21,7 +21,7 @@ void plate_map_free(struct plate_map *map); /* NULL is ignored */
 
 typedef struct ShadowView ShadowView;
 
-/* rig and map are borrowed. rig: lamps and arc as known so far. */
+/* map is borrowed, and rig copied. rig: lamps and arc as known so far. */
 ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_rad,
                             const struct lamp_target *target, const struct plate_map *map);
 void shadow_view_free(ShadowView *view); /* NULL is ignored */

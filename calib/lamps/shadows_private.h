@@ -17,8 +17,9 @@ struct pattern { /* statistics of one pixel over the pictures */
 };
 
 struct ShadowView {
-    const struct rig *rig;
+    struct rig *rig; /* as the plate sees it: rig_at() */
     const struct plate_map *map;
+    struct plate_map *own_map; /* of this angle, if the turntable wobbles; else NULL */
     struct lamp_target target; /* its plate and the height of its plane are used */
     int camera;
     double turntable_rad;

@@ -153,8 +153,13 @@ static double variance_by_mean(const struct measuring *m) {
 int tile_measure(const struct rig *rig, int camera, const char *cfa, const float *mosaic,
                  const struct tile *tile, const struct tile_shot *shots, int shot, GArray *cells) {
     g_autofree struct measuring *m = g_new0(struct measuring, 1);
-    const struct rig_camera *c = &rig->cameras[camera];
-    m->rig = rig;
+    /* Points of the tile, which is level where the turntable's axis is z. */
+    g_autofree struct rig *at = g_new(struct rig, 1);
+    double tilt_rad[2];
+    rig_at(rig, shots[shot].turntable_rad, at);
+    rig_wobble_tilt(&rig->wobble, shots[shot].turntable_rad, tilt_rad);
+    const struct rig_camera *c = &at->cameras[camera];
+    m->rig = at;
     m->camera = c;
     m->cfa = cfa;
     m->mosaic = mosaic;
@@ -177,14 +182,15 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
             /* The signal is in DN/s; its standard error by the shot noise is √(noise · mean / n).
              */
             double mean = s->signal / s->n;
-            struct tile_cell cell = {.shot = shot,
-                                     .camera = camera,
-                                     .colour = k,
-                                     .point_mm = vec3_scale(s->point, 1 / s->n),
-                                     .signal = 1000 * mean,
-                                     .error = 1000 * sqrt(noise * mean / s->n),
-                                     .expected = s->expected / s->n,
-                                     .mean = 1000 * m->all[k] / MAX(m->n_all[k], 1)};
+            struct tile_cell cell = {
+                .shot = shot,
+                .camera = camera,
+                .colour = k,
+                .point_mm = rig_tilt_point(tilt_rad, vec3_scale(s->point, 1 / s->n), 1),
+                .signal = 1000 * mean,
+                .error = 1000 * sqrt(noise * mean / s->n),
+                .expected = s->expected / s->n,
+                .mean = 1000 * m->all[k] / MAX(m->n_all[k], 1)};
             for (int b = 0; b < RADIOMETRY_FLAT; b++)
                 cell.basis[b] = s->basis[b] / s->n;
             g_array_append_val(cells, cell);

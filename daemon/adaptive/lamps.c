@@ -26,7 +26,8 @@ static void lamps_free_job(gpointer data) {
 }
 
 /* ρ = π L / E of each probe, as processing makes it (btf/btf.h) but for the lamp's output. */
-static void lamps_to_reflectance(const struct lamps_job *job, const guint8 *holes, float *values) {
+static void lamps_to_reflectance(const struct lamps_job *job, const struct rig *rig,
+                                 const guint8 *holes, float *values) {
     const Lamps *lamps = job->lamps;
     const struct calibration *calibration = lamps->setup.calibration;
     const struct session_grid *grid = &lamps->setup.conf->grid;
@@ -34,9 +35,8 @@ static void lamps_to_reflectance(const struct lamps_job *job, const guint8 *hole
     for (int i = 0; i < lamps->n_probes; i++) {
         const int row = lamps->texels[i] / grid->width, column = lamps->texels[i] % grid->width;
         const struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
-        const double irradiance =
-            rig_lamp_irradiance(&calibration->rig.arc, &calibration->rig.lamps[job->lamp],
-                                job->arc_rad, rig_turn(p, job->turntable_rad));
+        const double irradiance = rig_lamp_irradiance(
+            &rig->arc, &rig->lamps[job->lamp], job->arc_rad, rig_turn(p, job->turntable_rad));
         for (int c = 0; c < 3; c++) {
             const double scale = G_PI / (irradiance * (lamp->known ? lamp->colour[c] : 1));
             values[3 * i + c] =
@@ -58,13 +58,15 @@ static gboolean lamps_read(gpointer data, GError **error) {
         return FALSE;
     g_autofree float *values = g_new(float, 3 * lamps->n_probes);
     g_autofree guint8 *holes = g_new(guint8, lamps->n_probes);
+    g_autofree struct rig *rig = g_new(struct rig, 1);
+    rig_at(&calibration->rig, job->turntable_rad, rig);
     g_autoptr(Rectify) rectify = rectify_new_at(
-        &calibration->rig.cameras[job->camera], &calibration->camera_radiometry[job->camera], cfa,
+        &rig->cameras[job->camera], &calibration->camera_radiometry[job->camera], cfa,
         job->turntable_rad, &lamps->setup.conf->grid, lamps->texels, lamps->n_probes, NULL);
     if (!rectify)
         return TRUE;
     rectify_apply(rectify, mosaic, values, holes);
-    lamps_to_reflectance(job, holes, values);
+    lamps_to_reflectance(job, rig, holes, values);
     g_free(lamps->values[job->pair]);
     lamps->values[job->pair] = g_steal_pointer(&values);
     return TRUE;

@@ -1,6 +1,7 @@
 /* calibrate: one subcommand a file, calibrate_*.c. */
 #include "calibrate.h"
 
+#include "base/residual.h"
 #include "command/work.h"
 #include "exr/exr.h"
 #include "pictures/picture_read.h"
@@ -152,6 +153,14 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
                         : kind == CALIBRATION_LASER ? part->pictures - left_out
                                                     : part->pictures;
     return left_out > used;
+}
+
+void calibrate_say_residual(Record *to, const struct residual *residual) {
+    g_autofree char *warning = residual_warning(residual);
+    if (!warning)
+        return;
+    record_string(to, "warning", warning);
+    record_say(to, "  warning: %s\n", warning);
 }
 
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,

@@ -93,6 +93,11 @@ gboolean calibrate_left_out_most(const struct calibration_part *part, enum calib
 void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                           const struct calibration_part *part, const char *what);
 
+/* Prints a residual that its noise does not explain as a warning with its causes, and records it as
+ * "warning"; does nothing for others. */
+struct residual;
+void calibrate_say_residual(Record *to, const struct residual *residual);
+
 /* Returns the sorted paths of the photographs in a folder, at most `most`; none is an error. Hidden
  * files are skipped and added to skipped, as "path: reason". */
 GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skipped,

@@ -1,5 +1,6 @@
 /* calibrate cameras: cameras and turntable from captured boards, or one camera from photographs. */
 #include "base/config.h"
+#include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_video.h"
 #include "cameras/cameras.h"
@@ -297,6 +298,9 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
     record_strings(to, "rejected", part->rejected);
     record_int(to, "corners", result->residuals->len);
     record_double(to, "rms_px", result->rms_px);
+    record_double(to, "expected_px", result->expected_px);
+    record_double(to, "wobble_deg", result->wobble_rad * 180 / G_PI);
+    record_double(to, "wobble_error_deg", result->wobble_error_rad * 180 / G_PI);
     record_double(to, "real_s", base->seconds);
     if (video) {
         record_begin(to, "video");
@@ -323,6 +327,11 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
         record_say(to, "\n  the board is bent: its corners are from %+.2f to %+.2f mm off a plane",
                    result->bend_mm[0], result->bend_mm[1]);
     tell_arm(to, base->calibration, result);
+    if (result->wobble_rad > 0)
+        record_say(to,
+                   "\n  turntable: its axis wobbles by up to %.4f° ± %.4f°; the calibration "
+                   "corrects for that",
+                   result->wobble_rad * 180 / G_PI, result->wobble_error_rad * 180 / G_PI);
     if (azimuth_option) {
         const double board_deg = ((const struct job *)base)->board_deg;
         record_double(to, "turned_deg", -board_deg);
@@ -334,6 +343,19 @@ static void cli_calibrate_cameras_tell(Record *to, const struct calibrate_job *b
     for (guint i = 0; images_option && i < part->rejected->len; i++)
         record_say(to, "\n  left out: %s", (const char *)part->rejected->pdata[i]);
     record_say(to, "\nmesorig calibrate show %s tells more\n", calibrate_output);
+    /* The errors of the calibration contain the excess: they follow from the residuals and their
+     * scatter between pictures (bundle.h). */
+    const struct residual residual = {
+        .of = "the board",
+        .value = result->rms_px,
+        .expected = result->expected_px,
+        .unit = "px",
+        .causes = result->wobble_rad > 0
+                      ? "a board that is not flat, another lens model, a turntable that does not "
+                        "come back to the same place, a camera that moved"
+                      : "a board that is not flat, a loose or wobbling turntable, another lens "
+                        "model, a camera that moved"};
+    calibrate_say_residual(to, &residual);
 }
 
 static int cli_calibrate_cameras_run(const struct call *call, GError **error) {

@@ -129,7 +129,19 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
         .peak = exr_part_plane(part, "peak"),
         .most = CLAMP(ALL_POINTS / job->base.frames->len, LEAST_POINTS, MOST_POINTS),
     };
-    if (laser_points(&job->base.calibration->rig, &sweep, job->points) == 0)
+    /* The plate is level in the frame in which the turntable's axis is z. */
+    const struct rig *rig = &job->base.calibration->rig;
+    g_autofree struct rig *at = g_new(struct rig, 1);
+    const guint before = job->points->len;
+    double tilt_rad[2];
+    rig_at(rig, RAD(frame->turntable_deg), at);
+    rig_wobble_tilt(&rig->wobble, RAD(frame->turntable_deg), tilt_rad);
+    const int n = laser_points(at, &sweep, job->points);
+    for (guint k = before; k < job->points->len; k++) {
+        struct laser_point *point = &g_array_index(job->points, struct laser_point, k);
+        point->point_mm = rig_tilt_point(tilt_rad, point->point_mm, 1);
+    }
+    if (n == 0)
         g_ptr_array_add(
             job->base.rejected,
             g_strdup_printf("%s: laser %s draws no line on the plate that this camera sees",

@@ -1,5 +1,6 @@
 /* calibrate lights: lamps and the arc from a captured session of posts or balls; or the directions
  * that photographs were lit from, by balls in them. */
+#include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_photos.h"
 #include "lamps/highlights.h"
@@ -428,6 +429,8 @@ static void cli_calibrate_lights_keep(struct job *job) {
                        poles ? "shadows of posts, all together"
                              : "highlights on balls, all together",
                        found->rms, poles ? "mm" : "px", found->degrees_of_freedom);
+    calibration->parts[CALIBRATION_LIGHTS].residual_expected =
+        found->sigma > 0 ? found->rms / found->sigma : 0;
 }
 
 static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **error) {
@@ -514,6 +517,15 @@ static void cli_calibrate_lights_tell(Record *to, const struct calibrate_job *ba
     else if (has_arc)
         record_say(to, "; too few of its angles were captured to determine its axis\n");
     calibrate_say_doubts(to, base, part, "sights");
+    /* The errors of the lamps contain the excess (geometry/fit.h). */
+    const struct residual residual = {
+        .of = "the target",
+        .value = part->residual_rms,
+        .expected = part->residual_expected,
+        .unit = part->residual_unit,
+        .causes = "a turntable or an arc that wobbles, a target that moved or is not flat, cameras "
+                  "that have moved since they were calibrated"};
+    calibrate_say_residual(to, &residual);
 }
 
 static int cli_calibrate_lights_run(const struct call *call, GError **error) {

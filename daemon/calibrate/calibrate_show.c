@@ -67,13 +67,16 @@ static void show_camera(Record *to, const struct rig_camera *camera,
                camera->name, at.x, at.y, at.z, camera->fx_px, camera->fy_px, camera->cx_px,
                camera->cy_px);
     record_say(to, ", %s lens", rig_lens_name((enum rig_lens)camera->lens));
+    g_autofree char *expected = errors->expected_px > 0
+                                    ? g_strdup_printf(" (%.3f px by noise)", errors->expected_px)
+                                    : NULL;
     if (errors->known)
         record_say(
-            to, "; ± %.2f px focal, %.4f° turn, RMS %.3f px of %d corners",
+            to, "; ± %.2f px focal, %.4f° turn, RMS %.3f px of %d corners%s",
             error_of(errors, CALIBRATION_FX),
             hypot(error_of(errors, CALIBRATION_TURN_X), error_of(errors, CALIBRATION_TURN_Y)) *
                 180 / G_PI,
-            errors->residual_rms_px, errors->points);
+            errors->residual_rms_px, errors->points, expected ? expected : "");
     record_say(to, "\n");
 }
 
@@ -87,6 +90,13 @@ static void show_lamp(Record *to, const struct rig *rig, int i,
     if (errors->known)
         record_say(to, "; ± %.2f %.2f %.2f mm", sqrt(c[0][0]), sqrt(c[1][1]), sqrt(c[2][2]));
     record_say(to, "\n");
+}
+
+static void show_turntable(Record *to, const struct calibration *calibration) {
+    if (calibration->turntable.known)
+        record_say(to, "  turntable: its axis wobbles by up to %.4f° ± %.4f°\n",
+                   rig_wobble_most_rad(&calibration->rig.wobble) * 180 / G_PI,
+                   calibration->turntable.wobble_rad * 180 / G_PI);
 }
 
 static void show_arc(Record *to, gboolean has_arc, const struct rig_arc *arc,
@@ -192,6 +202,7 @@ static int cli_calibrate_show_run(const struct call *call, GError **error) {
     show_part(to, calibration, CALIBRATION_LIGHTS);
     for (int i = 0; i < rig->n_lamps; i++)
         show_lamp(to, rig, i, &calibration->lamps[i]);
+    show_turntable(to, calibration);
     show_arc(to, rig->arc_radius_mm > 0, &rig->arc, &calibration->arc);
     show_part(to, calibration, CALIBRATION_LASER);
     for (int i = 0; i < rig->n_lasers; i++)

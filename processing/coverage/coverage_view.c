@@ -26,7 +26,7 @@ struct seen {
 };
 
 struct CoverageView {
-    const struct rig *rig;
+    struct rig *rig; /* as the sample sees it: rig_at() */
     int camera;
     struct session_grid grid;
     struct vec3 centre_mm;
@@ -58,10 +58,11 @@ static gboolean coverage_view_project(const CoverageView *view, double turntable
 CoverageView *coverage_view_new(const struct rig *rig, int camera, double turntable_deg,
                                 const struct session_grid *grid) {
     CoverageView *view = g_new0(CoverageView, 1);
-    view->rig = rig;
+    view->rig = g_new(struct rig, 1);
+    rig_at(rig, RAD(turntable_deg), view->rig);
     view->camera = camera;
     view->grid = *grid;
-    view->centre_mm = rig_camera_centre_mm(&rig->cameras[camera]);
+    view->centre_mm = rig_camera_centre_mm(&view->rig->cameras[camera]);
     view->texel_mm = grid->width_mm / grid->width;
     const double slant = view->centre_mm.z / vec3_length(view->centre_mm);
     view->agreement_mm = TEXEL_SHARE * view->texel_mm / MAX(slant, 0.1);
@@ -85,6 +86,7 @@ void coverage_view_free(CoverageView *view) {
         return;
     for (int i = 0; i < COVERAGE_MAX_SWEEPS; i++)
         g_free(view->seen[i]);
+    g_free(view->rig);
     g_array_unref(view->samples);
     g_array_unref(view->open);
     g_free(view);

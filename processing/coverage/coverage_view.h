@@ -23,7 +23,7 @@
 
 typedef struct CoverageView CoverageView;
 
-/* rig is borrowed. */
+/* rig is copied. */
 CoverageView *coverage_view_new(const struct rig *rig, int camera, double turntable_deg,
                                 const struct session_grid *grid);
 void coverage_view_free(CoverageView *view); /* NULL is ignored */

@@ -37,6 +37,7 @@ void catalogue_free(struct catalogue *catalogue) {
     g_clear_pointer(&catalogue->views, g_ptr_array_unref);
     g_clear_pointer(&catalogue->lights, g_ptr_array_unref);
     g_clear_pointer(&catalogue->lasers, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->rigs, g_hash_table_unref);
     g_free(catalogue->calibration);
     calibration_free(catalogue->known);
     g_free(catalogue);
@@ -151,6 +152,7 @@ static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
                                LASER_REFERENCE_KEY, reference);
     catalogue->reference.top_mm = grid->reference_mm;
     catalogue->rig = catalogue->known->rig;
+    catalogue->rigs = g_hash_table_new_full(g_double_hash, g_double_equal, g_free, g_free);
     catalogue->views = session_views(session, error);
     catalogue->lights = catalogue->views ? session_lights(session, error) : NULL;
     catalogue->lasers = catalogue->lights ? session_lasers(session, error) : NULL;
@@ -227,17 +229,33 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
+/* The rig as the sample sees it at an angle of the turntable (rig_at()). Owned by the catalogue;
+ * each angle is made once. */
+static const struct rig *rig_at_angle(const struct catalogue *catalogue, double turntable_deg) {
+    if (!(rig_wobble_most_rad(&catalogue->rig.wobble) > 0))
+        return &catalogue->rig;
+    struct rig *at = g_hash_table_lookup(catalogue->rigs, &turntable_deg);
+    if (at)
+        return at;
+    at = g_new(struct rig, 1);
+    rig_at(&catalogue->rig, catalogue_radians(turntable_deg), at);
+    g_hash_table_insert(catalogue->rigs, g_memdup2(&turntable_deg, sizeof turntable_deg), at);
+    return at;
+}
+
 /* input: NULL for a light that the plan left out for this view; the lamp's position then follows
  * from shot, another shot of this light. */
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
     const struct radiometry_lamp *lamp = &catalogue->known->lamp_radiometry[shot->device];
+    const struct rig *rig =
+        rig_at_angle(catalogue, input ? input->turntable_deg : shot->turntable_deg);
     struct btf_light light = {.index = direction->index,
                               .theta_deg = direction->theta_deg,
                               .phi_deg = direction->phi_deg,
-                              .arc = &catalogue->rig.arc,
-                              .lamp = &catalogue->rig.lamps[shot->device],
+                              .arc = &rig->arc,
+                              .lamp = &rig->lamps[shot->device],
                               .arc_rad = catalogue_radians(shot->arc_deg),
                               .turntable_rad = btf->turntable_rad,
                               .missing = input == NULL};
@@ -268,7 +286,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     btf->index = view->index;
     btf->theta_deg = view->theta_deg;
     btf->phi_deg = view->phi_deg;
-    btf->camera = &catalogue->rig.cameras[view->device];
+    btf->camera = &rig_at_angle(catalogue, view->turntable_deg)->cameras[view->device];
     btf->radiometry = &catalogue->known->camera_radiometry[view->device];
     const struct calibration_noise *noise = &catalogue->known->noise[view->device];
     const struct calibration_camera *camera = &catalogue->known->cameras[view->device];
@@ -324,8 +342,8 @@ static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *cat
                                 const struct session_shot *shot, const struct input *input,
                                 GChecksum *sum) {
     const struct calibration_laser *known = &catalogue->known->lasers[shot->device];
-    struct mdf_input sweep = {.arc = &catalogue->rig.arc,
-                              .laser = &catalogue->rig.lasers[shot->device],
+    struct mdf_input sweep = {.arc = &job->rig->arc,
+                              .laser = &job->rig->lasers[shot->device],
                               .arc_rad = catalogue_radians(shot->arc_deg),
                               .from_rad = catalogue_radians(shot->sweep_from_deg),
                               .to_rad = catalogue_radians(shot->sweep_to_deg),
@@ -344,9 +362,9 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     const struct session_direction *view = g_ptr_array_index(catalogue->views, index);
     struct mdf_job *job = g_new0(struct mdf_job, 1);
     job->view = view;
-    job->camera = &catalogue->rig.cameras[view->device];
+    job->rig = rig_at_angle(catalogue, view->turntable_deg);
+    job->camera = &job->rig->cameras[view->device];
     job->turntable_rad = catalogue_radians(view->turntable_deg);
-    job->rig = &catalogue->rig;
     job->reference = &catalogue->reference;
     job->sweeps = g_array_new(FALSE, FALSE, sizeof(struct mdf_input));
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "mdf", view);

@@ -11,7 +11,9 @@
 
 struct catalogue {
     struct calibration *known;
-    struct rig rig; /* from the calibration */
+    struct rig rig;   /* from the calibration */
+    GHashTable *rigs; /* double, turntable angle → struct rig as the sample sees it there; empty
+                         if the turntable does not wobble */
     struct session_grid grid;
     struct laser_reference reference;           /* radius_mm 0: none */
     char *calibration;                          /* text of the calibration */

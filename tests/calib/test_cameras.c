@@ -4,6 +4,7 @@
  */
 #include "lib/calibration_fixture.h"
 
+#include "base/residual.h"
 #include "boards/board_find.h"
 
 #define N_STOPS 8
@@ -26,6 +27,11 @@ static void test_truth(void) {
         "points %.4f px, direction %.4f°, distance %.3f %%, axis %.4f mm %.4f°, chi2 %.2f",
         e.point_px, e.direction_deg, e.distance_pct, e.axis_mm, e.axis_deg, e.chi2);
     /* Fewer pictures than anybody would take: what a whole calibration reaches is measured. */
+    g_test_message("%.4f px RMS, %.4f px expected; between the angles %.4f px", result->rms_px,
+                   result->expected_px, boards_turned_px(&f, calibration));
+    g_assert_cmpfloat(result->wobble_rad, ==, 0); /* a perfect bearing */
+    g_assert_cmpfloat(result->rms_px, <, RESIDUAL_LIMIT * result->expected_px);
+    g_assert_cmpfloat(result->rms_px, >, result->expected_px / RESIDUAL_LIMIT);
     g_assert_cmpfloat(result->rms_px, <, 0.15);
     g_assert_cmpfloat(e.point_px, <, 0.05);
     g_assert_cmpfloat(e.direction_deg, <, 0.08);
@@ -147,6 +153,37 @@ static void test_refused(gconstpointer data) {
     assert_refused(&task, refusal->reason);
 }
 
+/* What is noted of the pictures is wrong: the error names the mistake, with the figures of the fit.
+ */
+static const struct noted {
+    const char *path, *reason;
+    double turntable; /* factor of the angles */
+    int cameras[3];
+} noted[] = {
+    {"/cameras/noted/reversed",
+     "the turntable turns against the angles that were noted",
+     -1,
+     {0, 1, 2}},
+    {"/cameras/noted/radians", "angles were noted in radians", G_PI / 180, {0, 1, 2}},
+    {"/cameras/noted/exchanged", "that of camera cam1: they are exchanged", 1, {1, 0, 2}},
+    {"/cameras/noted/order", "mm from that of camera cam", 1, {1, 2, 0}},
+    /* No single mistake explains these: none is named. */
+    {"/cameras/noted/half the angles", "nor exchanged cameras explain it", 0.5, {0, 1, 2}},
+};
+
+static void test_noted(gconstpointer data) {
+    const struct noted *wrong = data;
+    struct cameras_task task = whole_task();
+    g_autofree struct cameras_picture *pictures =
+        g_memdup2(f.pictures, sizeof *pictures * (gsize)f.n_pictures);
+    for (int i = 0; i < f.n_pictures; i++) {
+        pictures[i].camera = wrong->cameras[pictures[i].camera];
+        pictures[i].turntable_deg *= wrong->turntable;
+    }
+    task.pictures = pictures;
+    assert_refused(&task, wrong->reason);
+}
+
 /* One picture with the turntable elsewhere, one with half of it black, one of not-a-numbers. */
 static struct picture *read_spoilt(int i, gpointer data, GError **error) {
     struct picture *picture = boards_copy(f.taken[i == 0 ? 3 : i]);
@@ -176,6 +213,49 @@ static void test_spoilt_pictures(void) {
                 g_str_has_prefix(rejected->pdata[i], f.taken[7]->name);
     }
     g_assert_cmpint(told, >=, 2);
+}
+
+/* Cameras that shake from picture to picture: each picture is shifted by a few tenths of a pixel,
+ * by linear interpolation. */
+static struct picture *read_shaken(int i, gpointer data, GError **error) {
+    struct picture *picture = boards_copy(f.taken[i]);
+    GRand *rand = g_rand_new_with_seed((guint32)(900 + i));
+    const double across = g_rand_double_range(rand, -0.45, 0.45), dx = across - floor(across);
+    const double down = g_rand_double_range(rand, -0.45, 0.45), dy = down - floor(down);
+    const int width = picture->width;
+    const float *from = f.taken[i]->values + (int)floor(down) * width + (int)floor(across);
+    for (int y = 1; y + 1 < picture->height; y++)
+        for (int x = 1; x + 1 < width; x++) {
+            const float *p = from + y * width + x;
+            picture->values[y * width + x] =
+                (float)((1 - dy) * ((1 - dx) * (double)p[0] + dx * (double)p[1]) +
+                        dy * ((1 - dx) * (double)p[width] + dx * (double)p[width + 1]));
+        }
+    g_rand_free(rand);
+    return picture;
+}
+
+/* What no parameter describes is in the residual, which speaks, and in the cameras' covariances; it
+ * is not taken for a wobble. */
+static void test_shaken(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
+    struct cameras_task task = whole_task();
+    task.read = read_shaken;
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
+    g_assert_no_error(error);
+    const struct fixture_errors e = boards_compare(&f, calibration);
+    const struct residual residual = {"the board", result->rms_px, result->expected_px, "px",
+                                      "shaking"};
+    g_autofree char *warning = residual_warning(&residual);
+    g_test_message("%s; wobble %.4f°, chi2 %.2f", warning ? warning : "no warning",
+                   FIXTURE_DEG(result->wobble_rad), e.chi2);
+    g_assert_nonnull(warning);
+    g_assert_cmpfloat(result->wobble_rad, ==, 0);
+    g_assert_cmpfloat(e.chi2, <, 6); /* one draw; with the noise of the corners alone about 75 */
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    g_assert_cmpfloat(part->residual_rms, ==, result->rms_px);
+    g_assert_cmpfloat(part->residual_expected, ==, result->expected_px);
 }
 
 /* The lens alone, from pictures that are said to be photographs of a board held anyhow. */
@@ -237,34 +317,91 @@ static void test_lens(void) {
     g_assert_error(error, CAMERAS_ERROR, CAMERAS_ERROR_PICTURES);
 }
 
+static const struct fixture_lay lays[] = {{0, 0, 3, 1, -2}, {30, 20, 40, 2, 1}};
+static const struct fixture_rig options = {.n_cameras = 3,
+                                           .width = 176,
+                                           .height = 160,
+                                           .focal_px = 714,
+                                           .distance_mm = 320,
+                                           .first_theta_deg = 15,
+                                           .last_theta_deg = 75,
+                                           .seed = 3,
+                                           .supersample = 2,
+                                           .error_mm = 1,
+                                           .error_deg = 0.2,
+                                           .turntable_error_deg = 0.01,
+                                           .blur_px = 0.4,
+                                           .board = "7x7,square=10.5,marker=7.875,thickness=3"};
+
+/* The bearing of the turntable wobbles: the pictures show how, and the calibration knows it at
+ * angles between theirs. */
+static const struct wobbling {
+    const char *path;
+    double wobble_deg;
+    int turns;
+} wobblings[] = {
+    {"/cameras/wobble/twice a turn", 0.1, 2},
+    {"/cameras/wobble/three times a turn", 0.1, 3},
+};
+
+static void test_wobble(gconstpointer data) {
+    const struct wobbling *wobbling = data;
+    struct fixture_rig wobbly = options;
+    struct fixture turning;
+    wobbly.wobble_deg = wobbling->wobble_deg;
+    wobbly.wobble_turns = wobbling->turns;
+    boards_open(&turning, &wobbly, lays, G_N_ELEMENTS(lays));
+    boards_capture(&turning, N_STOPS);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&turning.nominal);
+    const struct cameras_task task = {
+        turning.board, turning.pictures, turning.n_pictures, boards_read, NULL, &turning};
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
+    g_assert_no_error(error);
+    struct calibration *flat = calibration_new(&calibration->rig);
+    memset(&flat->rig.wobble, 0, sizeof flat->rig.wobble);
+    const double with_px = boards_turned_px(&turning, calibration);
+    const double without_px = boards_turned_px(&turning, flat);
+    const struct fixture_errors e = boards_compare(&turning, calibration);
+    g_test_message(
+        "%.4f px RMS of %.4f expected, wobble %.4f° ± %.4f°; between the angles %.4f px, "
+        "without it %.4f px; chi2 %.2f",
+        result->rms_px, result->expected_px, FIXTURE_DEG(result->wobble_rad),
+        FIXTURE_DEG(result->wobble_error_rad), with_px, without_px, e.chi2);
+    g_assert_cmpfloat_with_epsilon(FIXTURE_DEG(result->wobble_rad), wobbling->wobble_deg,
+                                   5 * FIXTURE_DEG(result->wobble_error_rad));
+    g_assert_cmpfloat(with_px, <, 0.05);
+    g_assert_cmpfloat(with_px, <, without_px / 3);
+    g_assert_cmpfloat(e.chi2, <, 3);
+    /* It is in the file. */
+    g_autofree char *text = calibration_to_text(calibration);
+    g_autoptr(Calibration) back = calibration_from_text(text, "x", &error);
+    g_assert_no_error(error);
+    g_assert_cmpmem(&back->rig.wobble, sizeof back->rig.wobble, &calibration->rig.wobble,
+                    sizeof calibration->rig.wobble);
+    g_assert_cmpfloat(back->turntable.wobble_rad, ==, result->wobble_error_rad);
+    calibration_free(flat);
+    boards_close(&turning);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    static const struct fixture_lay lays[] = {{0, 0, 3, 1, -2}, {30, 20, 40, 2, 1}};
-    const struct fixture_rig options = {.n_cameras = 3,
-                                        .width = 176,
-                                        .height = 160,
-                                        .focal_px = 714,
-                                        .distance_mm = 320,
-                                        .first_theta_deg = 15,
-                                        .last_theta_deg = 75,
-                                        .seed = 3,
-                                        .supersample = 2,
-                                        .error_mm = 1,
-                                        .error_deg = 0.2,
-                                        .turntable_error_deg = 0.01,
-                                        .blur_px = 0.4,
-                                        .board = "7x7,square=10.5,marker=7.875,thickness=3"};
     boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
     boards_capture(&f, N_STOPS);
     g_test_add_func("/cameras/truth", test_truth);
     for (gsize i = 0; i < G_N_ELEMENTS(refusals); i++)
         g_test_add_data_func(refusals[i].path, &refusals[i], test_refused);
+    for (gsize i = 0; i < G_N_ELEMENTS(noted); i++)
+        g_test_add_data_func(noted[i].path, &noted[i], test_noted);
     g_test_add_func("/cameras/never flat", test_never_flat);
     g_test_add_func("/cameras/board azimuth", test_board_azimuth);
     g_test_add_func("/cameras/empty", test_empty);
     g_test_add_func("/cameras/mirrored", test_mirrored);
     g_test_add_func("/cameras/spoilt pictures", test_spoilt_pictures);
+    g_test_add_func("/cameras/shaken", test_shaken);
     g_test_add_func("/cameras/lens", test_lens);
+    for (gsize i = 0; i < G_N_ELEMENTS(wobblings); i++)
+        g_test_add_data_func(wobblings[i].path, &wobblings[i], test_wobble);
     const int code = g_test_run();
     boards_close(&f);
     return code;

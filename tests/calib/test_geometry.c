@@ -353,6 +353,67 @@ static struct rig random_rig(GRand *rand) {
     return rig;
 }
 
+/* In the frame of rig_at() the sample turns about z, and everything is seen as in the rig frame
+ * with the wobble; rig_back() undoes it. */
+static void test_wobble(void) {
+    g_autofree struct rig *rig = g_new0(struct rig, 1), *at = g_new0(struct rig, 1);
+    rig->n_cameras = rig->n_lamps = rig->n_lasers = 1;
+    rig->cameras[0] = pinhole();
+    rig_camera_look_at(&rig->cameras[0], vec3(200, 100, 400), vec3(0, 0, 0));
+    rig->lamps[0] = (struct rig_lamp){.position_mm = {300, -50, 350},
+                                      .aim = {0, 0, -1},
+                                      .exponent = 3,
+                                      .intensity = 5,
+                                      .fixed = 1};
+    rig->lasers[0] = (struct rig_laser){
+        .position_mm = {0, 300, 400}, .axis = {1, 0, 0}, .normal = {0, 0.8, -0.6}, .fixed = 1};
+    g_strlcpy(rig->id, "wobbling", sizeof rig->id);
+    g_strlcpy(rig->lamps[0].name, "lamp", RIG_NAME);
+    g_strlcpy(rig->lasers[0].name, "laser", RIG_NAME);
+    rig->wobble.rad[1][0] = 0.001;
+    rig->wobble.rad[1][3] = -0.002;
+    rig->wobble.rad[3][2] = 0.0005;
+    for (int k = 0; k < 12; k++) {
+        const double turn = RAD(31 * k), arc = RAD(20 * k);
+        const struct vec3 p = vec3(12, -17, 3), there = rig_sample_point(rig, turn, p);
+        double x, y, tilt[2];
+        rig_wobble_tilt(&rig->wobble, turn, tilt);
+        assert_near(tilt[0], 0.001 * cos(2 * turn), 1e-15);
+        assert_near(tilt[1], -0.002 * sin(2 * turn) + 0.0005 * cos(4 * turn), 1e-15);
+        g_assert_cmpfloat(hypot(tilt[0], tilt[1]), <=, rig_wobble_most_rad(&rig->wobble) + 1e-6);
+        /* A rotation by the vector (x, y, 0), to first order. */
+        const struct vec3 level = rig_turn(p, turn);
+        assert_vec(there,
+                   vec3(level.x + tilt[1] * level.z, level.y - tilt[0] * level.z,
+                        level.z + tilt[0] * level.y - tilt[1] * level.x),
+                   1e-3 * 0.1);
+        rig_at(rig, turn, at);
+        g_assert_true(rig_project(&rig->cameras[0], there, &x, &y));
+        assert_projects(&at->cameras[0], level, x, y, 1e-9);
+        assert_near(rig_lamp_irradiance(NULL, &at->lamps[0], 0, level),
+                    rig_lamp_irradiance(NULL, &rig->lamps[0], 0, there), 1e-12);
+        assert_near(rig_laser_sweep_rad(NULL, &at->lasers[0], 0, level),
+                    rig_laser_sweep_rad(NULL, &rig->lasers[0], 0, there), 1e-12);
+        /* What the arc carries: to first order. */
+        const struct vec3 lamp = vec3(250, 0, 430);
+        assert_vec(rig_tilt_point(tilt, rig_arc_point(&at->arc, arc, lamp), 1),
+                   rig_arc_point(&rig->arc, arc, lamp), 1e-9);
+        rig_back(at, turn, at);
+        assert_vec(rig_camera_centre_mm(&at->cameras[0]), rig_camera_centre_mm(&rig->cameras[0]),
+                   1e-9);
+        assert_vec(at->lasers[0].normal, rig->lasers[0].normal, 1e-12);
+    }
+    /* It is in the file, and in no file of a rig without wobble. */
+    g_autoptr(GError) error = NULL;
+    g_autofree char *text = rig_to_text(rig);
+    g_assert_true(rig_from_text(at, text, NULL, &error));
+    g_assert_no_error(error);
+    g_assert_cmpmem(&at->wobble, sizeof at->wobble, &rig->wobble, sizeof rig->wobble);
+    memset(&rig->wobble, 0, sizeof rig->wobble);
+    g_autofree char *without = rig_to_text(rig);
+    g_assert_null(strstr(without, "wobble"));
+}
+
 static void test_text_round_trip(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(4);
 
@@ -477,6 +538,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig/crooked-arc", test_crooked_arc);
     g_test_add_func("/rig/fixed", test_fixed);
     g_test_add_func("/rig/clearance", test_clearance);
+    g_test_add_func("/rig/wobble", test_wobble);
     g_test_add_func("/rig/text-round-trip", test_text_round_trip);
     g_test_add_func("/rig/text-without-arc", test_text_without_arc);
     g_test_add_func("/rig/text-truncated", test_text_truncated);

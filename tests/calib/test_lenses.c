@@ -256,13 +256,16 @@ static void test_slopes(gconstpointer data) {
         double bend[3];
         for (int i = 0; i < 3; i++)
             bend[i] = g_rand_double_range(rand, -1e-4, 1e-4);
-        double *const blocks[] = {intrinsics, pose, lay, &angle, bend};
-        const int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1, 3};
-        struct bundle_parameters at = {intrinsics, pose, lay, angle, bend};
+        double wobble[BUNDLE_WOBBLE];
+        for (int i = 0; i < BUNDLE_WOBBLE; i++)
+            wobble[i] = turned * g_rand_double_range(rand, -0.05, 0.05);
+        double *const blocks[] = {intrinsics, pose, lay, &angle, bend, wobble};
+        const int sizes[] = {BUNDLE_INTRINSICS, 6, 6, 1, 3, BUNDLE_WOBBLE};
+        struct bundle_parameters at = {intrinsics, pose, lay, angle, bend, wobble, n};
         g_assert_true(bundle_image(&camera, &board, &at, mm, px, &slopes));
-        const double *const found[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0], slopes.angle,
-                                       slopes.bend[0]};
-        for (int b = 0; b < 5; b++)
+        const double *const found[] = {slopes.lens[0], slopes.pose[0], slopes.lay[0],
+                                       slopes.angle,   slopes.bend[0], slopes.wobble[0]};
+        for (int b = 0; b < 6; b++)
             for (int i = 0; i < sizes[b]; i++) {
                 const double was = blocks[b][i], step = 1e-6 * MAX(fabs(was), 1);
                 double more[2], less[2];
@@ -279,6 +282,26 @@ static void test_slopes(gconstpointer data) {
                                                    (more[c] - less[c]) / (2 * step),
                                                    1e-5 * (1 + fabs(found[b][c * sizes[b] + i])));
             }
+        /* With a wobble the point is where the rig's own functions see it. */
+        struct rig rig = {0};
+        double tilt_rad[2], without[2];
+        bundle_wobble(wobble, &rig.wobble);
+        rig_wobble_tilt(&rig.wobble, n, tilt_rad);
+        g_assert_true(bundle_image(&camera, &board, &at, mm, px, NULL));
+        at.wobble = NULL;
+        struct bundle_camera moved = camera;
+        rig.n_cameras = 1;
+        memcpy(rig.cameras[0].rotation.m, camera.rotation, sizeof camera.rotation);
+        bundle_turn(moved.rotation, pose); /* the camera's whole rotation, then tilted back */
+        memcpy(rig.cameras[0].rotation.m, moved.rotation, sizeof moved.rotation);
+        rig_at(&rig, n, &rig);
+        memcpy(moved.rotation, rig.cameras[0].rotation.m, sizeof moved.rotation);
+        const double still[6] = {0, 0, 0, pose[3], pose[4], pose[5]};
+        at.pose = still;
+        g_assert_true(bundle_image(&moved, &board, &at, mm, without, NULL));
+        g_assert_cmpfloat_with_epsilon(px[0], without[0], 1e-7);
+        g_assert_cmpfloat_with_epsilon(px[1], without[1], 1e-7);
+        at.pose = pose;
         /* Without rotations: t_z = h, the turntable turns the board, and its bend is along z. */
         memset(pose, 0, sizeof pose);
         memset(lay, 0, sizeof *lay * 3);

@@ -12,8 +12,10 @@ static char *boards_world_text(const struct fixture *f, const struct fixture_lay
     g_string_append_printf(
         text,
         "[world]\nseed = %d\nsupersample = %d\ngather_rays = 0\nwarm_up_s = 0\ncache_mb = 16\n"
-        "camera_error_mm = %g\ncamera_error_deg = %g\n\n",
-        o->seed, o->supersample, o->error_mm, o->error_deg);
+        "camera_error_mm = %g\ncamera_error_deg = %g\nbearing_wobble_deg = %g\n"
+        "bearing_wobble_per_turn = %d\n\n",
+        o->seed, o->supersample, o->error_mm, o->error_deg, o->wobble_deg,
+        o->wobble_turns ? o->wobble_turns : 2);
     g_string_append_printf(text,
                            "[sample]\nkind = plate\nwidth_mm = %g\nheight_mm = %g\nbase_mm = %g\n"
                            "top_mm = 200\nalbedo_path = board.png\ntilt_deg = %g\n"
@@ -325,4 +327,27 @@ struct fixture_errors boards_compare(const struct fixture *f,
     errors.axis_mm = hypot(middle.x, middle.y);
     errors.axis_deg = FIXTURE_DEG(atan2(hypot(high.x - low.x, high.y - low.y), high.z - low.z));
     return errors;
+}
+
+/* The frames of truth and calibration differ by the zero of the azimuth. Angles are those that the
+ * table truly has, so that its own errors stay out of it. */
+double boards_turned_px(const struct fixture *f, const struct calibration *calibration) {
+    const double azimuth = boards_azimuth_rad(f, &calibration->rig);
+    double sum = 0;
+    int n = 0;
+    for (int deg = 7; deg < 360; deg += 23)
+        for (int c = 0; c < f->options.n_cameras; c++)
+            for (int k = 0; k < 4; k++) {
+                const double at[3] = {k & 1 ? 25 : -25, k & 2 ? 25 : -25, 3};
+                double rig_mm[3], truth[2], x, y;
+                truth_to_rig(f->worlds[0], deg, at, rig_mm);
+                truth_project(f->worlds[0], c, rig_mm, truth);
+                const struct vec3 p = rig_turn(vec3(at[0], at[1], at[2]), -azimuth);
+                g_assert_true(rig_project(&calibration->rig.cameras[c],
+                                          rig_sample_point(&calibration->rig, FIXTURE_RAD(deg), p),
+                                          &x, &y));
+                sum += pow(x - truth[0], 2) + pow(y - truth[1], 2);
+                n++;
+            }
+    return sqrt(sum / n);
 }

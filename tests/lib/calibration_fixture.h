@@ -25,6 +25,8 @@ struct fixture_rig {
     double turntable_error_deg; /* repeatable, a function of the angle */
     double blur_px;
     const char *board;
+    double wobble_deg; /* of the turntable's bearing; */
+    int wobble_turns;  /* so many times a turn; 0: twice */
 };
 
 struct fixture_lay {
@@ -53,6 +55,10 @@ void boards_capture(struct fixture *f, int n_stops);
 void boards_close(struct fixture *f);
 struct picture *boards_copy(const struct picture *from);
 struct picture *boards_read(int i, gpointer data, GError **error);
+
+/* RMS distance in pixels between where cameras truly see points of the sample at angles of the
+ * turntable that no picture was taken at, and where the calibration says. */
+double boards_turned_px(const struct fixture *f, const struct calibration *calibration);
 
 /* How far a calibration is from the truth. */
 struct fixture_errors {

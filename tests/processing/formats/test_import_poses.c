@@ -308,6 +308,73 @@ static void test_missing(void) {
     assert_has(error->message, "but for one in ten, and this one lacks 2 of 12");
 }
 
+/* Light of a matt surface whose normals differ from pixel to pixel. */
+static void shade(float *values, double theta_rad, double phi_rad) {
+    for (int i = 0; i < PIXELS; i++) {
+        const double x = 0.6 * (2.0 * (i % SIDE) / (SIDE - 1) - 1);
+        const double y = 0.6 * (1 - 2.0 * (i / SIDE) / (SIDE - 1)), z = sqrt(1 - x * x - y * y);
+        const double cosine =
+            sin(theta_rad) * (x * cos(phi_rad) + y * sin(phi_rad)) + z * cos(theta_rad);
+        values[i] = (float)(0.9 * MAX(cosine, 0));
+    }
+}
+
+/* What import says of the pictures themselves, of twelve under one lamp. */
+static const struct noticed {
+    const char *path, *says; /* NULL: no warning */
+    gboolean dark, decoded;
+} noticings[] = {
+    {"/poses/noticed/nothing", NULL, FALSE, FALSE},
+    {"/poses/noticed/dead lamp", "warning: 1 of 12 lights are dark", TRUE, FALSE},
+    {"/poses/noticed/tones", "warning: taken for linear, the pictures follow the lights to", FALSE,
+     TRUE},
+};
+
+static void test_noticed(gconstpointer data) {
+    const struct noticed *noticed = data;
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder();
+    g_autofree char *path = session_fixture_path(strrchr(noticed->path, '/') + 1);
+    g_autoptr(GString) table = g_string_new(HEAD);
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
+    float values[PIXELS];
+    struct import_poses_result result;
+    for (int k = 0; k < 12; k++) {
+        g_autofree char *name = g_strdup_printf("p%d.exr", k);
+        shade(values, (k % 2 ? 60 : 30) * G_PI / 180, k * G_PI / 6);
+        for (int i = 0; i < PIXELS; i++)
+            values[i] = noticed->dark && k == 5 ? 0.001f
+                        : noticed->decoded      ? powf((values[i] + 0.055f) / 1.055f, 2.4f)
+                                                : values[i];
+        write_grey(dir, name, values);
+        g_string_append_printf(table, "%s,cam30,lamp%d,,0,%d,\n", name, k % 2 ? 60 : 30, 30 * k);
+    }
+    g_autofree char *file = g_build_filename(dir, "poses.csv", NULL);
+    g_assert_true(g_file_set_contents(file, table->str, -1, NULL));
+    const struct import_poses poses = {.table = file,
+                                       .calibration = calibration,
+                                       .cfa = "mono",
+                                       .grid = grid,
+                                       .threshold_dn = 40,
+                                       .notes = notes};
+    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
+    g_assert_no_error(error);
+    int warnings = 0, told = 0;
+    for (guint i = 0; i < notes->len; i++) {
+        g_test_message("%s", (char *)notes->pdata[i]);
+        warnings += g_str_has_prefix(notes->pdata[i], "warning: ");
+        told += noticed->says && g_str_has_prefix(notes->pdata[i], noticed->says);
+    }
+    g_assert_cmpint(warnings, ==, noticed->says ? 1 : 0);
+    g_assert_cmpint(told, ==, noticed->says ? 1 : 0);
+    /* check finds it in the session again. */
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_autoptr(GPtrArray) suspects = g_ptr_array_new_with_free_func(g_free);
+    session_suspicions(session, suspects);
+    g_assert_cmpuint(suspects->len, ==, noticed->says ? 1 : 0);
+}
+
 /* Products of an imported session are said to be of the calibration that the import was given. */
 static void test_calibrated(void) {
     g_autoptr(GError) error = NULL;
@@ -333,6 +400,52 @@ static void test_calibrated(void) {
     g_autofree char *said =
         g_strdup_printf("calibration: %s (cameras, lights, laser, radiometry)", file);
     assert_has(made, said);
+}
+
+/* Views of a turntable that wobbles are processed with cameras, lamps and arc where the sample sees
+ * them at their angle. */
+static void test_wobbling(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("wobbling");
+    g_autofree char *file = g_build_filename(dir, "wobbling.calibration", NULL);
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    g_autoptr(Calibration) known = calibration_read(calibration, &error);
+    g_assert_no_error(error);
+    struct import_poses_result result;
+    float values[PIXELS];
+    for (int i = 0; i < PIXELS; i++)
+        values[i] = 0.5f;
+    known->rig.wobble.rad[1][0] = known->rig.wobble.rad[1][3] = 0.002;
+    g_assert_true(calibration_write(known, file, &error));
+    write_grey(dir, "a.exr", values);
+    g_assert_true(g_file_set_contents(table,
+                                      "file,camera,lamp,turntable_deg,arc_deg\na.exr,cam30,lamp30,"
+                                      "0,0\na.exr,cam30,lamp30,40,40\n",
+                                      -1, NULL));
+    const struct import_poses poses = {
+        .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
+    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
+    g_assert_no_error(error);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    struct catalogue *catalogue = catalogue_load(session, NULL, &error);
+    g_assert_no_error(error);
+    g_autofree struct rig *at = g_new(struct rig, 1);
+    for (int view = 0; view < 2; view++) {
+        struct btf_view *btf = NULL;
+        g_assert_cmpint(catalogue_btf(catalogue, view, &btf), ==, CATALOGUE_READY);
+        const struct btf_light *light = &g_array_index(btf->lights, struct btf_light, 0);
+        rig_at(&known->rig, btf->turntable_rad, at);
+        const struct rig_camera *camera = &at->cameras[0];
+        g_assert_cmpstr(btf->camera->name, ==, camera->name);
+        for (int i = 0; i < 9; i++)
+            g_assert_cmpfloat_with_epsilon(btf->camera->rotation.m[i / 3][i % 3],
+                                           camera->rotation.m[i / 3][i % 3], 1e-12);
+        g_assert_cmpfloat_with_epsilon(light->arc->tilt_rad[0], at->arc.tilt_rad[0], 1e-12);
+        g_assert_cmpfloat_with_epsilon(light->arc->tilt_rad[1], at->arc.tilt_rad[1], 1e-12);
+        btf_view_free(btf);
+    }
+    catalogue_free(catalogue);
 }
 
 /* When a pixel is lit, or no longer lit, in steps. */
@@ -564,7 +677,10 @@ int main(int argc, char **argv) {
     g_test_add_func("/poses/session", test_session);
     g_test_add_func("/poses/bad", test_bad);
     g_test_add_func("/poses/missing", test_missing);
+    for (gsize i = 0; i < G_N_ELEMENTS(noticings); i++)
+        g_test_add_data_func(noticings[i].path, &noticings[i], test_noticed);
     g_test_add_func("/poses/calibrated", test_calibrated);
+    g_test_add_func("/poses/wobbling", test_wobbling);
     g_test_add_data_func("/poses/sweep/line", GINT_TO_POINTER(IMPORT_LINE), test_sweep);
     g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
