@@ -349,16 +349,34 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
-/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in its carrier's
- * frame. */
+/* t² = a² / r², a = q·axis, r² = q·q − a², q being the point relative to the laser. */
+static double bent_rad(const struct rig_laser *laser, struct vec3 way) {
+    const double along = vec3_dot(way, laser->axis);
+    const double away2 = vec3_dot(way, way) - along * along;
+
+    return laser->bend_rad == 0 || !(away2 > 0) ? 0 : laser->bend_rad * along * along / away2;
+}
+
+double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                          struct vec3 point_mm) {
+    if (laser->bend_rad == 0)
+        return 0;
+    return bent_rad(laser, vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm),
+                                    laser->position_mm)) /
+           (1 + laser->stretch);
+}
+
+/* s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), q being the point relative to the laser in
+ * its carrier's frame. t does not depend on s. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way =
         vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
+    double about = atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
 
     /* The lit half of the sheet lies on the beam's side of the axis. */
-    return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
+    return (about - bent_rad(laser, way)) / (1 + laser->stretch);
 }
 
 /* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the

@@ -1,7 +1,8 @@
-/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with the sheet n·x = d
- * at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters: tilt
- * and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the cameras (2
- * each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
+/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with n·x = d the plane
+ * that touches the sheet at the commanded sweep angle where it passes the point p of the plate that
+ * the pixel sees. Parameters: tilt
+ * and centre of the arc's axis (4, with a prior), seven per laser (below), offsets of the cameras
+ * (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
  * drive.h). Where lines fit badly, the height of each plane in turn is one more parameter, which
  * shows whether the plane has another height than the one given. */
 #include "laser.h"
@@ -30,15 +31,19 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define HEIGHT_POINTS  2000 /* points of each laser that are used for this check */
 #define HEIGHT_AS_GOOD 1.5  /* within this factor of its RMS, another height fits as well */
 
+#define BENT     5.0  /* standard errors from which on a sheet's bend is significant */
+#define FLAT_RAD 1e-9 /* prior of the bend of a flat sheet: it stays 0 */
+
 #define ARC 4 /* number of parameters of the arc; they come first */
 
 /* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
  * angle, height of its plane. */
-enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
+enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 7, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
 
 /* Corrections of a laser: position across the sheet and along the beam (mm), axis towards beam
- * and across (rad), zero of the sweep (rad), and relative stretch of the sweep angle. */
-enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
+ * and across (rad), zero of the sweep (rad), relative stretch of the sweep angle, and bend of the
+ * sheet (rad). The bend stays 0 unless it is BENT times its standard error. */
+enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, BEND, PER_LASER };
 
 struct problem {
     const struct rig *rig;
@@ -47,9 +52,10 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of;   /* n: index of the arc's angle; −1: a laser that stands by itself */
-    double plane_mm; /* the height of this plane is adjusted, too; NAN: none */
-    int height_at;   /* index of the parameter: how much higher their plane is */
+    int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
+    gboolean flat[RIG_MAX_LASERS]; /* the bend is not adjusted */
+    double plane_mm;               /* the height of this plane is adjusted, too; NAN: none */
+    int height_at;                 /* index of the parameter: how much higher their plane is */
     int n_parameters;
 };
 
@@ -70,6 +76,7 @@ static struct rig_laser laser_of(const struct problem *problem, const double *x,
     laser.normal = vec3_unit(vec3_add(vec3_scale(normal, cos(p[ZERO])),
                                       vec3_scale(vec3_cross(laser.axis, normal), sin(p[ZERO]))));
     laser.stretch = from->stretch + p[STRETCH];
+    laser.bend_rad = problem->flat[i] ? 0 : p[BEND];
     return laser;
 }
 
@@ -99,8 +106,7 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         const double arc_rad = point->arc_rad + (swing >= 0 ? x[problem->swing.at + swing] : 0);
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
-        struct rig_plane sheet =
-            rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
+        const struct rig_laser *laser = &lasers[point->laser];
         struct vec3 p = point->point_mm;
         /* Moves the point along the line of sight to the unknown plane. */
         if (p.z == problem->plane_mm) {
@@ -109,6 +115,8 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         }
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+        const struct rig_plane sheet = rig_laser_sheet(
+            &arc, laser, arc_rad, point->sweep_rad + rig_laser_bent_rad(&arc, laser, arc_rad, p));
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
@@ -397,6 +405,9 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     for (int c = 0; c < problem->rig->n_cameras; c++)
         for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
             sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0 && problem->flat[i])
+            sigma[problem->at[i] + BEND] = FLAT_RAD;
     if (!drive_fit(&fit, sigma, &drive, 1, x, ret))
         return FALSE;
     g_autofree double *off_mm = g_new(double, problem->n);
@@ -409,6 +420,28 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     *ret_mm = sqrt(sum / MAX(n, 1));
     *ret_height_error_mm = isnan(problem->plane_mm) ? 0 : fit_error(&fit, ret, problem->height_at);
     return TRUE;
+}
+
+/* Adjusts all parameters as laser_solve(), then once more without the bends that are not
+ * significant or not determined. */
+static gboolean laser_solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
+                                  struct fit_result *ret, double *ret_mm) {
+    const struct fit fit = {.n_parameters = problem->n_parameters};
+    double unused;
+    gboolean again = FALSE;
+    if (!laser_solve(problem, arc, x, ret, ret_mm, &unused))
+        return FALSE;
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        const int bend = problem->at[i] + BEND;
+        if (problem->at[i] < 0 || fabs(x[bend]) > BENT * fit_error(&fit, ret, bend))
+            continue;
+        problem->flat[i] = again = TRUE;
+        x[bend] = 0;
+    }
+    if (!again)
+        return TRUE;
+    fit_result_clear(ret);
+    return laser_solve(problem, arc, x, ret, ret_mm, &unused);
 }
 
 /* Adjusts with the height of the plane at plane_mm unknown. Returns INFINITY if that proves
@@ -509,9 +542,9 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
                   laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {
         struct fit_result fitted;
-        double rms_mm, unused;
+        double rms_mm;
         g_autofree double *x = g_new0(double, problem.n_parameters);
-        ok = laser_solve(&problem, arc, x, &fitted, &rms_mm, &unused);
+        ok = laser_solve_bends(&problem, arc, x, &fitted, &rms_mm);
         if (ok) {
             ok = laser_check_determined(&problem, &fitted, error) &&
                  laser_check_stretch(&problem, x, error) &&

@@ -1,4 +1,4 @@
-/* A pixel's ray c + t r meets the sheet of light n·x = d of its peak time at t = (d − n·c) / (n·r);
+/* A pixel's ray c + t r meets the sheet of light of its peak time at t (laser_lines_range_mm());
  * the MDF value is its distance t − t₀ along the ray behind the reference plane, t₀ = (z_ref − c_z)
  * / r_z. Each sweep gives up to two candidates a texel, which mdf_merge.c combines. */
 #include "mdf.h"
@@ -154,11 +154,9 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
         return -1;
     const float *r = view->ray + 3 * pixel;
     struct vec3 ray = vec3(r[0], r[1], r[2]);
-    struct rig_plane sheet = laser_lines_sheet(sweep->lines, sweep, peak);
-    double sine = vec3_dot(sheet.normal, ray);
-    if (!(fabs(sine) > LEAST_ANGLE) || !(ray.z < 0))
+    if (!(ray.z < 0))
         return -1;
-    double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
+    double range = laser_lines_range_mm(sweep, peak, view->centre_mm, ray, LEAST_ANGLE);
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     if (!(height < ABOVE * height_mm) || !(height > -view->grid.depth_mm - BELOW * height_mm))
         return -1;

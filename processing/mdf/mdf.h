@@ -13,7 +13,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Version of the method: rises if the same sweeps give other values; older products are remade. */
-#define MDF_METHOD 13
+#define MDF_METHOD 14
 
 typedef struct MdfView MdfView;
 
