@@ -124,5 +124,13 @@ static inline double sample_uniform(struct sample_random *random) { /* 0 … 1, 
     return (double)(sample_hash(random->state) >> 11) * 0x1p-53;
 }
 
+/* Approximately normal, variance 1, within ±6. */
+static inline double sample_deviate(struct sample_random *random) {
+    double sum = -6;
+    for (int i = 0; i < 12; i++)
+        sum += sample_uniform(random);
+    return sum;
+}
+
 /* Smooth noise in −1 … 1 of unit grid, repeating every period (integer) cells. */
 double sample_noise(double x, double y, int period_x, int period_y, guint64 seed);

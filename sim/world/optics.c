@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-static struct v3 spin(struct v3 a, struct v3 axis, double angle) {
+struct v3 optics_spin(struct v3 a, struct v3 axis, double angle) {
     double c = cos(angle), s = sin(angle);
     struct v3 r = v3_mad(v3_cross(axis, a), s, v3_mad(a, c, v3(0, 0, 0)));
     return v3_mad(axis, v3_dot(axis, a) * (1 - c), r);
@@ -21,9 +21,9 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
     struct v3 axis[3] = {camera->right, camera->down, camera->forward};
     double angle[3] = {rx, ry, rz};
     for (int i = 0; i < 3; i++) {
-        camera->right = spin(camera->right, axis[i], angle[i]);
-        camera->down = spin(camera->down, axis[i], angle[i]);
-        camera->forward = spin(camera->forward, axis[i], angle[i]);
+        camera->right = optics_spin(camera->right, axis[i], angle[i]);
+        camera->down = optics_spin(camera->down, axis[i], angle[i]);
+        camera->forward = optics_spin(camera->forward, axis[i], angle[i]);
     }
 }
 
@@ -48,6 +48,11 @@ static void optics_undistort(const struct optics_camera *camera, double xd, doub
     }
     *ret_x = x;
     *ret_y = y;
+}
+
+double optics_magnification(const struct optics_camera *camera, const double weights[3]) {
+    const double sum = weights[0] + weights[1] + weights[2];
+    return sum > 0 ? 1 + camera->lateral_colour * (weights[0] - weights[2]) / sum : 1;
 }
 
 struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px) {
@@ -79,9 +84,9 @@ void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y)
     if (angle == 0)
         return;
     struct v3 about = v3(-towards_y / angle, towards_x / angle, 0);
-    arc->x = spin(arc->x, about, angle);
-    arc->y = spin(arc->y, about, angle);
-    arc->z = spin(arc->z, about, angle);
+    arc->x = optics_spin(arc->x, about, angle);
+    arc->y = optics_spin(arc->y, about, angle);
+    arc->z = optics_spin(arc->z, about, angle);
 }
 
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v) {
@@ -94,7 +99,7 @@ struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3
 }
 
 struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v) {
-    return spin(v, swing->axis, angle + swing->zero);
+    return optics_spin(v, swing->axis, angle + swing->zero);
 }
 
 struct v3 optics_swing_point(const struct optics_swing *swing, double angle, struct v3 p) {
@@ -115,7 +120,9 @@ double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm) 
     struct v3 way = v3_minus(point_mm, laser->position_mm);
     double ahead = v3_dot(way, laser->forward);
     double aside = v3_dot(way, v3_cross(laser->axis, laser->forward));
-    return atan2(aside, ahead) + laser->start;
+    double tangent2 = v3_dot(way, laser->axis) * v3_dot(way, laser->axis) /
+                      MAX(ahead * ahead + aside * aside, 1e-12);
+    return atan2(aside, ahead) + laser->start - laser->bend * tangent2;
 }
 
 double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm) {

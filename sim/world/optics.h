@@ -50,6 +50,11 @@ struct optics_camera {
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
     double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
+    double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
+    double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
+    double half_gain_step; /* the right half of the sensor reads brighter by this ratio */
+    double column_offset;  /* standard deviation of the columns' offsets, of full scale */
+    guint64 columns_key;   /* which offsets they are */
 };
 
 /* Places a camera at a point, looking at the origin; its right is e_φ of that point. */
@@ -59,7 +64,14 @@ void optics_camera_place(struct optics_camera *camera, double theta, double phi,
 /* Turns the camera about its own right, down and forward axes, in that order. */
 void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
 
-/* Unit viewing ray through a point of the picture. */
+/* The vector turned by an angle about a unit axis. */
+struct v3 optics_spin(struct v3 a, struct v3 axis, double angle);
+
+/* How much larger than green light the lens draws light that passes the red (1, 0, 0), green or
+ * blue filter; weights are relative responses. */
+double optics_magnification(const struct optics_camera *camera, const double weights[3]);
+
+/* Unit viewing ray through a point of the picture, of green light. */
 struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px);
 
 /* Response at a point of the picture behind a filter, DN·s⁻¹ per W·sr⁻¹·m⁻². */
@@ -104,15 +116,21 @@ struct optics_laser {
     double fan;                           /* full angle in the sheet, evenly lit */
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
+    double bend;      /* rad: at a tangent t of the angle in the sheet, the sheet is where a plane
+                         would be that had turned on by bend·t² */
 };
 
-/* The sweep angle at which the sheet's middle goes through a point. */
+/* The sweep angle at which the middle of the sheet's profile goes through a point. */
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);
 
 /* W·m⁻² at the middle of the line, on a surface that faces the laser; 0 outside the fan. */
 double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
 
-/* Sensor: DN from a picture of DN·s⁻¹ rates, with photon and read noise, black level, saturation
- * and ADC. rate NULL: a dark picture. */
+/* Light that lens and sensor scatter over the whole picture: adds veiling_glare times the mean of
+ * the pixels behind the same filter. */
+void optics_add_glare(const struct optics_camera *camera, float *rate);
+
+/* Sensor: DN from a picture of DN·s⁻¹ rates, with photon and read noise, black level, offsets of
+ * columns, gain of the two halves, saturation and ADC. rate NULL: a dark picture. */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

@@ -39,15 +39,52 @@ static inline float normal(guint32 bits) {
 }
 
 struct sensor { /* electrons, DN an electron, DN */
-    float electrons_per_rate, read_variance, full_well, dn_per_e, bend, black, max;
+    float electrons_per_rate, read_variance, full_well, dn_per_e, bend, max;
 };
 
-static inline guint16 read_pixel(const struct sensor *s, float rate, float deviate, float noise) {
+struct column { /* factor of the signal, and DN */
+    float gain, black;
+};
+
+static inline guint16 read_pixel(const struct sensor *s, const struct column *column, float rate,
+                                 float deviate, float noise) {
     float e = rate * s->electrons_per_rate;
     float seen = e + sqrtf(e + s->read_variance) * deviate * noise;
-    float linear = MIN(seen, s->full_well) * s->dn_per_e;
-    float dn = s->black + linear * (1 - s->bend * linear) + 0.5f;
+    float linear = MIN(seen, s->full_well) * s->dn_per_e * column->gain;
+    float dn = column->black + linear * (1 - s->bend * linear) + 0.5f;
     return (guint16)CLAMP(dn, 0, s->max);
+}
+
+/* One column per pixel of a row. */
+static struct column *columns_new(const struct optics_camera *camera) {
+    const double max = (double)((1 << camera->bits) - 1);
+    struct column *columns = g_new(struct column, camera->width);
+    struct sample_random random = {camera->columns_key};
+    for (int x = 0; x < camera->width; x++) {
+        const double offset = camera->column_offset * sample_deviate(&random);
+        columns[x] =
+            (struct column){.gain = (float)(2 * x < camera->width ? 1 : 1 + camera->half_gain_step),
+                            .black = (float)(camera->black_level + offset * max)};
+    }
+    return columns;
+}
+
+void optics_add_glare(const struct optics_camera *camera, float *rate) {
+    double sum[3] = {0};
+    guint n[3] = {0};
+    if (!(camera->veiling_glare > 0))
+        return;
+    for (int y = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++) {
+            const enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
+            sum[colour] += (double)rate[y * camera->width + x];
+            n[colour]++;
+        }
+    for (int y = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++) {
+            const enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
+            rate[y * camera->width + x] += (float)(camera->veiling_glare * sum[colour] / n[colour]);
+        }
 }
 
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
@@ -65,16 +102,18 @@ void optics_sense(const struct optics_camera *camera, const float *rate, double 
         .full_well = (float)camera->full_well_e,
         .dn_per_e = (float)(pow(10, gain_db / 20) / e_per_dn),
         .bend = (float)(camera->curvature / (max - camera->black_level)),
-        .black = (float)camera->black_level,
         .max = (float)max,
     };
+    g_autofree struct column *columns = columns_new(camera);
+    const gsize width = (gsize)camera->width;
     float on = noise ? 1 : 0;
     gsize n = (gsize)camera->width * (gsize)camera->height;
     for (gsize i = 0; i < n; i += 2) {
         guint64 bits = sample_hash(key + i * 0x9e3779b97f4a7c15u);
-        ret_pixels[i] = read_pixel(&s, rate ? rate[i] : 0, normal((guint32)bits), on);
+        ret_pixels[i] =
+            read_pixel(&s, &columns[i % width], rate ? rate[i] : 0, normal((guint32)bits), on);
         if (i + 1 < n)
-            ret_pixels[i + 1] =
-                read_pixel(&s, rate ? rate[i + 1] : 0, normal((guint32)(bits >> 32)), on);
+            ret_pixels[i + 1] = read_pixel(&s, &columns[(i + 1) % width], rate ? rate[i + 1] : 0,
+                                           normal((guint32)(bits >> 32)), on);
     }
 }

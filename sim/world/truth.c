@@ -15,7 +15,13 @@ static void truth_give(struct v3 v, double ret[3]) {
 
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg);
-    truth_give(world_eye_mm(&at, turntable_deg), ret);
+    truth_give(world_eye_mm(world, &at, turntable_deg), ret);
+}
+
+void truth_to_rig(World *world, double turntable_deg, const double sample_mm[3],
+                  double ret_rig_mm[3]) {
+    truth_give(world_to_rig(world, turntable_deg, v3(sample_mm[0], sample_mm[1], sample_mm[2])),
+               ret_rig_mm);
 }
 
 void truth_camera(World *world, int camera, struct truth_camera *ret) {
@@ -74,10 +80,16 @@ void truth_probe(World *world, struct truth_swing *ret) {
     give_swing(&world->probe, ret);
 }
 
+/* A lamp in the rig frame. */
+static struct optics_lamp truth_lamp_at(World *world, int lamp, double arc_deg) {
+    struct light_pose pose = world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0);
+    pose.upright = TRUE;
+    return world_lamp_at(world, lamp, pose);
+}
+
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]) {
-    struct optics_lamp at =
-        world_lamp_at(world, lamp, world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0));
+    struct optics_lamp at = truth_lamp_at(world, lamp, arc_deg);
     truth_give(at.position_mm, ret_position_mm);
     if (ret_aim)
         truth_give(at.aim, ret_aim);
@@ -85,8 +97,7 @@ void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3
 
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour) {
-    struct optics_lamp at =
-        world_lamp_at(world, lamp, world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0));
+    struct optics_lamp at = truth_lamp_at(world, lamp, arc_deg);
     struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
     double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
     truth_project(world, camera, point_mm, xy);
@@ -94,10 +105,21 @@ double truth_white(World *world, int camera, int lamp, double arc_deg, const dou
            optics_lamp_irradiance(&at, p) * MAX(level, 0) / G_PI;
 }
 
+/* A laser in the rig frame. */
+static struct optics_laser truth_laser_at(World *world, int laser, double arc_deg) {
+    struct light_pose pose = world_light_pose(world, world->laser_fixed[laser], arc_deg, 0);
+    pose.upright = TRUE;
+    return world_laser_at(world, laser, pose);
+}
+
+double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]) {
+    struct optics_laser at = truth_laser_at(world, laser, arc_deg);
+    return optics_laser_angle(&at, v3(point_mm[0], point_mm[1], point_mm[2])) * 180 / G_PI;
+}
+
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret) {
-    struct optics_laser at = world_laser_at(
-        world, laser, world_light_pose(world, world->laser_fixed[laser], arc_deg, 0));
+    struct optics_laser at = truth_laser_at(world, laser, arc_deg);
     double s = sweep_deg * G_PI / 180 - at.start;
     struct v3 aside = v3_cross(at.axis, at.forward);
     struct v3 normal = v3_mad(aside, cos(s), v3_mad(at.forward, -sin(s), v3(0, 0, 0)));
@@ -123,7 +145,7 @@ static void raster_init(struct raster *raster, World *world, int camera, double 
                         const struct truth_grid *grid, int fine) {
     *raster = (struct raster){.world = world, .grid = grid, .fine = fine};
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg);
-    raster->eye = world_eye_mm(&at, turntable_deg);
+    raster->eye = world_eye_mm(world, &at, turntable_deg);
     raster->n = grid->width * fine;
     raster->points = g_new(struct v3, raster->n);
     raster->rays = g_new(struct v3, raster->n);

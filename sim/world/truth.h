@@ -17,6 +17,11 @@ struct truth_grid { /* texels of the reference plane; defined again, since the s
  * backlash and position errors. */
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
+/* Where a point of the sample frame is in the rig frame with the turntable at an angle, the wobble
+ * of its bearing included. */
+void truth_to_rig(World *world, double turntable_deg, const double sample_mm[3],
+                  double ret_rig_mm[3]);
+
 /* A camera as it truly is, in the rig frame. */
 struct truth_camera {
     double centre_mm[3], right[3], down[3], forward[3];
@@ -24,8 +29,8 @@ struct truth_camera {
 };
 void truth_camera(World *world, int camera, struct truth_camera *ret);
 
-/* Projects a point of the rig frame by the true camera, also if it is hidden or outside of the
- * picture. */
+/* Projects a point of the rig frame in green light by the true camera, also if it is hidden or
+ * outside of the picture. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
 
 struct truth_arc {       /* its true axis, in the rig frame */
@@ -53,12 +58,15 @@ void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour);
 
-struct truth_sheet { /* points p with normal · p = offset_mm */
+struct truth_sheet { /* points p with normal · p = offset_mm; a bent sheet touches it in its middle
+                      */
     double normal[3], offset_mm;
     double source_mm[3], axis[3]; /* the axis that the sheet turns about goes through the source */
 };
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret);
+/* The sweep angle at which the middle of a laser's line goes through a point of the rig frame. */
+double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]);
 
 /* Distance in mm along the true viewing ray of each texel's centre from the reference plane to the
  * surface (turntable included); and, if ret_edge is given, whether a depth edge (a step of more

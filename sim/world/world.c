@@ -8,6 +8,7 @@ static GHashTable *registry; /* path → World, without a reference */
 
 static void free_world(World *world) {
     cache_free(world->cache);
+    bleeding_free(world->bleeding);
     scene_clear(&world->scene);
     sample_free(world->mesh);
     for (int i = 0; i < WORLD_MAX_CAMERAS; i++)
@@ -190,8 +191,8 @@ static double warming(const World *world, double t) {
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
 }
 
-static double lamp_output(const World *world, const struct lamp_power *power, gint64 start_us,
-                          gint64 exposure_us) {
+static double lamp_output(const World *world, int lamp, gint64 start_us, gint64 exposure_us) {
+    const struct lamp_power *power = &world->power[lamp];
     gint64 end_us = start_us + MAX(exposure_us, 1);
     gint64 from_us = MAX(start_us, power->on_us);
     gint64 to_us = power->on ? end_us : MIN(end_us, power->off_us);
@@ -212,6 +213,11 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
         double middle_s = ((double)start_us + (double)exposure_us / 2) * 1e-6;
         output *= 1 + world->drift * sin(2 * G_PI * middle_s / world->drift_period_s);
     }
+    if (world->flicker > 0) {
+        struct sample_random random = {sample_hash(world->noise_seed + (guint64)lamp) ^
+                                       sample_hash((guint64)start_us)};
+        output *= MAX(0, 1 + world->flicker * sample_deviate(&random));
+    }
     return output;
 }
 
@@ -230,7 +236,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->laser_on[place] = world->laser_on[i];
     }
     for (int i = 0; i < world->n_lamps; i++)
-        ret->lamp_output[i] = (float)lamp_output(world, &world->power[i], start_us, exposure_us);
+        ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
 /* Adds share of the light of all lamps and lasers, DN·s⁻¹, in one pose. */
@@ -250,8 +256,10 @@ static void world_add_light(World *world, int camera, const struct world_state *
     for (int i = 0; i < world->n_lasers; i++) {
         if (!state->laser_on[i])
             continue;
-        g_autofree float *own = share < 1 ? g_new0(float, n) : NULL;
+        g_autofree float *own = share < 1 || world->speckle_contrast > 0 ? g_new0(float, n) : NULL;
         world_add_laser(world, camera, i, state, own ? own : rate);
+        if (world->speckle_contrast > 0)
+            world_speckle(world, camera, i, state, own);
         for (gsize k = 0; own && k < n; k++)
             rate[k] += share * own[k];
     }
@@ -290,6 +298,8 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
                 (at - before) * (state->turning_deg[before + 1] - state->turning_deg[before]);
         world_add_light(world, camera, &pose, 1.0f / (float)n_poses, rate);
     }
+    if (rate)
+        optics_add_glare(sensor, rate);
     guint64 key = sample_hash(noise_key * 0x9e3779b97f4a7c15u + (guint64)camera + 1);
     optics_sense(sensor, rate, (double)exposure_us * 1e-6, gain_db, world->noise,
                  sample_hash(key ^ world->noise_seed), ret_pixels);

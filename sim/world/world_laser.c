@@ -137,6 +137,16 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
     return list;
 }
 
+/* What a camera sees in the light of a laser, which has one colour for all pixels. */
+static struct cache_entry *laser_view(const struct laser_job *job) {
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    const double magnification =
+        camera->lateral_colour != 0
+            ? optics_magnification(camera, job->world->lasers[job->laser].colour)
+            : 0;
+    return world_view(job->world, job->camera, job->arm_deg, job->turntable_deg, magnification);
+}
+
 static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct laser_job *job = data;
     World *world = job->world;
@@ -144,7 +154,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
                                       world_bits(job->pose.relative_rad),
                                       world_bits(job->pose.turntable_rad)}};
     struct cache_entry *vertices = cache_get(world->cache, &vertices_key, make_vertices, job);
-    struct cache_entry *entry = world_view(world, job->camera, job->arm_deg, job->turntable_deg);
+    struct cache_entry *entry = laser_view(job);
     const struct view *view = entry->value;
     g_autoptr(GArray) shares = g_array_sized_new(FALSE, FALSE, sizeof(struct share), view->n * 4);
     struct laser_light light = {
@@ -163,7 +173,9 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
         for (int i = 0; i < n; i++) {
             if (blocked[i])
                 continue;
-            const struct surface *s = &surfaces[i];
+            struct surface *s = &surfaces[i];
+            for (int k = 0; k < 3 && s->triangle != NO_TRIANGLE; k++)
+                s->albedo[k] *= (float)(1 - world->bleeding_share);
             struct v3 p = v3(s->p[0], s->p[1], s->p[2]);
             guint32 pixel = view->points[at + (guint)i].pixel;
             enum cfa_colour colour = world_pixel_colour(light.camera, pixel);
@@ -221,7 +233,12 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
                              world_carried_bits(world->camera_on_arm[camera], state->arm_deg)}};
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
-    double sigma = world->lasers[laser].sigma;
-    world_laser_add_cells(list, (RAD(state->sweep_deg[laser]) - list->first) / sigma, rate);
+    double sigma = world->lasers[laser].sigma, sweep = RAD(state->sweep_deg[laser]);
+    world_laser_add_cells(list, (sweep - list->first) / sigma, rate);
     cache_release(world->cache, entry);
+    if (world->bleeding) {
+        entry = laser_view(&job);
+        world_add_bleeding(world, camera, laser, job.pose, sweep, entry->value, rate);
+        cache_release(world->cache, entry);
+    }
 }

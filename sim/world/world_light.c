@@ -24,8 +24,9 @@ struct light_pose world_light_pose(const World *world, gboolean fixed, double ar
                                    double turntable_deg) {
     if (fixed)
         return (struct light_pose){world_relative_rad(0, turntable_deg), 0, TRUE};
-    return (struct light_pose){world_relative_rad(arc_deg, turntable_deg),
-                               world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0, FALSE};
+    return (struct light_pose){
+        world_relative_rad(arc_deg, turntable_deg),
+        world->arc.crooked || world->wobble > 0 ? RAD(whole_turn(turntable_deg)) : 0, FALSE};
 }
 
 struct light_pose world_lamp_pose(const World *world, int lamp, double arc_deg, double probe_deg,
@@ -40,18 +41,35 @@ guint64 world_carried_bits(gboolean carried, double deg) {
     return carried ? sample_hash(world_bits(rint(deg * 1e9) * 1e-9 + 0.0)) : 0;
 }
 
-/* Turns by the angle between arc and turntable alone if the arc is not crooked, so that the result
+/* Turns a vector of the rig frame, or of the turntable's with sign −1, by the tilt that the bearing
+ * gives the turntable's axis: by wobble towards the azimuth wobble_per_turn·turntable. */
+static struct v3 world_lean(const World *world, double turntable_rad, double sign, struct v3 v) {
+    if (!(world->wobble > 0))
+        return v;
+    const double towards = world->wobble_per_turn * turntable_rad;
+    return optics_spin(v, v3(-sin(towards), cos(towards), 0), sign * world->wobble);
+}
+
+struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
+    const double angle = RAD(whole_turn(turntable_deg));
+    return world_lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
+}
+
+/* Turns by the angle between arc and turntable alone if neither axis is tilted, so that the result
  * is bit-identical to that of an ideal arc. */
 static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
                                    gboolean point) {
-    if (pose.fixed)
+    const double sign = pose.upright ? 0 : -1;
+    if (pose.fixed) {
+        v = world_lean(world, -pose.relative_rad, sign, v);
         return v3_turn_z(v, cos(pose.relative_rad), sin(pose.relative_rad));
+    }
     double relative = pose.relative_rad + world->arc.zero, turn = pose.turntable_rad;
-    if (!world->arc.crooked)
+    if (!world->arc.crooked && !(world->wobble > 0))
         return v3_turn_z(v, cos(relative), sin(relative));
     struct v3 rig =
         (point ? optics_arc_point : optics_arc_direction)(&world->arc, pose.relative_rad + turn, v);
-    return v3_turn_z(rig, cos(-turn), sin(-turn));
+    return v3_turn_z(world_lean(world, turn, sign, rig), cos(-turn), sin(-turn));
 }
 
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose) {
@@ -86,15 +104,15 @@ struct optics_camera world_camera_at(const World *world, int camera, double arm_
     return at;
 }
 
-struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg) {
+/* From the frame of the rig to that of the sample. */
+static struct v3 world_to_sample(const World *world, double turntable_deg, struct v3 v) {
     double angle = -RAD(whole_turn(turntable_deg));
-    return v3_turn_z(camera->centre_mm, cos(angle), sin(angle));
+    return v3_turn_z(world_lean(world, -angle, -1, v), cos(angle), sin(angle));
 }
 
-struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
-                    double y_px) {
-    double angle = -RAD(whole_turn(turntable_deg));
-    return v3_turn_z(optics_ray(camera, x_px, y_px), cos(angle), sin(angle));
+struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
+                       double turntable_deg) {
+    return world_to_sample(world, turntable_deg, camera->centre_mm);
 }
 
 struct view_job {
@@ -102,11 +120,25 @@ struct view_job {
     int camera;
     struct optics_camera at; /* the camera as it stands */
     double arm_deg, turntable_deg;
+    double magnification; /* 0: that of the colour of each pixel's filter */
     const struct spread *spread;
     struct v3 *rays; /* of one picture row, as what follows */
     struct surface *surfaces;
     gboolean *hit;
 };
+
+/* The viewing ray from a point of a picture of a colour, in the sample frame. */
+static struct v3 view_ray(const struct view_job *job, enum cfa_colour colour, double x_px,
+                          double y_px) {
+    const struct optics_camera *at = &job->at;
+    const double pure[3] = {colour == CFA_RED, colour == CFA_GREEN, colour == CFA_BLUE};
+    const double m = job->magnification > 0 ? job->magnification : optics_magnification(at, pure);
+    if (m != 1) {
+        x_px = at->centre_x_px + (x_px - at->centre_x_px) / m;
+        y_px = at->centre_y_px + (y_px - at->centre_y_px) / m;
+    }
+    return world_to_sample(job->world, job->turntable_deg, optics_ray(at, x_px, y_px));
+}
 
 static void world_light_add_point(GArray *points, const struct surface *surface,
                                   enum cfa_colour colour, guint32 pixel) {
@@ -134,8 +166,8 @@ static void world_light_add_pixel(const struct view_job *job, int x, int y, GArr
                 world_light_add_point(points, &surfaces[i], colour, pixel);
         return;
     }
-    struct v3 eye = world_eye_mm(&job->at, job->turntable_deg);
-    struct v3 ray = world_ray(&job->at, job->turntable_deg, x, y);
+    struct v3 eye = world_eye_mm(job->world, &job->at, job->turntable_deg);
+    struct v3 ray = view_ray(job, colour, x, y);
     struct surface table;
     gboolean seen;
     scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
@@ -162,11 +194,11 @@ static void trace_row(const struct view_job *job, int y) {
     for (int x = 0; x < camera->width; x++) {
         if (camera->blur_px > 0)
             spread_pixel(job->spread, &random, aa, at);
+        const enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
         for (int i = 0; i < aa * aa; i++)
-            job->rays[k++] =
-                world_ray(&job->at, job->turntable_deg, x + at[2 * i], y + at[2 * i + 1]);
+            job->rays[k++] = view_ray(job, colour, x + at[2 * i], y + at[2 * i + 1]);
     }
-    struct v3 eye = world_eye_mm(&job->at, job->turntable_deg);
+    struct v3 eye = world_eye_mm(job->world, &job->at, job->turntable_deg);
     scene_trace(&job->world->scene, eye, NULL, job->rays, k, job->surfaces, job->hit);
 }
 
@@ -195,7 +227,7 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     gsize before = sizeof(struct view) + points->len * sizeof(struct point);
     *ret_bytes = before + n_pixels * sizeof(float);
     struct view *view = g_malloc(*ret_bytes);
-    view->eye_mm = world_eye_mm(&job->at, job->turntable_deg);
+    view->eye_mm = world_eye_mm(job->world, &job->at, job->turntable_deg);
     view->n = points->len;
     view->weights = memcpy((char *)view + before, weights, n_pixels * sizeof(float));
     if (points->len)
@@ -203,13 +235,17 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     return view;
 }
 
-struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg) {
+struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
+                               double magnification) {
     struct view_job job = {.world = world,
                            .camera = camera,
                            .at = world_camera_at(world, camera, arm_deg),
                            .arm_deg = arm_deg,
-                           .turntable_deg = turntable_deg};
-    struct cache_key key = {{CACHED_VIEW, (guint64)camera, world_bits(whole_turn(turntable_deg)),
+                           .turntable_deg = turntable_deg,
+                           .magnification = magnification};
+    const guint64 light = magnification > 0 ? sample_hash(world_bits(magnification)) : 0;
+    struct cache_key key = {{CACHED_VIEW, (guint64)camera ^ light,
+                             world_bits(whole_turn(turntable_deg)),
                              world_carried_bits(world->camera_on_arm[camera], arm_deg)}};
     return cache_get(world->cache, &key, make_view, &job);
 }
@@ -289,7 +325,7 @@ static gpointer world_light_make_picture(const struct cache_key *key, gconstpoin
     struct light_pose pose = job->pose;
     struct optics_lamp lamp = world_lamp_at(world, job->lamp, pose);
     struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
-    struct cache_entry *entry = world_view(world, job->camera, job->arm_deg, job->turntable_deg);
+    struct cache_entry *entry = world_view(world, job->camera, job->arm_deg, job->turntable_deg, 0);
     const struct view *view = entry->value;
     struct surface surfaces[SCENE_BATCH];
     guint8 blocked[SCENE_BATCH];

@@ -5,7 +5,8 @@
 
 #include <string.h>
 
-#define RAD(deg) ((deg) * (G_PI / 180))
+#define RAD(deg)   ((deg) * (G_PI / 180))
+#define BEND_AT_MM 36.0 /* where sheet_bend_mm is meant */
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
@@ -16,6 +17,8 @@ struct world_options {
     double probe_axis_theta_deg, probe_axis_phi_deg, probe_zero_deg, probe_tilt_deg, probe_mm;
     double warm_up_s, warm_up_start, drift_pct, drift_period_s;
     double table_albedo, table_radius_mm;
+    double wobble_deg, speckle_contrast, bleeding_share, bleeding_mm, lamp_flicker;
+    int wobble_per_turn;
 };
 
 #define AT(field) G_STRUCT_OFFSET(struct world_options, field)
@@ -81,6 +84,23 @@ static const struct option world_table[] = {
      "albedo of the turntable's top, a diffuser"},
     {"turntable_radius_mm", OPTION_DOUBLE, "mm", 0, 1000, "150", NULL, AT(table_radius_mm),
      "radius of the turntable's top; beyond it everything is black"},
+    {"bearing_wobble_deg", OPTION_DOUBLE, "deg", 0, 5, "0", NULL, AT(wobble_deg),
+     "tilt of the turntable's axis by its bearing, about the middle of the turntable's top"},
+    {"bearing_wobble_per_turn", OPTION_INT, NULL, 1, 36, "2", NULL, AT(wobble_per_turn),
+     "how many times the direction of this tilt goes around while the turntable turns once; with "
+     "the turntable at 0 the axis leans towards the x of the rig"},
+    {"lamp_flicker", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(lamp_flicker),
+     "standard deviation of a lamp's output from frame to frame, a ratio"},
+    {"speckle_contrast", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(speckle_contrast),
+     "contrast of laser speckle: standard deviation over mean of the light that a pixel gets; the "
+     "grain is as large as the blur of the lens (at least 0.5 px), and changes with every movement "
+     "of laser, turntable or camera"},
+    {"bleeding_share", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(bleeding_share),
+     "share of the laser light reflected diffusely by the sample that has entered it, and comes "
+     "out "
+     "elsewhere"},
+    {"bleeding_mm", OPTION_DOUBLE, "mm", 0.2, 20, "0.6", NULL, AT(bleeding_mm),
+     "distance over which this light decreases to 1/e"},
     {0},
 };
 #undef AT
@@ -141,6 +161,15 @@ static const struct option camera_table[] = {
      "offset of the true position, rig frame"},
     {"turn_deg", OPTION_DOUBLES, "deg", -30, 30, "0;0;0", NULL, AT(turn_deg),
      "rotation about the camera's own right, down and forward axes"},
+    {"lateral_colour", OPTION_DOUBLE, NULL, -0.01, 0.01, "0", NULL, AT(optics.lateral_colour),
+     "lateral colour: the lens magnifies red by 1 + this and blue by 1 - this about the principal "
+     "point"},
+    {"veiling_glare", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(optics.veiling_glare),
+     "share of the frame's mean light that the lens adds everywhere"},
+    {"half_gain_step", OPTION_DOUBLE, NULL, -0.5, 0.5, "0", NULL, AT(optics.half_gain_step),
+     "ratio by which the right half of the sensor reads brighter than the left"},
+    {"column_offset", OPTION_DOUBLE, NULL, 0, 0.1, "0", NULL, AT(optics.column_offset),
+     "standard deviation of fixed offsets of the sensor's columns, as a share of full scale"},
     {0},
 };
 #undef AT
@@ -178,7 +207,7 @@ static const struct option lamp_table[] = {
 
 struct laser_options {
     struct optics_laser optics;
-    double theta_deg, phi_deg, distance_mm, width_mm, fan_deg, tilt_deg, start_deg;
+    double theta_deg, phi_deg, distance_mm, width_mm, fan_deg, tilt_deg, start_deg, sheet_bend_mm;
     struct option_doubles offset_mm, colour;
 };
 
@@ -201,6 +230,9 @@ static const struct option laser_table[] = {
      "rotation of the sheet about its direction"},
     {"start_deg", OPTION_DOUBLE, "deg", -10, 10, "0", NULL, AT(start_deg),
      "sweep angle at which the laser truly lights the origin"},
+    {"sheet_bend_mm", OPTION_DOUBLE, "mm", -10, 10, "0", NULL, AT(sheet_bend_mm),
+     "bend of the sheet, a parabola: how far it is from a plane at 36 mm from the middle of the "
+     "line that it draws through the origin, on both sides, in the direction of the sweep"},
     {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
      "offset of the true position, with the arc at 0"},
     {0},
@@ -214,15 +246,8 @@ static struct sample_random device_random(const struct world_options *options, c
     return (struct sample_random){sample_hash(seed + 0x9e3779b97f4a7c15u)};
 }
 
-static double deviate(struct sample_random *random) { /* approximately normal, within ±6 */
-    double sum = -6;
-    for (int i = 0; i < 12; i++)
-        sum += sample_uniform(random);
-    return sum;
-}
-
 static struct v3 deviate3(struct sample_random *random) {
-    double x = deviate(random), y = deviate(random), z = deviate(random);
+    double x = sample_deviate(random), y = sample_deviate(random), z = sample_deviate(random);
     return v3(x, y, z);
 }
 
@@ -270,6 +295,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
         struct v3 turn =
             v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from.turn_deg));
         optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
+        camera->columns_key = device_random(all, 'k', world->n_cameras).state;
         world->camera_on_arm[world->n_cameras] = from.on_arm;
         world->camera_names[world->n_cameras++] = g_strdup(section->name);
     }
@@ -301,11 +327,11 @@ static gboolean load_lamp(World *world, const struct world_options *all,
         struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
         lamp->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
-        double along = from.aim_deg.values[0] + all->lamp_deg * deviate(&random);
-        double aside = from.aim_deg.values[1] + all->lamp_deg * deviate(&random);
+        double along = from.aim_deg.values[0] + all->lamp_deg * sample_deviate(&random);
+        double aside = from.aim_deg.values[1] + all->lamp_deg * sample_deviate(&random);
         struct v3 aim = v3_mad(up, tan(RAD(along)), v3(-out.x, -out.y, -out.z));
         lamp->aim = v3_norm(v3_mad(across, tan(RAD(aside)), aim));
-        lamp->intensity *= from.scale * (1 + all->lamp_pct / 100 * deviate(&random));
+        lamp->intensity *= from.scale * (1 + all->lamp_pct / 100 * sample_deviate(&random));
         lamp->intensity = MAX(lamp->intensity, 0);
         world->power[world->n_lamps].dead = from.dead;
         world->lamp_fixed[world->n_lamps] = config_value(section, "phi_deg", NULL) != NULL;
@@ -330,12 +356,13 @@ static gboolean load_laser(World *world, const struct world_options *all,
         struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
         laser->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
         laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
-        double tilt = RAD(from.tilt_deg + all->laser_deg * deviate(&random));
-        laser->start = RAD(from.start_deg + all->laser_deg * deviate(&random));
+        double tilt = RAD(from.tilt_deg + all->laser_deg * sample_deviate(&random));
+        laser->start = RAD(from.start_deg + all->laser_deg * sample_deviate(&random));
         laser->forward = v3(-out.x, -out.y, -out.z);
         laser->axis = v3_mad(up, sin(tilt), v3_mad(across, cos(tilt), v3(0, 0, 0)));
         laser->sigma = from.width_mm / (2 * sqrt(2 * G_LN2)) / from.distance_mm;
         laser->fan = RAD(from.fan_deg);
+        laser->bend = from.sheet_bend_mm * from.distance_mm / (BEND_AT_MM * BEND_AT_MM);
         for (int i = 0; i < 3; i++)
             laser->colour[i] = from.colour.values[i];
         world->laser_fixed[world->n_lasers] = config_value(section, "phi_deg", NULL) != NULL;
@@ -401,6 +428,8 @@ static void load_sample(World *world, const struct world_options *all, const Con
     world->scene.table_albedo = (float)all->table_albedo;
     world->scene.table_radius_mm = (float)all->table_radius_mm;
     scene_init(&world->scene, world->mesh, all->seed);
+    if (world->bleeding_share > 0)
+        world->bleeding = bleeding_new(&world->scene, all->bleeding_mm);
 }
 
 typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
@@ -464,7 +493,7 @@ static struct optics_swing swing_of(const struct world_options *all, char letter
                                     double off_mm) {
     struct sample_random random = device_random(all, letter, 0);
     struct v3 up, across, out = world_load_on_arc(theta_deg, phi_deg, &up, &across);
-    struct optics_swing swing = {.zero = RAD(zero_deg * deviate(&random))};
+    struct optics_swing swing = {.zero = RAD(zero_deg * sample_deviate(&random))};
     struct v3 lean = deviate3(&random);
     out = v3_mad(up, RAD(tilt_deg) * lean.x, v3_mad(across, RAD(tilt_deg) * lean.y, out));
     swing.axis = v3_norm(out);
@@ -488,10 +517,15 @@ gboolean world_load(World *world, const char *path, GError **error) {
     world->warm_up_start = all.warm_up_start;
     world->drift = all.drift_pct / 100;
     world->drift_period_s = all.drift_period_s;
+    world->wobble = RAD(all.wobble_deg);
+    world->wobble_per_turn = all.wobble_per_turn;
+    world->flicker = all.lamp_flicker;
+    world->speckle_contrast = all.speckle_contrast;
+    world->bleeding_share = all.bleeding_share;
     world->cache = cache_new((gsize)all.cache_mb << 20);
     struct sample_random random = device_random(&all, 'a', 0);
     struct optics_arc *arc = &world->arc;
-    arc->zero = RAD(all.arc_zero_deg * deviate(&random));
+    arc->zero = RAD(all.arc_zero_deg * sample_deviate(&random));
     struct v3 lean = deviate3(&random), aside = deviate3(&random);
     optics_arc_lean(arc, RAD(all.arc_tilt_deg * lean.x), RAD(all.arc_tilt_deg * lean.y));
     arc->centre_mm = v3(all.arc_mm * aside.x, all.arc_mm * aside.y, 0);

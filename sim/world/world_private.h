@@ -57,6 +57,10 @@ struct World {
     gboolean noise;
     guint64 noise_seed;
     double warm_up_s, warm_up_start, drift, drift_period_s;
+    double wobble; /* tilt of the turntable's axis, rad */
+    int wobble_per_turn;
+    double flicker, speckle_contrast, bleeding_share;
+    struct bleeding *bleeding; /* NULL: none */
     Cache *cache;
 
     GMutex lock;                    /* guards the fields below */
@@ -123,12 +127,13 @@ double world_relative_rad(double arc_deg, double turntable_deg);
 guint64 world_carried_bits(gboolean carried, double deg);
 
 /* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
- * between arc and turntable alone, unless the arc's axis differs from the turntable's; those for
- * fixed lights depend on the turntable alone. */
+ * between arc and turntable alone, unless the arc's axis differs from the turntable's, which may
+ * also wobble; those for fixed lights depend on the turntable alone. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
     gboolean fixed;
     double probe_deg; /* angle of the probe if it carries the lamp, else 0 */
+    gboolean upright; /* in a frame that does not tilt with the turntable: the rig's at angle 0 */
 };
 struct light_pose world_light_pose(const World *world, gboolean fixed, double arc_deg,
                                    double turntable_deg);
@@ -139,9 +144,11 @@ struct optics_laser world_laser_at(const World *world, int laser, struct light_p
 
 /* Returns the pose of a camera with the arm at an angle. */
 struct optics_camera world_camera_at(const World *world, int camera, double arm_deg);
-struct v3 world_eye_mm(const struct optics_camera *camera, double turntable_deg);
-struct v3 world_ray(const struct optics_camera *camera, double turntable_deg, double x_px,
-                    double y_px);
+struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
+                       double turntable_deg);
+
+/* From the frame of the sample, as it lies with the turntable at an angle, to that of the rig. */
+struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p);
 
 /* A part of a pixel's area, packed, since a view has as many of them as pixels times samples, and a
  * session many views. Directions are folded octahedra, and shares of one are whole numbers; the
@@ -162,7 +169,11 @@ struct view {
     guint n;
     struct point points[];
 };
-struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg);
+
+/* magnification is that of the light that is seen, relative to green; 0: light of all colours, each
+ * of which is seen behind its filter. */
+struct cache_entry *world_view(World *world, int camera, double arm_deg, double turntable_deg,
+                               double magnification);
 
 /* world_point.c: all three colours unpack to the pixel's. */
 void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
@@ -195,3 +206,19 @@ struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
 /* world_laser.c: adds DN·s⁻¹ of a laser at a sweep angle. */
 void world_add_laser(World *world, int camera, int laser, const struct world_state *state,
                      float *rate);
+
+/* world_speckle.c: makes the light of one laser, DN·s⁻¹ of a whole picture, uneven. */
+void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
+                   float *rate);
+
+/* world_bleeding.c: laser light that enters the sample and comes out elsewhere. The sample's upper
+ * side is cut into cells on a grid, seen from above. From a cell that the laser lights, a share
+ * spreads to other cells with exp(−r/scale), r being the distance in space. What hides from above,
+ * such as the lower side of a thread, takes no part; nor does the turntable. */
+struct bleeding;
+struct bleeding *bleeding_new(const struct scene *scene, double scale_mm);
+void bleeding_free(struct bleeding *bleeding); /* NULL is ignored */
+
+/* Adds to a picture of DN·s⁻¹ what has come out, the share bleeding_share included. */
+void world_add_bleeding(World *world, int camera, int laser, struct light_pose pose, double sweep,
+                        const struct view *view, float *rate);
