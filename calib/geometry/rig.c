@@ -379,6 +379,34 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
     return (about - bent_rad(laser, way)) / (1 + laser->stretch);
 }
 
+/* The bend moves the sheet by bend·t² times the distance r from the axis, t² r = a² / r. */
+void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]) {
+    const struct vec3 from = rig_laser_position_mm(arc, laser, arc_rad);
+    const struct vec3 axis = rig_laser_axis(arc, laser, arc_rad);
+    const struct vec3 normal = carried_direction(arc, laser->fixed, arc_rad, laser->normal);
+    const struct vec3 way = vec3_sub(point_mm, from);
+    const double along = vec3_dot(way, axis);
+
+    ret[RIG_SHEET_OFFSET] = 1;
+    ret[RIG_SHEET_ALONG] = vec3_dot(point_mm, axis);
+    ret[RIG_SHEET_ACROSS] = vec3_dot(point_mm, normal);
+    ret[RIG_SHEET_BEAM] = vec3_dot(point_mm, vec3_cross(normal, axis));
+    ret[RIG_SHEET_BEND] = along * along / sqrt(MAX(vec3_dot(way, way) - along * along, 1e-12));
+}
+
+double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                double arc_rad, const struct rig_sheet_errors *errors,
+                                struct vec3 point_mm) {
+    double lever[RIG_SHEET_PARAMETERS], variance = 0;
+
+    rig_laser_sheet_lever(arc, laser, arc_rad, point_mm, lever);
+    for (int i = 0; i < RIG_SHEET_PARAMETERS; i++)
+        for (int k = 0; k < RIG_SHEET_PARAMETERS; k++)
+            variance += lever[i] * errors->covariance[i][k] * lever[k];
+    return sqrt(MAX(variance, 0));
+}
+
 /* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the
  * radius of the cone of sight there. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm) {

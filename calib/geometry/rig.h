@@ -219,6 +219,30 @@ double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *las
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm);
 
+/* Errors of a laser's calibration as they move its sheet near the sample: by how much the sheet is
+ * displaced across itself at a point, towards larger sweep angles, is linear in these parameters.
+ * Gradients count from the rig's origin. */
+enum rig_sheet_parameter {
+    RIG_SHEET_OFFSET, /* mm */
+    RIG_SHEET_ALONG,  /* rad: by position along the laser's axis */
+    RIG_SHEET_ACROSS, /* rad: by position along the sheet's normal at sweep angle 0 */
+    RIG_SHEET_BEAM,   /* rad: by position along the beam */
+    RIG_SHEET_BEND,   /* of bend_rad */
+    RIG_SHEET_PARAMETERS,
+};
+struct rig_sheet_errors {
+    double covariance[RIG_SHEET_PARAMETERS][RIG_SHEET_PARAMETERS];
+};
+
+/* The displacement of the sheet at a point, in mm by a unit of each parameter. */
+void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]);
+
+/* Its standard deviation, √(jᵀ C j) with j the lever. */
+double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                double arc_rad, const struct rig_sheet_errors *errors,
+                                struct vec3 point_mm);
+
 /* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
  * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of
  * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only (a

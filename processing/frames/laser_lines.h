@@ -50,6 +50,8 @@ struct laser_sweep {
     const struct rig_arc *arc;                   /* NULL: an ideal one */
     const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: use the calibration alone */
+    const struct rig_sheet_errors *errors;       /* of the calibration; NULL: known exactly */
+    double line_rad; /* of the line's profile on plates, as a sweep angle; 0: not known */
 };
 
 struct laser_lines {
