@@ -27,6 +27,8 @@
 #define LEAST_TEXEL_PX 0.1   /* for errors' sake */
 #define HIDDEN_REACH   2     /* of mdf_shown(); chosen: docs/accuracy.md */
 #define HIDDEN_SWEEPS  8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
+#define LIGHT_DN       100.0 /* least height of a pulse whose time noise does not spoil, and */
+#define LIGHT_FRAMES   0.7   /* least line width that frames sample, for mdf_view_light() */
 #define WIDTHS         50000 /* pixels of which a line's width is the median */
 #define EVERY          3     /* texel of which mdf_view_light() looks at the scatter */
 #define MANY_SWEEPS    4     /* from this number of sweeps on, one is not believed against others */
@@ -756,12 +758,15 @@ void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
     for (int i = 0; i < view->n_texels; i += EVERY) {
         const int n = mdf_collect(view, i, candidates);
         const struct mdf_merged merged = mdf_merge(candidates, n, 2);
-        if (merged.spread.freedom > 0)
+        double dn = 0;
+        for (int k = 0; k < merged.n; k++)
+            dn += (double)candidates[k].dn / merged.n;
+        if (merged.spread.freedom > 0 && dn > LIGHT_DN)
             scatter[n_scatter++] = sqrt(merged.spread.frames2);
     }
     if (n_widths > 0)
         ret->width = widths / n_widths;
-    if (n_frames > 0 && n_scatter > 0)
+    if (n_frames > 0 && n_scatter > 0 && frames > LIGHT_FRAMES * n_frames)
         ret->scatter = robust_median(scatter, n_scatter) * n_frames / frames;
 }
 

@@ -4,16 +4,17 @@
 
 /* What light does on rough samples that no light enters is less: docs/accuracy.md. */
 #define WIDE    1.3
-#define SCATTER 0.3
+#define SCATTER 0.07
 
 char *mdf_lines_warning(double width, double scatter) {
     if (scatter > SCATTER)
         return g_strdup_printf(
             "the laser's line is found at times that scatter from sweep to sweep by %.2f of the "
-            "line's width, which noise does not explain; causes that fit: speckle (a laser of less "
-            "contrast, or a larger aperture of the cameras, makes less of it), %sgloss, structure "
-            "finer than the line; the MDF's error bars contain it",
-            scatter, width > WIDE ? "light that enters the material, " : "");
+            "line's width, where noise and structure explain less than %.2f; causes that fit: "
+            "speckle (a laser of less contrast, or cameras with a larger aperture, make less of "
+            "it)%s, gloss or structure finer than the line, a calibration that is off; the MDF's "
+            "error bars follow the scatter",
+            scatter, SCATTER, width > WIDE ? ", light that enters the material" : "");
     if (width > WIDE)
         return g_strdup_printf(
             "the laser's line is %.2f times as wide on the sample as on the plates that it was "

@@ -55,15 +55,17 @@ static World *new_world(const struct effects *effects, const char *sample) {
     return world_fixture_new(text->str);
 }
 
+static const double exact[CAMERAS] = {0};
+
 /* Cameras as they are but for a random offset, and nominal lasers. */
-static struct rig new_rig(GRand *rand, double camera_px) {
+static struct rig new_rig(GRand *rand, const double camera_px[CAMERAS]) {
     struct rig rig = {.n_cameras = CAMERAS, .n_lasers = LASERS};
     for (int i = 0; i < CAMERAS; i++) {
         struct rig_camera *c = &rig.cameras[i];
         *c = (struct rig_camera){
             .width = SIDE, .height = SIDE, .fx_px = FOCAL_PX, .fy_px = FOCAL_PX};
-        c->cx_px = (SIDE - 1) / 2.0 + camera_px * deviate(rand);
-        c->cy_px = (SIDE - 1) / 2.0 + camera_px * deviate(rand);
+        c->cx_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate(rand);
+        c->cy_px = (SIDE - 1) / 2.0 + camera_px[i] * deviate(rand);
         rig_camera_look_at(c, vec3_scale(rig_direction(camera_deg[i] * DEGREE, 0), EYE_MM),
                            vec3(0, 0, 0));
     }
@@ -127,7 +129,8 @@ static struct album *shoot_plate(const struct effects *effects, double height_mm
     return shoot(effects, sample, CAMERAS);
 }
 
-static void calibrate(const struct rig *rig, const struct album *const plates[2],
+/* first: of the cameras that look on. */
+static void calibrate(const struct rig *rig, const struct album *const plates[2], int first,
                       struct laser_result *ret) {
     static const struct laser_arc arc = {0.01, 1};
     static const char *const names[] = {"plate.exr"};
@@ -136,6 +139,8 @@ static void calibrate(const struct rig *rig, const struct album *const plates[2]
     for (int i = 0; i < 2 * CAMERAS * SWEEPS; i++) {
         const int plate = i % 2, camera = i / 2 % CAMERAS, laser = i / 2 / CAMERAS % LASERS;
         const int a = i / 2 / CAMERAS / LASERS;
+        if (camera < first)
+            continue;
         const struct planes *planes = &plates[plate]->planes[camera][laser][a];
         const struct laser_plate_sweep sweep = {.laser = laser,
                                                 .camera = camera,
@@ -230,14 +235,14 @@ static void test_bent(void) {
     static const struct effects bent = {"", "sheet_bend_mm=0.1\n"};
     const double bend_rad = 0.1 * FAR_MM / (36 * 36);
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
-    const struct rig rig = new_rig(rand, 0);
+    const struct rig rig = new_rig(rand, exact);
     g_autofree struct album *low = shoot_plate(&bent, heights_mm[0]);
     g_autofree struct album *high = shoot_plate(&bent, heights_mm[1]);
     g_autofree struct album *on_bent = shoot(&bent, smooth, 1), *on_flat = shoot(&ideal, smooth, 1);
     struct laser_result of_bent, of_flat;
     struct measured with, flat;
-    calibrate(&rig, (const struct album *const[]){low, high}, &of_bent);
-    calibrate(&rig, (const struct album *const *)plates, &of_flat);
+    calibrate(&rig, (const struct album *const[]){low, high}, 0, &of_bent);
+    calibrate(&rig, (const struct album *const *)plates, 0, &of_flat);
     tell(&of_bent);
     tell(&of_flat);
     measure(on_bent, smooth, &of_bent, 0, &with);
@@ -257,11 +262,12 @@ static void test_bent(void) {
     laser_result_clear(&of_flat);
 }
 
-/* Cameras that are off by some tenths of a pixel move sheets and sights much further than noise
- * does. The error bars with the calibration's errors hold, over many such calibrations. */
+/* One camera has calibrated the sheets, and another that is off by some tenths of a pixel looks at
+ * the sample: its points are wrong by much more than noise. The error bars with the calibration's
+ * errors hold, over several such calibrations. */
 static void test_calibration_dominates(void) {
-    enum { ROUNDS = 6 };
-    static const double camera_px = 0.4;
+    enum { ROUNDS = 4 };
+    static const double camera_px[CAMERAS] = {0.6, 0.05};
     g_autoptr(GRand) rand = g_rand_new_with_seed(2);
     g_autofree struct album *album = shoot(&ideal, smooth, 1);
     double chi2 = 0, bare = 0;
@@ -269,15 +275,15 @@ static void test_calibration_dominates(void) {
         const struct rig rig = new_rig(rand, camera_px);
         struct laser_result found;
         struct measured with, without;
-        calibrate(&rig, (const struct album *const *)plates, &found);
-        measure(album, smooth, &found, camera_px, &with);
+        calibrate(&rig, (const struct album *const *)plates, 1, &found);
+        measure(album, smooth, &found, camera_px[0], &with);
         measure(album, smooth, &found, -1, &without);
         chi2 += with.chi2 / ROUNDS;
         bare += without.chi2 / ROUNDS;
         laser_result_clear(&found);
     }
     g_test_message("χ² %.2f with the calibration's errors, %.2f without", chi2, bare);
-    g_assert_cmpfloat(bare, >, 3);
+    g_assert_cmpfloat(bare, >, 2.5);
     g_assert_cmpfloat(chi2, >, 0.5);
     g_assert_cmpfloat(chi2, <, 2);
 }
@@ -291,9 +297,9 @@ static void test_light(void) {
                  {{"speckle_contrast=0.3\n", ""}, "speckle"},
                  {{"bleeding_share=0.3\nbleeding_mm=0.6\n", ""}, "enters the material"}};
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
-    const struct rig rig = new_rig(rand, 0);
+    const struct rig rig = new_rig(rand, exact);
     struct laser_result found;
-    calibrate(&rig, (const struct album *const *)plates, &found);
+    calibrate(&rig, (const struct album *const *)plates, 0, &found);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
         for (int k = 0; k < 2; k++) {
             const char *sample = k ? rough : smooth;
