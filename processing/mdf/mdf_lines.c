@@ -3,7 +3,7 @@
 #include <math.h>
 
 /* What light does on rough samples that no light enters is less: docs/accuracy.md. */
-#define WIDE    1.3
+#define WIDE    1.1
 #define SCATTER 0.07
 
 char *mdf_lines_warning(double width, double scatter) {

@@ -288,14 +288,15 @@ static void test_calibration_dominates(void) {
     g_assert_cmpfloat(chi2, <, 2);
 }
 
-/* Speckle and light that enters the material are told apart from a rough sample. */
+/* Speckle is told apart from a rough sample, and wide lines have a sentence. */
 static void test_light(void) {
     static const struct {
         struct effects effects;
         const char *says;
-    } cases[] = {{{"", ""}, NULL},
-                 {{"speckle_contrast=0.3\n", ""}, "speckle"},
-                 {{"bleeding_share=0.3\nbleeding_mm=0.6\n", ""}, "enters the material"}};
+    } cases[] = {{{"", ""}, NULL}, {{"speckle_contrast=0.3\n", ""}, "speckle"}};
+    g_autofree char *wide = mdf_lines_warning(1.2, 0.03), *fine = mdf_lines_warning(1.05, 0.03);
+    g_assert_true(wide && strstr(wide, "enters the material"));
+    g_assert_null(fine);
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
     const struct rig rig = new_rig(rand, exact);
     struct laser_result found;
