@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define MAX_BYTES (16 << 20)
+#define STEP      0.1 /* standard errors: step of a difference */
 
 const char *calibration_part_name(enum calibration_kind kind) {
     static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};
@@ -225,6 +226,73 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                     "%s: %s; a calibration is valid only for its own rig: calibrate this rig", path,
                     why);
     return !why;
+}
+
+/* The camera with one parameter changed by a step; a small rotation ω about the rig's axes moves
+ * the point to p + ω × p instead. */
+static struct rig_camera camera_changed(const struct rig_camera *camera, int parameter, double step,
+                                        struct vec3 *point_mm) {
+    struct rig_camera c = *camera;
+    double *const values[CALIBRATION_ALL_CAMERA_PARAMETERS] = {
+        [CALIBRATION_FX] = &c.fx_px,
+        [CALIBRATION_FY] = &c.fy_px,
+        [CALIBRATION_CX] = &c.cx_px,
+        [CALIBRATION_CY] = &c.cy_px,
+        [CALIBRATION_K1] = &c.k1,
+        [CALIBRATION_K2] = &c.k2,
+        [CALIBRATION_K3] = &c.k3,
+        [CALIBRATION_P1] = &c.p1,
+        [CALIBRATION_P2] = &c.p2,
+        [CALIBRATION_SHIFT_X] = &c.translation_mm.x,
+        [CALIBRATION_SHIFT_Y] = &c.translation_mm.y,
+        [CALIBRATION_SHIFT_Z] = &c.translation_mm.z,
+        [CALIBRATION_K4] = &c.k4,
+        [CALIBRATION_K5] = &c.k5,
+        [CALIBRATION_K6] = &c.k6,
+    };
+    const int turn = parameter - CALIBRATION_TURN_X;
+    if (values[parameter])
+        *values[parameter] += step;
+    else
+        *point_mm = vec3_add(*point_mm, vec3_cross(vec3(turn == 0 ? step : 0, turn == 1 ? step : 0,
+                                                        turn == 2 ? step : 0),
+                                                   *point_mm));
+    return c;
+}
+
+/* J C Jᵀ, with the derivatives J of the projection as differences over STEP standard errors. */
+gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
+                           double ret_px2[2][2]) {
+    enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };
+    const struct calibration_camera *errors = &calibration->cameras[camera];
+    const struct rig_camera *at = &calibration->rig.cameras[camera];
+    double j[ALL][2] = {{0}}, c[ALL][ALL], x, y;
+
+    memset(ret_px2, 0, sizeof(double[2][2]));
+    if (!errors->known || !rig_project(at, point_mm, &x, &y))
+        return FALSE;
+    for (int i = 0; i < ALL; i++)
+        for (int k = 0; k < ALL; k++)
+            c[i][k] = i >= KNOWN   ? errors->further_covariance[i - KNOWN][k]
+                      : k >= KNOWN ? errors->further_covariance[k - KNOWN][i]
+                                   : errors->covariance[i][k];
+    for (int i = 0; i < ALL; i++) {
+        const double step = STEP * sqrt(c[i][i]);
+        struct vec3 point = point_mm;
+        double moved[2];
+        if (!(step > 0))
+            continue;
+        const struct rig_camera changed = camera_changed(at, i, step, &point);
+        if (!rig_project(&changed, point, &moved[0], &moved[1]))
+            continue;
+        j[i][0] = (moved[0] - x) / step;
+        j[i][1] = (moved[1] - y) / step;
+    }
+    for (int a = 0; a < ALL; a++)
+        for (int b = 0; b < ALL; b++)
+            for (int i = 0; i < 4; i++)
+                ret_px2[i / 2][i % 2] += j[a][i / 2] * c[a][b] * j[b][i % 2];
+    return TRUE;
 }
 
 /* Dates are UTC in ISO 8601. */

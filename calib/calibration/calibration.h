@@ -91,11 +91,31 @@ struct calibration_arc { /* with rig.arc; standard errors, 0 for values that wer
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
 
+/* Values of a laser that may be known from before rather than from its lines. */
+enum calibration_laser_value {
+    CALIBRATION_LASER_POSITION,
+    CALIBRATION_LASER_AXIS,
+    CALIBRATION_LASER_NORMAL,
+    CALIBRATION_LASER_STRETCH,
+    CALIBRATION_LASER_VALUES,
+};
+
 struct calibration_laser { /* with rig.lasers; standard errors */
     gboolean known;
     double position_mm[3]; /* across the axis; along it the position is undetermined */
     double axis_rad, normal_rad, stretch;
+    double bend_rad;
+    /* Whether the error of a value is that of the arc's axis as it was known before, because the
+     * lines do not determine it. The values' errors then cancel each other: sheet has those of the
+     * sheets. */
+    int from_prior[CALIBRATION_LASER_VALUES];
+    /* Of the sheet near the sample, with what noise does not explain of the residual; 0 in files of
+     * earlier versions. */
+    struct rig_sheet_errors sheet;
     double residual_rms_mm;
+    double expected_rms_mm; /* what the noise of the lines explains of it; 0: not known */
+    double line_rad;        /* standard deviation of the line's profile on the plates, as a sweep
+                               angle; 0: not known */
 };
 
 struct calibration_noise { /* with rig.cameras */
@@ -164,6 +184,11 @@ struct calibration *calibration_read(const char *path, GError **error);
 /* Whether it belongs to this rig: id, and names and sizes of cameras, lamps and lasers. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
+
+/* Covariance of where a camera sees a point of the rig frame, in px², from the covariance of its
+ * parameters. FALSE, and 0: it is not calibrated, or does not see the point. */
+gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
+                           double ret_px2[2][2]);
 
 /* Days since a part was calibrated; −1: it was not. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind);

@@ -53,6 +53,12 @@ static const struct field laser_fields[] = {
     {"normal_rad", LASER(normal_rad), 1, FALSE, 0, FIELD_LARGE},
     {"stretch", LASER(stretch), 1, FALSE, 0, FIELD_LARGE, TRUE},
     {"residual_rms_mm", LASER(residual_rms_mm), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {"expected_rms_mm", LASER(expected_rms_mm), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
+    {"bend_rad", LASER(bend_rad), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
+    {"from_prior", LASER(from_prior), CALIBRATION_LASER_VALUES, TRUE, 0, 1, TRUE, TRUE},
+    {"sheet_covariance", LASER(sheet.covariance), RIG_SHEET_PARAMETERS *RIG_SHEET_PARAMETERS, FALSE,
+     -FIELD_LARGE, FIELD_LARGE, TRUE, TRUE},
+    {"line_rad", LASER(line_rad), 1, FALSE, 0, 1, TRUE, TRUE},
     {NULL},
 };
 
@@ -319,7 +325,7 @@ static gboolean calibration_text_keep_extra(const struct reader *r, struct calib
     return TRUE;
 }
 
-/* Parts, groups, then all other sections; then checks covariances of cameras and lamps. */
+/* Parts, groups, then all other sections; then checks covariances of cameras, lasers and lamps. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
                                           GError **error) {
     static const char *const none[] = {NULL};
@@ -346,6 +352,11 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
         if (!calibration_text_is_camera(&to->cameras[i]))
             return fields_refuse(
                 r->path, to->rig.cameras[i].name, "covariance", error,
+                "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
+    for (int i = 0; i < to->rig.n_lasers; i++)
+        if (!is_covariance(&to->lasers[i].sheet.covariance[0][0], RIG_SHEET_PARAMETERS))
+            return fields_refuse(
+                r->path, to->rig.lasers[i].name, "sheet_covariance", error,
                 "is not a covariance: it must be symmetric, with |c_ij| ≤ √(c_ii c_jj)");
     for (int i = 0; i < to->rig.n_lamps; i++)
         if (!is_covariance(&to->lamps[i].position_covariance_mm2[0][0], 3))

@@ -427,16 +427,62 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
-/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in its carrier's
- * frame. */
+/* t² = a² / r², a = q·axis, r² = q·q − a², q being the point relative to the laser. */
+static double bent_rad(const struct rig_laser *laser, struct vec3 way) {
+    const double along = vec3_dot(way, laser->axis);
+    const double away2 = vec3_dot(way, way) - along * along;
+
+    return laser->bend_rad == 0 || !(away2 > 0) ? 0 : laser->bend_rad * along * along / away2;
+}
+
+double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                          struct vec3 point_mm) {
+    if (laser->bend_rad == 0)
+        return 0;
+    return bent_rad(laser, vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm),
+                                    laser->position_mm)) /
+           (1 + laser->stretch);
+}
+
+/* s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), q being the point relative to the laser in
+ * its carrier's frame. t does not depend on s. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way =
         vec3_sub(carried_point_back(arc, laser->fixed, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
+    double about = atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
 
     /* The lit half of the sheet lies on the beam's side of the axis. */
-    return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
+    return (about - bent_rad(laser, way)) / (1 + laser->stretch);
+}
+
+/* The bend moves the sheet by bend·t² times the distance r from the axis, t² r = a² / r. */
+void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]) {
+    const struct vec3 from = rig_laser_position_mm(arc, laser, arc_rad);
+    const struct vec3 axis = rig_laser_axis(arc, laser, arc_rad);
+    const struct vec3 normal = carried_direction(arc, laser->fixed, arc_rad, laser->normal);
+    const struct vec3 way = vec3_sub(point_mm, from);
+    const double along = vec3_dot(way, axis);
+
+    ret[RIG_SHEET_OFFSET] = 1;
+    ret[RIG_SHEET_ALONG] = vec3_dot(point_mm, axis);
+    ret[RIG_SHEET_ACROSS] = vec3_dot(point_mm, normal);
+    ret[RIG_SHEET_BEAM] = vec3_dot(point_mm, vec3_cross(normal, axis));
+    ret[RIG_SHEET_BEND] = along * along / sqrt(MAX(vec3_dot(way, way) - along * along, 1e-12));
+}
+
+double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                double arc_rad, const struct rig_sheet_errors *errors,
+                                struct vec3 point_mm) {
+    double lever[RIG_SHEET_PARAMETERS], variance = 0;
+
+    rig_laser_sheet_lever(arc, laser, arc_rad, point_mm, lever);
+    for (int i = 0; i < RIG_SHEET_PARAMETERS; i++)
+        for (int k = 0; k < RIG_SHEET_PARAMETERS; k++)
+            variance += lever[i] * errors->covariance[i][k] * lever[k];
+    return sqrt(MAX(variance, 0));
 }
 
 /* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the

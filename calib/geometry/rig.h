@@ -32,6 +32,7 @@
 #define RIG_MOST_RESPONSE  1e12
 #define RIG_MOST_INTENSITY 1e6 /* W/sr */
 #define RIG_MOST_STRETCH   0.5 /* largest relative stretch of a sweep, in both directions */
+#define RIG_MOST_BEND      1.0 /* rad: largest bend of a laser's sheet, in both directions */
 #define RIG_MAX_LASERS     16
 #define RIG_MAX_FIDUCIALS  16
 #define RIG_NAME           32
@@ -78,7 +79,14 @@ struct rig_lamp {
 
 /* A line laser on the light arc, or one that stands by itself (fixed), as a lamp: a sheet of light
  * through position that rotates about an axis in that sheet. At sweep angle s the sheet's normal is
- * `normal` rotated about axis by s·(1 + stretch) (right-handed). All in its carrier's frame. */
+ * `normal` rotated about axis by s·(1 + stretch) (right-handed). All in its carrier's frame.
+ *
+ * The optics that spread a beam to a line bend it: rays that leave at an angle to the middle of the
+ * line also leave the plane. With t the tangent of the angle between a ray's projection and the
+ * sheet's middle (t = a / r for a point a along the axis and r away from it), the ray lies
+ * bend_rad·t² further about the axis than the plane. A parabola whose vertex is elsewhere differs
+ * from this one by a rotation about the beam and by another zero, which axis and normal describe.
+ */
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
@@ -87,6 +95,7 @@ struct rig_laser {
                            the origin (nominally) */
     double stretch;     /* relative excess of the true over the commanded sweep angle, within ±
                            RIG_MOST_STRETCH */
+    double bend_rad;    /* 0: the sheet is a plane; within ± RIG_MOST_BEND */
     int fixed;
 };
 
@@ -224,7 +233,7 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
                            double arc_rad);
 
-/* The sheet of light: points p of the rig frame with normal · p = offset_mm. */
+/* The sheet of light without its bend: points p of the rig frame with normal · p = offset_mm. */
 struct rig_plane {
     struct vec3 normal; /* unit */
     double offset_mm;
@@ -232,9 +241,38 @@ struct rig_plane {
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad);
 
-/* The sweep angle at which the sheet contains a point. */
+/* By how much the sweep angle must be increased so that the plane of rig_laser_sheet() contains the
+ * sheet's light at a point near it: bend_rad·t² / (1 + stretch). 0 for a flat sheet. */
+double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                          struct vec3 point_mm);
+
+/* The sweep angle at which the sheet, bent as it is, contains a point. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm);
+
+/* Errors of a laser's calibration as they move its sheet near the sample: by how much the sheet is
+ * displaced across itself at a point, towards larger sweep angles, is linear in these parameters.
+ * Gradients count from the rig's origin. */
+enum rig_sheet_parameter {
+    RIG_SHEET_OFFSET, /* mm */
+    RIG_SHEET_ALONG,  /* rad: by position along the laser's axis */
+    RIG_SHEET_ACROSS, /* rad: by position along the sheet's normal at sweep angle 0 */
+    RIG_SHEET_BEAM,   /* rad: by position along the beam */
+    RIG_SHEET_BEND,   /* of bend_rad */
+    RIG_SHEET_PARAMETERS,
+};
+struct rig_sheet_errors {
+    double covariance[RIG_SHEET_PARAMETERS][RIG_SHEET_PARAMETERS];
+};
+
+/* The displacement of the sheet at a point, in mm by a unit of each parameter. */
+void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]);
+
+/* Its standard deviation, √(jᵀ C j) with j the lever. */
+double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                double arc_rad, const struct rig_sheet_errors *errors,
+                                struct vec3 point_mm);
 
 /* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
  * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of

@@ -82,6 +82,7 @@ static const struct field laser_fields[] = {
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"stretch", LASER(stretch), 1, FALSE, -RIG_MOST_STRETCH, RIG_MOST_STRETCH, TRUE},
+    {"bend_rad", LASER(bend_rad), 1, FALSE, -RIG_MOST_BEND, RIG_MOST_BEND, TRUE, TRUE},
     {"fixed", LASER(fixed), 1, TRUE, 0, 1, TRUE},
     {NULL},
 };

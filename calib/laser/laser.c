@@ -1,11 +1,14 @@
-/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with the sheet n·x = d
- * at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters: tilt
- * and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the cameras (2
- * each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
+/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with n·x = d the plane
+ * that touches the sheet at the commanded sweep angle where it passes the point p of the plate that
+ * the pixel sees. Parameters: tilt
+ * and centre of the arc's axis (4, with a prior), seven per laser (below), offsets of the cameras
+ * (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ estimated by
  * drive.h). Where lines fit badly, the height of each plane in turn is one more parameter, which
  * shows whether the plane has another height than the one given. */
 #include "laser.h"
 
+#include "base/residual.h"
+#include "base/robust.h"
 #include "geometry/drive.h"
 
 #include <math.h>
@@ -30,15 +33,25 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define HEIGHT_POINTS  2000 /* points of each laser that are used for this check */
 #define HEIGHT_AS_GOOD 1.5  /* within this factor of its RMS, another height fits as well */
 
+#define SLOPE_MM 30.0 /* from the origin to points about it, for gradients of a sheet */
+#define PRIOR_SHARE                                                                                \
+    0.25           /* of a variance: one that exceeds it by its prior is that of the prior         \
+                    */
+#define APART    2 /* px between pixels whose noise is compared: one period of a colour filter */
+#define PIXELS   200000 /* of a picture that are compared, at most */
+#define BENT     5.0    /* standard errors from which on a sheet's bend is significant */
+#define FLAT_RAD 1e-9   /* prior of the bend of a flat sheet: it stays 0 */
+
 #define ARC 4 /* number of parameters of the arc; they come first */
 
 /* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
  * angle, height of its plane. */
-enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
+enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 7, ON_SWING = ON_CAMERA + 2, ON_HEIGHT, ON };
 
 /* Corrections of a laser: position across the sheet and along the beam (mm), axis towards beam
- * and across (rad), zero of the sweep (rad), and relative stretch of the sweep angle. */
-enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
+ * and across (rad), zero of the sweep (rad), relative stretch of the sweep angle, and bend of the
+ * sheet (rad). The bend stays 0 unless it is BENT times its standard error. */
+enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, BEND, PER_LASER };
 
 struct problem {
     const struct rig *rig;
@@ -47,9 +60,10 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of;   /* n: index of the arc's angle; −1: a laser that stands by itself */
-    double plane_mm; /* the height of this plane is adjusted, too; NAN: none */
-    int height_at;   /* index of the parameter: how much higher their plane is */
+    int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
+    gboolean flat[RIG_MAX_LASERS]; /* the bend is not adjusted */
+    double plane_mm;               /* the height of this plane is adjusted, too; NAN: none */
+    int height_at;                 /* index of the parameter: how much higher their plane is */
     int n_parameters;
 };
 
@@ -70,6 +84,7 @@ static struct rig_laser laser_of(const struct problem *problem, const double *x,
     laser.normal = vec3_unit(vec3_add(vec3_scale(normal, cos(p[ZERO])),
                                       vec3_scale(vec3_cross(laser.axis, normal), sin(p[ZERO]))));
     laser.stretch = from->stretch + p[STRETCH];
+    laser.bend_rad = problem->flat[i] ? 0 : p[BEND];
     return laser;
 }
 
@@ -99,8 +114,7 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         const double arc_rad = point->arc_rad + (swing >= 0 ? x[problem->swing.at + swing] : 0);
         const double *d = x + problem->camera_at[point->camera]; /* the camera's offset in px */
         const float *a = point->shift;
-        struct rig_plane sheet =
-            rig_laser_sheet(&arc, &lasers[point->laser], arc_rad, point->sweep_rad);
+        const struct rig_laser *laser = &lasers[point->laser];
         struct vec3 p = point->point_mm;
         /* Moves the point along the line of sight to the unknown plane. */
         if (p.z == problem->plane_mm) {
@@ -109,6 +123,8 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
         }
         p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
         p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+        const struct rig_plane sheet = rig_laser_sheet(
+            &arc, laser, arc_rad, point->sweep_rad + rig_laser_bent_rad(&arc, laser, arc_rad, p));
         ret[i] = (vec3_dot(sheet.normal, p) - sheet.offset_mm) / point->sigma_mm;
     }
 }
@@ -249,10 +265,161 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
+/* The arc's angles at which a laser was swept. */
+static GArray *laser_arcs(const struct problem *problem, int laser) {
+    GArray *arcs = g_array_new(FALSE, FALSE, sizeof(double));
+    for (int i = 0; i < problem->n; i++) {
+        double arc = problem->points[i].arc_rad;
+        gboolean known = problem->points[i].laser != laser;
+        for (guint k = 0; k < arcs->len && !known; k++)
+            known = g_array_index(arcs, double, k) == arc;
+        if (!known)
+            g_array_append_val(arcs, arc);
+    }
+    return arcs;
+}
+
+/* Median of the points' line_rad. */
+static double laser_line_rad(const struct problem *problem, int laser) {
+    g_autofree double *line_rad = g_new(double, problem->n + 1);
+    int n = 0;
+    for (int i = 0; i < problem->n; i++)
+        if (problem->points[i].laser == laser && problem->points[i].line_rad > 0)
+            line_rad[n++] = (double)problem->points[i].line_rad;
+    return n > 0 ? robust_median(line_rad, n) : 0;
+}
+
+/* The sheet's displacement across itself at a point by a change of its parameters: with s the sweep
+ * angle at which the sheet contains the point p, it is d' − n'·p for the changed sheet n'·x = d' at
+ * s. */
+struct change {
+    struct rig_arc arc;
+    struct rig_laser laser;
+    double arc_rad;
+};
+
+static double displacement_mm(const struct change *is, const struct change *changed,
+                              struct vec3 point_mm) {
+    const double sweep_rad =
+        rig_laser_sweep_rad(&is->arc, &is->laser, is->arc_rad, point_mm) +
+        rig_laser_bent_rad(&changed->arc, &changed->laser, changed->arc_rad, point_mm);
+    const struct rig_plane sheet =
+        rig_laser_sheet(&changed->arc, &changed->laser, changed->arc_rad, sweep_rad);
+    return sheet.offset_mm - vec3_dot(sheet.normal, point_mm);
+}
+
+/* Derivatives of the parameters of rig_laser_sheet_lever() by a parameter, from points about the
+ * origin. */
+static void sheet_slopes(const struct change *is, const struct change *changed, double step,
+                         double ret[RIG_SHEET_PARAMETERS]) {
+    const struct rig_laser *laser = &is->laser;
+    const struct vec3 axis = rig_laser_axis(&is->arc, laser, is->arc_rad);
+    const struct vec3 normal =
+        laser->fixed ? laser->normal : rig_arc_direction(&is->arc, is->arc_rad, laser->normal);
+    const struct vec3 ways[] = {axis, normal, vec3_cross(normal, axis)};
+    ret[RIG_SHEET_OFFSET] = displacement_mm(is, changed, vec3(0, 0, 0)) / step;
+    for (int k = 0; k < 3; k++) {
+        const double ahead = displacement_mm(is, changed, vec3_scale(ways[k], SLOPE_MM));
+        const double behind = displacement_mm(is, changed, vec3_scale(ways[k], -SLOPE_MM));
+        ret[RIG_SHEET_ALONG + k] = (ahead - behind) / (2 * SLOPE_MM * step);
+    }
+    ret[RIG_SHEET_BEND] = (changed->laser.bend_rad - is->laser.bend_rad) / step;
+}
+
+/* Adds the covariance of one laser's sheets with the arc at an angle, D C Dᵀ, D: derivatives by the
+ * parameters of arc and laser, and by the arc's angle, which differs by swing_rad from the one that
+ * was commanded. */
+static void add_sheet_errors(const struct problem *problem, const struct fit_result *fitted,
+                             const double *x, int laser, double arc_rad, double share,
+                             struct rig_sheet_errors *ret) {
+    enum { N = ARC + PER_LASER, S = RIG_SHEET_PARAMETERS };
+    g_autofree double *at = g_memdup2(x, sizeof(double) * (gsize)problem->n_parameters);
+    const struct change is = {laser_arc_of(problem, x), laser_of(problem, x, laser), arc_rad};
+    double slopes[N][S], swing[S];
+    int of[N];
+    for (int k = 0; k < N; k++) {
+        of[k] = k < ARC ? k : problem->at[laser] + k - ARC;
+        const double step =
+            (k == ARC + ACROSS || k == ARC + BEAM || k == 2 || k == 3) ? 1e-3 : 1e-6;
+        if (k == ARC + BEND && problem->flat[laser]) {
+            memset(slopes[k], 0, sizeof slopes[k]);
+            continue;
+        }
+        at[of[k]] += step;
+        const struct change changed = {laser_arc_of(problem, at), laser_of(problem, at, laser),
+                                       arc_rad};
+        sheet_slopes(&is, &changed, step, slopes[k]);
+        at[of[k]] = x[of[k]];
+    }
+    const struct change turned = {is.arc, is.laser, arc_rad + 1e-6};
+    sheet_slopes(&is, &turned, 1e-6, swing);
+    const double swing_rad = is.laser.fixed ? 0 : problem->swing.sigma_rad;
+    for (int a = 0; a < S; a++)
+        for (int b = 0; b < S; b++) {
+            double sum = swing[a] * swing[b] * swing_rad * swing_rad;
+            for (int i = 0; i < N; i++)
+                for (int k = 0; k < N; k++)
+                    sum += slopes[i][a] *
+                           fitted->covariance[of[i] * problem->n_parameters + of[k]] * slopes[k][b];
+            ret->covariance[a][b] += share * sum;
+        }
+}
+
+/* Covariance of a laser's sheets near the sample: the mean over the arc's angles. The bend's own
+ * error counts even if it was not significant. What noise does not explain of the residuals moves
+ * the whole sheet. */
+static void laser_take_sheet(const struct problem *problem, const struct fit_result *fitted,
+                             const double *x, const double *bend_error_rad, int laser,
+                             struct laser_result *ret) {
+    g_autoptr(GArray) arcs = laser_arcs(problem, laser);
+    struct rig_sheet_errors *errors = &ret->sheet[laser];
+    const struct residual residual = {.value = ret->rms_mm[laser],
+                                      .expected = ret->expected_mm[laser]};
+    double sum = 0;
+    for (guint k = 0; k < arcs->len; k++)
+        add_sheet_errors(problem, fitted, x, laser, g_array_index(arcs, double, k), 1.0 / arcs->len,
+                         errors);
+    if (problem->flat[laser] && isfinite(bend_error_rad[laser]))
+        errors->covariance[RIG_SHEET_BEND][RIG_SHEET_BEND] = pow(bend_error_rad[laser], 2);
+    errors->covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] += pow(residual_excess(&residual), 2);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        if (p->laser == laser && !fitted->rejected[i])
+            sum += pow(rig_laser_sheet_error_mm(&ret->rig.arc, &ret->rig.lasers[laser], p->arc_rad,
+                                                errors, p->point_mm),
+                       2);
+    }
+    ret->sheet_error_mm[laser] = sqrt(sum / MAX(ret->points[laser], 1));
+}
+
+/* Which errors come from the priors: those that would be less than half as large if arc and cameras
+ * were known exactly, while the lines leave the arc's own error at more than half of its prior. */
+static void laser_take_priors(const struct problem *problem, const struct fit_result *fitted,
+                              const struct laser_arc *arc, int laser, struct laser_result *ret) {
+    const int n = problem->n_parameters, at = problem->at[laser];
+    static const int values[][2] = {
+        {ACROSS, BEAM}, {AXIS_BEAM, AXIS_ACROSS}, {ZERO, ZERO}, {STRETCH, STRETCH}};
+    for (gsize v = 0; v < G_N_ELEMENTS(values); v++)
+        for (int i = 0; i < 2 && !problem->rig->lasers[laser].fixed; i++) {
+            const double *row = fitted->covariance + (gsize)(at + values[v][i]) * (gsize)n;
+            const double own = row[at + values[v][i]];
+            double shared = 0;
+            for (int k = 0; k < ARC; k++) {
+                const double variance = fitted->covariance[k * (n + 1)];
+                const double prior = k < 2 ? arc->tilt_rad : arc->centre_mm;
+                if (variance > PRIOR_SHARE * prior * prior)
+                    shared = MAX(shared, row[k] * row[k] / variance);
+            }
+            ret->from_prior[laser][v] |= own > 0 && shared > PRIOR_SHARE * own;
+        }
+}
+
 static void laser_take(const struct problem *problem, struct fit_result *fitted, const double *x,
+                       const struct laser_arc *arc, const double *bend_error_rad,
                        struct laser_result *ret) {
     const struct fit *const fit = &(struct fit){.n_parameters = problem->n_parameters};
-    double sum[RIG_MAX_LASERS] = {0}, all = 0;
+    double sum[RIG_MAX_LASERS] = {0}, all = 0, noise[RIG_MAX_LASERS] = {0};
+    gboolean quiet[RIG_MAX_LASERS] = {FALSE}; /* the noise of a point is not known */
     ret->rig = *problem->rig;
     ret->rig.arc = laser_arc_of(problem, x);
     for (int k = 0; k < 2; k++) {
@@ -270,6 +437,7 @@ static void laser_take(const struct problem *problem, struct fit_result *fitted,
                                            fit_error(fit, fitted, at + AXIS_ACROSS));
             ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
             ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
+            ret->bend_error_rad[i] = bend_error_rad[i];
         }
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *p = &problem->points[i];
@@ -278,10 +446,20 @@ static void laser_take(const struct problem *problem, struct fit_result *fitted,
             continue;
         ret->points[p->laser]++;
         sum[p->laser] += d * d;
+        noise[p->laser] += pow((double)p->noise_mm, 2);
+        quiet[p->laser] |= !(p->noise_mm > 0);
         all += d * d;
     }
-    for (int i = 0; i < RIG_MAX_LASERS; i++)
+    for (int i = 0; i < RIG_MAX_LASERS; i++) {
         ret->rms_mm[i] = ret->points[i] ? sqrt(sum[i] / ret->points[i]) : 0;
+        ret->expected_mm[i] = ret->points[i] && !quiet[i] ? sqrt(noise[i] / ret->points[i]) : 0;
+    }
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0) {
+            ret->line_rad[i] = laser_line_rad(problem, i);
+            laser_take_sheet(problem, fitted, x, bend_error_rad, i, ret);
+            laser_take_priors(problem, fitted, arc, i, ret);
+        }
     ret->rms_all_mm = sqrt(all / MAX(fitted->n_used, 1));
     ret->sigma = fitted->sigma;
     ret->n_used = fitted->n_used;
@@ -291,15 +469,7 @@ static void laser_take(const struct problem *problem, struct fit_result *fitted,
         if (problem->at[laser] < 0)
             continue;
         struct levels l = levels_of(problem, laser);
-        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
-        for (int i = 0; i < problem->n; i++) {
-            double arc = problem->points[i].arc_rad;
-            gboolean known = problem->points[i].laser != laser;
-            for (guint k = 0; k < arcs->len && !known; k++)
-                known = g_array_index(arcs, double, k) == arc;
-            if (!known)
-                g_array_append_val(arcs, arc);
-        }
+        g_autoptr(GArray) arcs = laser_arcs(problem, laser);
         for (guint k = 0; k < arcs->len; k++)
             add_steps(problem, fitted, ret, laser, g_array_index(arcs, double, k), &l);
     }
@@ -397,6 +567,9 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     for (int c = 0; c < problem->rig->n_cameras; c++)
         for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
             sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0 && problem->flat[i])
+            sigma[problem->at[i] + BEND] = FLAT_RAD;
     if (!drive_fit(&fit, sigma, &drive, 1, x, ret))
         return FALSE;
     g_autofree double *off_mm = g_new(double, problem->n);
@@ -409,6 +582,32 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
     *ret_mm = sqrt(sum / MAX(n, 1));
     *ret_height_error_mm = isnan(problem->plane_mm) ? 0 : fit_error(&fit, ret, problem->height_at);
     return TRUE;
+}
+
+/* Adjusts all parameters as laser_solve(), then once more without the bends that are not
+ * significant or not determined. */
+static gboolean laser_solve_bends(struct problem *problem, const struct laser_arc *arc, double *x,
+                                  struct fit_result *ret, double *ret_mm,
+                                  double *ret_bend_error_rad) {
+    const struct fit fit = {.n_parameters = problem->n_parameters};
+    double unused;
+    gboolean again = FALSE;
+    if (!laser_solve(problem, arc, x, ret, ret_mm, &unused))
+        return FALSE;
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        const int bend = problem->at[i] + BEND;
+        if (problem->at[i] < 0)
+            continue;
+        ret_bend_error_rad[i] = fit_error(&fit, ret, bend);
+        if (fabs(x[bend]) > BENT * ret_bend_error_rad[i])
+            continue;
+        problem->flat[i] = again = TRUE;
+        x[bend] = 0;
+    }
+    if (!again)
+        return TRUE;
+    fit_result_clear(ret);
+    return laser_solve(problem, arc, x, ret, ret_mm, &unused);
 }
 
 /* Adjusts with the height of the plane at plane_mm unknown. Returns INFINITY if that proves
@@ -509,16 +708,17 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
                   laser_check_mistakes(rig, points, n, sweep_names, error);
     if (ok) {
         struct fit_result fitted;
-        double rms_mm, unused;
+        double rms_mm;
         g_autofree double *x = g_new0(double, problem.n_parameters);
-        ok = laser_solve(&problem, arc, x, &fitted, &rms_mm, &unused);
+        double bend_error_rad[RIG_MAX_LASERS] = {0};
+        ok = laser_solve_bends(&problem, arc, x, &fitted, &rms_mm, bend_error_rad);
         if (ok) {
             ok = laser_check_determined(&problem, &fitted, error) &&
                  laser_check_stretch(&problem, x, error) &&
                  laser_check_places(&problem, x, error) &&
                  laser_check_heights(&problem, arc, sweep_names, rms_mm, error);
             if (ok)
-                laser_take(&problem, &fitted, x, ret);
+                laser_take(&problem, &fitted, x, arc, bend_error_rad, ret);
             fit_result_clear(&fitted);
         } else {
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
@@ -536,8 +736,9 @@ void laser_result_clear(struct laser_result *result) {
 
 /* The point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) / ray_z.
  * FALSE: outside of the part that is used. */
-static gboolean laser_plane_point(const struct rig_camera *camera, const struct laser_sweep *sweep,
-                                  int x, int y, struct vec3 *ret) {
+static gboolean laser_plane_point(const struct rig_camera *camera,
+                                  const struct laser_plate_sweep *sweep, int x, int y,
+                                  struct vec3 *ret) {
     struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
     if (!(ray.z < -1e-6))
         return FALSE;
@@ -546,7 +747,29 @@ static gboolean laser_plane_point(const struct rig_camera *camera, const struct 
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
 }
 
-int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
+/* Standard deviation of a peak's time in frames by noise: the spread of t(−h) − 2 t(0) + t(h) over
+ * √6, for pixels h apart in rows and columns. Where the plate is flat, times change evenly from
+ * pixel to pixel, and only noise is left. NAN: too few pixels. */
+static double laser_noise_frames(const struct laser_plate_sweep *sweep, int width, int height) {
+    g_autoptr(GArray) off = g_array_new(FALSE, FALSE, sizeof(double));
+    const int step = 1 + width * height / PIXELS;
+    for (int i = 0; i < width * height; i += step)
+        for (int axis = 0; axis < 2; axis++) {
+            const int x = i % width, y = i / width, by = axis ? APART * width : APART;
+            if (x < APART || y < APART || x + APART >= width || y + APART >= height ||
+                !(sweep->peak[i] >= 0) || !(sweep->peak[i - by] >= 0) ||
+                !(sweep->peak[i + by] >= 0))
+                continue;
+            const double bend = (double)sweep->peak[i - by] - 2 * (double)sweep->peak[i] +
+                                (double)sweep->peak[i + by];
+            g_array_append_val(off, bend);
+        }
+    if (off->len < LEAST_POINTS)
+        return NAN;
+    return robust_spread((const double *)(gpointer)off->data, (int)off->len, 0) / sqrt(6);
+}
+
+int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, GArray *points) {
     const struct rig_camera *camera = &rig->cameras[sweep->camera];
     gsize n = (gsize)camera->width * (gsize)camera->height, seen = 0, taken = 0;
     for (gsize i = 0; i < n; i++)
@@ -555,6 +778,10 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         return 0;
     /* Takes an even fraction of the pixels with a peak, counted row by row, which is oblique to
      * the lines. */
+    const double noise_frames = laser_noise_frames(sweep, camera->width, camera->height);
+    const struct rig_laser *laser = &rig->lasers[sweep->laser];
+    const struct vec3 source = rig_laser_position_mm(&rig->arc, laser, sweep->arc_rad);
+    const struct vec3 axis = rig_laser_axis(&rig->arc, laser, sweep->arc_rad);
     double every = MAX(1, (double)seen / (double)MAX(sweep->most, 1)), next = 0;
     gsize number = 0;
     for (gsize i = 0; i < n; i++) {
@@ -581,6 +808,11 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
             point.shift[2] = (float)(right.y - point.point_mm.y);
             point.shift[3] = (float)(down.y - point.point_mm.y);
         }
+        const double range_mm = vec3_length(vec3_cross(vec3_sub(point.point_mm, source), axis));
+        if (noise_frames > 0)
+            point.noise_mm = (float)(noise_frames * fabs(sweep->step_rad) * range_mm);
+        if (sweep->width && sweep->width[i] > 0)
+            point.line_rad = sweep->width[i] * (float)fabs(sweep->step_rad);
         g_array_append_val(points, point);
         taken++;
     }

@@ -32,6 +32,8 @@ struct laser_point {
     double sigma_mm;           /* standard deviation across the sheet */
     float shift[4]; /* derivative of the point's x and y (mm) by the camera's offset (px), across
                        and down */
+    float noise_mm; /* standard deviation across the sheet by noise alone; 0: not known */
+    float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0: not known */
 };
 
 struct laser_step { /* deviation of one step of one sweep from the model */
@@ -50,7 +52,15 @@ struct laser_result {
     double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
+    double bend_error_rad[RIG_MAX_LASERS]; /* also of a bend that is not significant */
+    /* The errors above that are mostly those of the arc's axis as it was known before, and not of
+     * the measurement: position, axis, zero, stretch. */
+    gboolean from_prior[RIG_MAX_LASERS][4];
+    struct rig_sheet_errors sheet[RIG_MAX_LASERS]; /* with what noise does not explain of the RMS */
+    double sheet_error_mm[RIG_MAX_LASERS];         /* RMS over the points, from sheet */
     double rms_mm[RIG_MAX_LASERS];                /* RMS distance of the points from their sheets */
+    double expected_mm[RIG_MAX_LASERS];           /* RMS by noise alone; 0: not known */
+    double line_rad[RIG_MAX_LASERS];              /* median of the points'; 0: not known */
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc */
     double rms_all_mm, sigma;
@@ -85,7 +95,7 @@ void laser_result_clear(struct laser_result *result);
 
 /* A sweep seen by one camera: peak times of sweep_finish(), −1 where there is none; frame k was
  * taken at sweep angle from + k·step. */
-struct laser_sweep {
+struct laser_plate_sweep {
     int sweep, laser, camera;
     double arc_rad, from_rad, step_rad;
     double plane_mm;  /* height of the plane */
@@ -95,4 +105,4 @@ struct laser_sweep {
 };
 
 /* Appends struct laser_point. Returns their number. */
-int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points);
+int laser_points(const struct rig *rig, const struct laser_plate_sweep *sweep, GArray *points);

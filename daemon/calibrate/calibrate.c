@@ -178,6 +178,12 @@ void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
                        "file with -c\n");
 }
 
+double calibrate_bend_mm(const struct rig_laser *laser, double bend_rad) {
+    const double along = vec3_dot(laser->position_mm, laser->axis);
+    const double far2 = vec3_dot(laser->position_mm, laser->position_mm) - along * along;
+    return far2 > 0 ? bend_rad * CALIBRATE_BEND_AT_MM * CALIBRATE_BEND_AT_MM / sqrt(far2) : 0;
+}
+
 void calibrate_keep(struct calibrate_job *job, const char *group,
                     const struct calibrate_column *columns, guint n_columns, const GArray *rows) {
     for (guint k = 0; k < n_columns; k++) {

@@ -107,6 +107,11 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
  * the luminance of R, G and B (ITU-R BT.709). */
 struct picture *calibrate_read_photograph(const char *path, GError **error);
 
+/* How far a bend takes a laser's sheet from a plane at CALIBRATE_BEND_AT_MM from the middle of its
+ * line, at the turntable's centre: bend_rad · at² / distance. */
+#define CALIBRATE_BEND_AT_MM 36.0
+double calibrate_bend_mm(const struct rig_laser *laser, double bend_rad);
+
 /* Keeps a table in the calibration file, a list of numbers for each column, for the report. rows:
  * of double, row by row. */
 struct calibrate_column {

@@ -1,4 +1,5 @@
 /* calibrate laser: sheets and sweeps from sessions of flat plates of different height. */
+#include "base/residual.h"
 #include "calibrate.h"
 #include "calibrate_laser_images.h"
 #include "exr/exr.h"
@@ -117,7 +118,7 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
                     camera->width, camera->height, camera->name);
         return FALSE;
     }
-    const struct laser_sweep sweep = {
+    const struct laser_plate_sweep sweep = {
         .sweep = i,
         .laser = frame->laser,
         .camera = frame->camera,
@@ -191,16 +192,24 @@ static void cli_calibrate_laser_keep(struct job *job) {
     reject_sweeps(job);
     calibration->rig = found->rig;
     for (int i = 0; i < found->rig.n_lasers; i++)
-        if (found->seen[i])
-            calibration->lasers[i] = (struct calibration_laser){
+        if (found->seen[i]) {
+            struct calibration_laser *to = &calibration->lasers[i];
+            *to = (struct calibration_laser){
                 .known = TRUE,
                 .position_mm = {found->source_error_mm[i], found->source_error_mm[i],
                                 found->source_error_mm[i]},
                 .axis_rad = found->axis_error_rad[i],
                 .normal_rad = found->zero_error_rad[i],
                 .stretch = found->stretch_error[i],
+                .bend_rad = found->bend_error_rad[i],
+                .sheet = found->sheet[i],
                 .residual_rms_mm = found->rms_mm[i],
+                .expected_rms_mm = found->expected_mm[i],
+                .line_rad = found->line_rad[i],
             };
+            for (int k = 0; k < CALIBRATION_LASER_VALUES; k++)
+                to->from_prior[k] = found->from_prior[i][k];
+        }
     calibration->arc.known = TRUE;
     for (int k = 0; k < 2; k++) {
         calibration->arc.tilt_rad[k] = found->tilt_error_rad[k];
@@ -245,22 +254,73 @@ static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **er
     return TRUE;
 }
 
+/* What noise does not explain of a laser's residuals; NULL: nothing. g_free(). */
+static char *residual_of(const struct laser_result *found, int i) {
+    g_autofree char *of = g_strdup_printf("the sheet of laser %s", found->rig.lasers[i].name);
+    const struct residual residual = {
+        of, found->rms_mm[i], found->expected_mm[i], "mm",
+        "a sheet that is bent otherwise than a parabola, a plate that is not flat, plates whose "
+        "material light enters, a turntable or sweep axis whose bearing wobbles, cameras that are "
+        "off; the MDF's error bars contain the rest"};
+    return residual_warning(&residual);
+}
+
 static void tell_laser(Record *to, const struct laser_result *found, int i) {
+    static const char *const names[] = {"position", "axis", "zero", "stretch"};
     const struct rig_laser *laser = &found->rig.lasers[i];
     const struct vec3 p = laser->position_mm;
+    const double bend_mm = calibrate_bend_mm(laser, laser->bend_rad);
+    const double bend_error_mm = calibrate_bend_mm(laser, found->bend_error_rad[i]);
+    g_autoptr(GPtrArray) from_prior = g_ptr_array_new();
+    for (gsize k = 0; k < G_N_ELEMENTS(names); k++)
+        if (found->from_prior[i][k])
+            g_ptr_array_add(from_prior, (gpointer)names[k]);
     record_begin(to, NULL);
     record_string(to, "name", laser->name);
     record_doubles(to, "position_mm", (double[]){p.x, p.y, p.z}, 3);
+    record_double(to, "sheet_error_mm", found->sheet_error_mm[i]);
     record_double(to, "source_error_mm", found->source_error_mm[i]);
+    record_strings(to, "from_prior", from_prior);
     record_double(to, "stretch", laser->stretch);
+    record_double(to, "bend_mm", bend_mm);
+    record_double(to, "bend_error_mm", bend_error_mm);
     record_double(to, "rms_mm", found->rms_mm[i]);
+    record_double(to, "expected_mm", found->expected_mm[i]);
     record_int(to, "points", found->points[i]);
     record_end(to);
     record_say(to,
-               "  %-12s at %.2f %.2f %.2f mm ± %.2f mm across its axis, zero ± %.4f°, sweeps "
-               "%+.3f %%, %.3f mm RMS\n",
-               laser->name, p.x, p.y, p.z, found->source_error_mm[i],
-               found->zero_error_rad[i] * 180 / G_PI, 100 * laser->stretch, found->rms_mm[i]);
+               "  %-12s sheet ± %.4f mm over the plates, sweeps %+.3f %%, %s %+.4f ± %.4f mm at "
+               "%g mm, %.4f mm RMS",
+               laser->name, found->sheet_error_mm[i], 100 * laser->stretch,
+               laser->bend_rad == 0 ? "flat:" : "bent by", bend_mm, bend_error_mm,
+               CALIBRATE_BEND_AT_MM, found->rms_mm[i]);
+    if (found->expected_mm[i] > 0)
+        record_say(to, ", noise explains %.4f mm", found->expected_mm[i]);
+    record_say(to, "\n  %-12s at %.2f %.2f %.2f mm ± %.2f mm across its axis, zero ± %.4f°", "",
+               p.x, p.y, p.z, found->source_error_mm[i], found->zero_error_rad[i] * 180 / G_PI);
+    if (from_prior->len) {
+        g_ptr_array_add(from_prior, NULL);
+        g_autofree char *list = g_strjoinv(", ", (char **)from_prior->pdata);
+        record_say(
+            to,
+            "; not measured, known only as well as the arc's axis was before: %s (the sheets "
+            "do not depend on that)",
+            list);
+    }
+    record_say(to, "\n");
+}
+
+/* Each sentence once. */
+static void say_residuals(Record *to, const struct laser_result *found) {
+    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
+    for (int i = 0; i < found->rig.n_lasers; i++) {
+        char *warning = found->seen[i] ? residual_of(found, i) : NULL;
+        if (warning)
+            g_ptr_array_add(warnings, warning);
+    }
+    record_strings(to, "warnings", warnings);
+    for (guint i = 0; i < warnings->len; i++)
+        record_say(to, "  warning: %s\n", (char *)warnings->pdata[i]);
 }
 
 static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *base) {
@@ -292,6 +352,7 @@ static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *bas
                    "plates as high as they are said to be?",
                    job->uneven, UNEVEN_MM);
     record_say(to, "\n");
+    say_residuals(to, found);
     calibrate_say_doubts(to, base, part, "sweeps");
 }
 

@@ -118,13 +118,22 @@ static void show_arc(Record *to, gboolean has_arc, const struct rig_arc *arc,
 static void show_laser(Record *to, const struct rig_laser *laser,
                        const struct calibration_laser *errors) {
     const struct vec3 at = laser->position_mm;
+    const double sheet_mm = sqrt(errors->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET]);
 
-    record_say(to, "  %s: %.2f %.2f %.2f mm, sweeps %+.3f %%", laser->name, at.x, at.y, at.z,
-               100 * laser->stretch);
+    record_say(to, "  %s: %.2f %.2f %.2f mm, sweeps %+.3f %%, bent by %+.4f mm at %g mm",
+               laser->name, at.x, at.y, at.z, 100 * laser->stretch,
+               calibrate_bend_mm(laser, laser->bend_rad), CALIBRATE_BEND_AT_MM);
+    if (errors->known && sheet_mm > 0)
+        record_say(to, "; sheet ± %.4f mm at the middle", sheet_mm);
     if (errors->known)
-        record_say(to, "; ± %.2f mm across its axis, zero %.4f°, RMS %.3f mm",
-                   errors->position_mm[0], errors->normal_rad * 180 / G_PI,
+        record_say(to, "; ± %.2f mm across its axis%s, zero %.4f°%s, RMS %.4f mm",
+                   errors->position_mm[0],
+                   errors->from_prior[CALIBRATION_LASER_POSITION] ? " (not measured)" : "",
+                   errors->normal_rad * 180 / G_PI,
+                   errors->from_prior[CALIBRATION_LASER_NORMAL] ? " (not measured)" : "",
                    errors->residual_rms_mm);
+    if (errors->expected_rms_mm > 0)
+        record_say(to, ", noise explains %.4f mm", errors->expected_rms_mm);
     record_say(to, "\n");
 }
 

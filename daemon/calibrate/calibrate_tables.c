@@ -1,5 +1,7 @@
 #include "calibrate_tables.h"
 
+#include "calibrate.h"
+
 #include <math.h>
 
 #define DEG(rad) ((rad) * (180 / G_PI))
@@ -60,10 +62,13 @@ void calibrate_table_lasers(GString *to, const struct calibration *calibration) 
     if (!calibration->parts[CALIBRATION_LASER].done)
         return;
     g_string_append_printf(
-        to, "<h2>Laser sheets</h2>\n<div class=\"wide\"><table><tr><th>laser</th><th>x, z "
-            "(mm)</th><th>across its axis "
-            "(mm)</th><th>zero of the sweep (°)</th><th>turns further by (%%)</th><th>RMS (mm)</th>"
-            "</tr>\n");
+        to,
+        "<h2>Laser sheets</h2>\n<div class=\"wide\"><table><tr><th>laser</th><th>x, z "
+        "(mm)</th><th>sheet at the middle (mm)</th><th>across its axis "
+        "(mm)</th><th>zero of the sweep (°)</th><th>turns further by (%%)</th><th>bent by, at "
+        "%g mm (mm)</th><th>RMS (mm)</th><th>noise explains (mm)</th></tr>\n",
+        CALIBRATE_BEND_AT_MM);
+    gboolean priors = FALSE;
     for (int i = 0; i < calibration->rig.n_lasers; i++) {
         const struct rig_laser *laser = &calibration->rig.lasers[i];
         const struct calibration_laser *e = &calibration->lasers[i];
@@ -72,12 +77,21 @@ void calibrate_table_lasers(GString *to, const struct calibration *calibration) 
         add_name(to, laser->name);
         g_string_append_printf(
             to,
-            "<td>%.2f, %.2f</td><td>± %.2f</td><td>± %.4f</td><td>%+.3f ± %.3f</td><td>%.3f</td>"
-            "</tr>\n",
-            laser->position_mm.x, laser->position_mm.z, e->position_mm[0], DEG(e->normal_rad),
-            100 * laser->stretch, 100 * e->stretch, e->residual_rms_mm);
+            "<td>%.2f, %.2f</td><td>± %.4f</td><td>± %.2f%s</td><td>± %.4f%s</td><td>%+.3f ± "
+            "%.3f</td><td>%+.4f ± %.4f</td><td>%.4f</td><td>%.4f</td></tr>\n",
+            laser->position_mm.x, laser->position_mm.z,
+            sqrt(e->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET]), e->position_mm[0],
+            e->from_prior[CALIBRATION_LASER_POSITION] ? " *" : "", DEG(e->normal_rad),
+            e->from_prior[CALIBRATION_LASER_NORMAL] ? " *" : "", 100 * laser->stretch,
+            100 * e->stretch, calibrate_bend_mm(laser, laser->bend_rad),
+            calibrate_bend_mm(laser, e->bend_rad), e->residual_rms_mm, e->expected_rms_mm);
+        priors |=
+            e->from_prior[CALIBRATION_LASER_POSITION] || e->from_prior[CALIBRATION_LASER_NORMAL];
     }
     g_string_append_printf(to, "</table></div>\n");
+    if (priors)
+        g_string_append(to, "<p>* not measured: known only as well as the arc's axis was before. "
+                            "The sheets do not depend on it.</p>\n");
 }
 
 static void add_camera_light(GString *to, const struct calibration *calibration, int i) {

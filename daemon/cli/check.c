@@ -128,6 +128,11 @@ static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
                    "laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
                    "calibration, by %+.4f° at most\n",
                    mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
+    record_double(to, "line_width", mdf->lines.width);
+    record_double(to, "line_scatter", mdf->lines.scatter);
+    g_autofree char *warning = mdf_lines_warning(mdf->lines.width, mdf->lines.scatter);
+    if (warning)
+        record_say(to, "laser light  %s\n", warning);
 }
 
 /* Reports the error bars. Suggests longer exposures only where they do not saturate already. */

@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "base/plural.h"
 #include "calibration/calibration.h"
+#include "mdf/mdf_lines.h"
 #include "pipeline/pipeline.h"
 
 #include "command/cli.h"
@@ -32,6 +33,9 @@ static void tell_lines(Record *to, const struct pipeline_result *result, gboolea
             "a sweep slipped, or is the calibration old?\n",
             result->lines_disagree, result->lines_found, result->lines_worst_deg,
             result->line_worst_position);
+    g_autofree char *warning = mdf_lines_warning(result->line_width, result->line_scatter);
+    if (warning)
+        record_say(to, "laser light: %s\n", warning);
 }
 
 static void tell_result(Record *to, const struct pipeline_result *result,
@@ -53,6 +57,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     record_int(to, "lines_disagree", result->lines_disagree);
     record_double(to, "lines_rms_deg", result->lines_rms_deg);
     record_double(to, "lines_worst_deg", result->lines_worst_deg);
+    record_double(to, "line_width", result->line_width);
+    record_double(to, "line_scatter", result->line_scatter);
     record_double(to, "real_s", seconds);
     record_say(to, "done in %s", time);
     if (result->n_views > 0)

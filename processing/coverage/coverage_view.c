@@ -109,19 +109,17 @@ static void coverage_view_phases(const struct exr_part *part, const float *peak,
         ret_live[k] = seen[k] > LIVE_SHARE * most;
 }
 
-/* Distance t − t₀ along a ray c + t r from the reference plane to the sheet n·x = d of a peak's
- * time: t = (d − n·c) / (n·r). −1: no peak, a grazing sheet, or a point outside of the volume. */
+/* Distance along a ray from the reference plane to the sheet of a peak's time. −1: no peak, a
+ * grazing sheet, or a point outside of the volume. */
 static float coverage_view_distance(const CoverageView *view, const struct laser_sweep *sweep,
                                     const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const struct vec3 ray = sample->ray[k];
-    const struct rig_plane sheet = rig_laser_sheet(
-        sweep->arc, sweep->laser, sweep->arc_rad, sweep->from_rad + (double)peak * sweep->step_rad);
-    const double sine = vec3_dot(sheet.normal, ray);
-    if (!(fabs(sine) > LEAST_SINE) || !(ray.z < 0))
+    if (!(ray.z < 0))
         return -1;
-    const double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
+    const double range =
+        laser_lines_range_mm(sweep, (double)peak, view->centre_mm, ray, LEAST_SINE);
     const double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     const double outside_mm = OUTSIDE_SHARE * view->texel_mm;
     if (!(height < outside_mm) || !(height > -view->grid.depth_mm - outside_mm))

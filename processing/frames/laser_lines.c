@@ -11,6 +11,7 @@
 #define LEAST_PIXELS 64   /* least number of pixels with a peak in a sweep */
 #define LEAST_FRAME  6    /* and in a frame */
 #define ROUNDS       6
+#define BEND_ROUNDS  4    /* of intersecting a ray with a bent sheet */
 #define MANY         4.0  /* standard errors: larger differences are significant */
 #define OFF_SHARE    0.25 /* of the frames: if more disagree, the sweep as a whole does */
 /* Floors of the calibration's standard errors, since a sheet is only nearly a plane and axes step
@@ -360,10 +361,11 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
-struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
-                                   double frame) {
+/* more_rad: added to the sweep's angle. */
+static struct rig_plane sheet_at(const struct laser_lines *lines, const struct laser_sweep *sweep,
+                                 double frame, double more_rad) {
     const gboolean has = lines && lines->turn_rad;
-    double sweep_rad = sweep->from_rad + frame * sweep->step_rad;
+    double sweep_rad = sweep->from_rad + frame * sweep->step_rad + more_rad;
     if (has) { /* linear interpolation between frames */
         const double at = CLAMP(frame, 0, lines->n_frames - 1);
         const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
@@ -379,4 +381,28 @@ struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct
                                       vec3_scale(aside, sin(lines->roll_rad))));
     sheet.offset_mm = vec3_dot(sheet.normal, lines->source_mm);
     return sheet;
+}
+
+struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
+                                   double frame) {
+    return sheet_at(lines, sweep, frame, 0);
+}
+
+/* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, the plane is
+ * turned to where the sheet passes the point found last. That converges at once: the bend changes
+ * along a ray by some hundredths of a radian a radian. */
+double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
+                            struct vec3 ray, double least_sine) {
+    const int rounds = sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;
+    double range_mm = NAN, more_rad = 0;
+    for (int round = 0; round < rounds; round++) {
+        const struct rig_plane sheet = sheet_at(sweep->lines, sweep, frame, more_rad);
+        const double sine = vec3_dot(sheet.normal, ray);
+        if (!(fabs(sine) > least_sine))
+            return NAN;
+        range_mm = (sheet.offset_mm - vec3_dot(sheet.normal, eye_mm)) / sine;
+        more_rad = rig_laser_bent_rad(sweep->arc, sweep->laser, sweep->arc_rad,
+                                      vec3_add(eye_mm, vec3_scale(ray, range_mm)));
+    }
+    return range_mm;
 }

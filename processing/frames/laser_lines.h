@@ -50,6 +50,8 @@ struct laser_sweep {
     const struct rig_arc *arc;                   /* NULL: an ideal one */
     const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: use the calibration alone */
+    const struct rig_sheet_errors *errors;       /* of the calibration; NULL: known exactly */
+    double line_rad; /* of the line's profile on plates, as a sweep angle; 0: not known */
 };
 
 struct laser_lines {
@@ -72,6 +74,13 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
-/* The plane of light at a fractional frame index, from calibration and lines. */
+/* The plane of light at a fractional frame index, from calibration and lines, without the sheet's
+ * bend. */
 struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                    double frame);
+
+/* Distance from eye_mm along a ray (unit) to the sweep's sheet at a fractional frame index, from
+ * calibration and lines, bent as it is. NAN if the sine of the angle between ray and sheet is at
+ * most least_sine. */
+double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
+                            struct vec3 ray, double least_sine);

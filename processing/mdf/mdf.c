@@ -1,4 +1,4 @@
-/* A pixel's ray c + t r meets the sheet of light n·x = d of its peak time at t = (d − n·c) / (n·r);
+/* A pixel's ray c + t r meets the sheet of light of its peak time at t (laser_lines_range_mm());
  * the MDF value is its distance t − t₀ along the ray behind the reference plane, t₀ = (z_ref − c_z)
  * / r_z. Each sweep gives up to two candidates a texel, which mdf_merge.c combines. */
 #include "mdf.h"
@@ -29,12 +29,26 @@
 #define HIDDEN_SWEEPS  8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
 #define MANY_SWEEPS    4 /* from this number of sweeps on, one is not believed against others */
 #define OVER           (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
+#define LIGHT_DN       100.0   /* least height of a pulse whose time noise does not spoil, and */
+#define LIGHT_FRAMES   0.7     /* least line width that frames sample, for mdf_view_light() */
+#define WIDTHS         50000   /* pixels of which a line's width is the median */
+#define EVERY          3       /* texel of which mdf_view_light() looks at the scatter */
 
 /* What a sweep saw of a texel. */
 struct seen {
     float mm, dn; /* mm < 0: nothing */
     float shown;  /* share of the pixels around that saw a line (mdf_shown()) */
     float bend_mm[MDF_BENDS];
+};
+
+/* What the calibration knows of a sweep's sheet. */
+struct known {
+    const struct rig_laser *laser; /* identifies the laser, whose sweeps' errors are the same */
+    struct rig_laser copy;
+    struct rig_arc arc;
+    gboolean has_arc, has_errors;
+    double arc_rad;
+    struct rig_sheet_errors errors;
 };
 
 struct MdfView {
@@ -50,6 +64,11 @@ struct MdfView {
     guint8 *over;       /* n_texels: number of sweeps whose line lies above the reference plane */
     struct seen *seen[MDF_MAX_SWEEPS]; /* n_texels × 2: brightest and second pulses */
     double weight[MDF_MAX_SWEEPS], tolerance_mm[MDF_MAX_SWEEPS], frame_mm[MDF_MAX_SWEEPS];
+    struct known known[MDF_MAX_SWEEPS];
+    double line_frames[MDF_MAX_SWEEPS]; /* standard deviation of the line, median; 0: unknown */
+    double line_ratio[MDF_MAX_SWEEPS];  /* of the line's width to that on plates; 0: unknown */
+    double turntable_rad;
+    double sight[2][2]; /* covariance of where the camera sees the sample, in texels² */
     double texel_mm;
     double texel_px[2]; /* from a texel to the next one, along rows and columns */
     int spacing_px;     /* of pixels that see the laser */
@@ -60,6 +79,7 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     gsize n_pixels = (gsize)camera->width * camera->height;
     MdfView *view = g_new0(MdfView, 1);
     view->camera = *camera;
+    view->turntable_rad = turntable_rad;
     view->centre_mm = rig_camera_centre_mm(camera);
     view->grid = *grid;
     view->n_texels = grid->width * grid->height;
@@ -102,6 +122,31 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
         view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), LEAST_TEXEL_PX) : 1;
     }
     return view;
+}
+
+/* K V Kᵀ, with K the inverse of the derivative of a texel's position in the picture by its column
+ * and row, at the grid's middle. */
+void mdf_view_set_sight(MdfView *view, const double px2[2][2]) {
+    const double middle[2] = {0.5 * view->grid.width, 0.5 * view->grid.height};
+    double at[3][2], k[2][2];
+    for (int i = 0; i < 3; i++) {
+        const struct vec3 p =
+            rectify_point_mm(&view->grid, middle[0] + (i == 1), middle[1] + (i == 2));
+        if (!rig_project(&view->camera, rig_turn(p, view->turntable_rad), &at[i][0], &at[i][1]))
+            return;
+    }
+    const double a = at[1][0] - at[0][0], b = at[2][0] - at[0][0];
+    const double c = at[1][1] - at[0][1], d = at[2][1] - at[0][1], det = a * d - b * c;
+    if (!(fabs(det) > 1e-9))
+        return;
+    k[0][0] = d / det, k[0][1] = -b / det, k[1][0] = -c / det, k[1][1] = a / det;
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2; j++) {
+            view->sight[i][j] = 0;
+            for (int u = 0; u < 2; u++)
+                for (int v = 0; v < 2; v++)
+                    view->sight[i][j] += k[i][u] * px2[u][v] * k[j][v];
+        }
 }
 
 void mdf_view_free(MdfView *view) {
@@ -158,11 +203,9 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
         return -1;
     const float *r = view->ray + 3 * pixel;
     struct vec3 ray = vec3(r[0], r[1], r[2]);
-    struct rig_plane sheet = laser_lines_sheet(sweep->lines, sweep, peak);
-    double sine = vec3_dot(sheet.normal, ray);
-    if (!(fabs(sine) > LEAST_ANGLE) || !(ray.z < 0))
+    if (!(ray.z < 0))
         return -1;
-    double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
+    double range = laser_lines_range_mm(sweep, peak, view->centre_mm, ray, LEAST_ANGLE);
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     if (height >= ABOVE * height_mm && height < MAX(view->grid.width_mm, view->grid.height_mm))
         return OVER;
@@ -342,6 +385,51 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
     return all > 0 ? seen / all : 0;
 }
 
+/* Takes over what the calibration knows of the sheet. Where the laser's line was found in the
+ * reference region, it has measured the sheet's turn and its roll once more: each error is that of
+ * the mean, 1 / √(1 / k² + 1 / e²), or the line's own if it contradicts the calibration. */
+static void mdf_take_known(struct known *known, const struct laser_sweep *sweep) {
+    const struct laser_lines *lines = sweep->lines;
+    *known = (struct known){.laser = sweep->laser,
+                            .copy = *sweep->laser,
+                            .has_arc = sweep->arc != NULL,
+                            .has_errors = sweep->errors != NULL,
+                            .arc_rad = sweep->arc_rad};
+    if (sweep->arc)
+        known->arc = *sweep->arc;
+    if (!sweep->errors)
+        return;
+    known->errors = *sweep->errors;
+    if (!lines || !lines->turn_rad || !isfinite(lines->roll_error_rad))
+        return;
+    double(*c)[RIG_SHEET_PARAMETERS] = known->errors.covariance;
+    const double range_mm = vec3_length(lines->source_mm);
+    const double turn[2] = {sqrt(c[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET]) / range_mm,
+                            lines->offset_error_rad};
+    const double roll[2] = {sqrt(c[RIG_SHEET_ALONG][RIG_SHEET_ALONG]), lines->roll_error_rad};
+    double factor[RIG_SHEET_PARAMETERS];
+    for (int i = 0; i < RIG_SHEET_PARAMETERS; i++) {
+        const double *of = i == RIG_SHEET_ALONG ? roll : turn;
+        const double mean = lines->disagrees ? of[1] : of[1] * of[0] / hypot(of[0], of[1]);
+        factor[i] = i == RIG_SHEET_BEND || !(of[0] > 0) ? 1 : mean / of[0];
+    }
+    for (int i = 0; i < RIG_SHEET_PARAMETERS; i++)
+        for (int k = 0; k < RIG_SHEET_PARAMETERS; k++)
+            c[i][k] *= factor[i] * factor[k];
+}
+
+/* Median of the line's standard deviation in frames, over pixels that see the sample; 0: unknown.
+ */
+static double mdf_line_frames(const MdfView *view, const struct laser_sweep *sweep) {
+    const int n = view->camera.width * view->camera.height, step = 1 + n / WIDTHS;
+    g_autofree double *frames = g_new(double, n / step + 1);
+    int known = 0;
+    for (int i = 0; i < n && sweep->width; i += step)
+        if (view->pixel_mm[0][i] >= 0 && sweep->width[i] > 0 && isfinite(sweep->width[i]))
+            frames[known++] = (double)sweep->width[i];
+    return known > 0 ? robust_median(frames, known) : 0;
+}
+
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
     double along_mm;
@@ -378,6 +466,12 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     view->spacing_px = MAX(view->spacing_px, phases.radius);
     view->tolerance_mm[view->n_sweeps] = MAX(texel_mm, FRAME_SHARE * along_mm);
     view->frame_mm[view->n_sweeps] = along_mm;
+    mdf_take_known(&view->known[view->n_sweeps], sweep);
+    view->line_frames[view->n_sweeps] = mdf_line_frames(view, sweep);
+    view->line_ratio[view->n_sweeps] =
+        sweep->line_rad > 0
+            ? view->line_frames[view->n_sweeps] * fabs(sweep->step_rad) / sweep->line_rad
+            : 0;
     view->weight[view->n_sweeps] =
         mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
     view->seen[view->n_sweeps++] = texels;
@@ -482,6 +576,116 @@ static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
     }
 }
 
+/* Share of the calibration in a texel's error. */
+struct known_share {
+    double sheets_mm2;  /* variance by errors of the sheets */
+    double by_texel[2]; /* Σ w dt/dx: how the ranges t to the sheets grow by a column, and a row */
+};
+
+/* From the camera to the reference plane through a texel's centre, rig frame. */
+static struct vec3 mdf_way_to(const MdfView *view, double column, double row) {
+    const struct vec3 p = rectify_point_mm(&view->grid, column + 0.5, row + 0.5);
+    return vec3_sub(rig_turn(p, view->turntable_rad), view->centre_mm);
+}
+
+/* A sheet that is displaced by δ across itself moves the point on a ray r by δ / (n·r) along it,
+ * and the merged distance by Σ w δ / (n·r), w: shares of the weight. All sweeps of a laser have the
+ * same errors e, δ = j·e: their levers j add up, g = Σ w j / (n·r), and the variance is the sum of
+ * gᵀ C g over lasers. samples: n sweeps' that were merged, at the distance mm. */
+static struct known_share mdf_share_known(const MdfView *view, int texel,
+                                          const struct mdf_candidate *samples, int n, double mm) {
+    struct known_share share = {0};
+    const int column = texel % view->grid.width, row = texel / view->grid.width;
+    const struct vec3 way = mdf_way_to(view, column, row), ray = vec3_unit(way);
+    const struct vec3 from_eye = vec3_add(way, vec3_scale(ray, mm));
+    const struct vec3 point = vec3_add(view->centre_mm, from_eye);
+    struct {
+        const struct known *known;
+        double lever[RIG_SHEET_PARAMETERS];
+    } lasers[RIG_MAX_LASERS] = {{NULL, {0}}};
+    struct vec3 rays[2][2];
+    double weights = 0;
+    int n_lasers = 0;
+    for (int axis = 0; axis < 2; axis++)
+        for (int k = 0; k < 2; k++)
+            rays[axis][k] = vec3_unit(
+                mdf_way_to(view, column + (axis ? 0 : 2 * k - 1), row + (axis ? 2 * k - 1 : 0)));
+    for (int i = 0; i < n; i++)
+        weights += samples[i].weight;
+    for (int i = 0; i < n; i++) {
+        const struct known *known = &view->known[samples[i].sweep];
+        const struct rig_arc *arc = known->has_arc ? &known->arc : NULL;
+        const double w = samples[i].weight / weights;
+        const double sweep_rad = rig_laser_sweep_rad(arc, &known->copy, known->arc_rad, point) +
+                                 rig_laser_bent_rad(arc, &known->copy, known->arc_rad, point);
+        const struct vec3 normal =
+            rig_laser_sheet(arc, &known->copy, known->arc_rad, sweep_rad).normal;
+        const double sine = vec3_dot(normal, ray), apart = vec3_dot(normal, from_eye);
+        double lever[RIG_SHEET_PARAMETERS];
+        int k = 0;
+        if (!(fabs(sine) > LEAST_ANGLE))
+            continue;
+        for (int axis = 0; axis < 2; axis++)
+            share.by_texel[axis] +=
+                w * apart / 2 *
+                (1 / vec3_dot(normal, rays[axis][1]) - 1 / vec3_dot(normal, rays[axis][0]));
+        if (!known->has_errors)
+            continue;
+        while (k < n_lasers && lasers[k].known->laser != known->laser)
+            k++;
+        if (k == RIG_MAX_LASERS)
+            continue;
+        n_lasers = MAX(n_lasers, k + 1);
+        lasers[k].known = known;
+        rig_laser_sheet_lever(arc, &known->copy, known->arc_rad, point, lever);
+        for (int j = 0; j < RIG_SHEET_PARAMETERS; j++)
+            lasers[k].lever[j] += w * lever[j] / sine;
+    }
+    for (int k = 0; k < n_lasers; k++)
+        for (int a = 0; a < RIG_SHEET_PARAMETERS; a++)
+            for (int b = 0; b < RIG_SHEET_PARAMETERS; b++)
+                share.sheets_mm2 += lasers[k].lever[a] * lasers[k].known->errors.covariance[a][b] *
+                                    lasers[k].lever[b];
+    return share;
+}
+
+/* Range of the surface along a texel's ray; NAN: unknown. */
+static double mdf_range_mm(const MdfView *view, const float *distance, int column, int row) {
+    if (column < 0 || row < 0 || column >= view->grid.width || row >= view->grid.height ||
+        !(distance[row * view->grid.width + column] >= 0))
+        return NAN;
+    return vec3_length(mdf_way_to(view, column, row)) +
+           (double)distance[row * view->grid.width + column];
+}
+
+/* Adds the calibration's share to the standard errors. Where the camera sees the sample x texels
+ * from where it is thought to, the sheets' ranges change by x dt/dx, while those of the surface
+ * along the ray that is thought change by x ds/dx: the distance is off by the difference. */
+static void mdf_add_known_errors(const MdfView *view, const float *distance,
+                                 const struct known_share *shares, float *error_mm) {
+    for (int i = 0; i < view->n_texels; i++) {
+        const int column = i % view->grid.width, row = i / view->grid.width;
+        double variance = shares[i].sheets_mm2, off[2];
+        if (!(distance[i] >= 0) || !(error_mm[i] >= 0))
+            continue;
+        for (int axis = 0; axis < 2; axis++) {
+            const int right = !axis, down = axis;
+            const double here = mdf_range_mm(view, distance, column, row);
+            const double before = mdf_range_mm(view, distance, column - right, row - down);
+            const double after = mdf_range_mm(view, distance, column + right, row + down);
+            const double slope = isfinite(before) && isfinite(after) ? (after - before) / 2
+                                 : isfinite(after)                   ? after - here
+                                 : isfinite(before)                  ? here - before
+                                                                     : 0;
+            off[axis] = shares[i].by_texel[axis] - slope;
+        }
+        for (int a = 0; a < 2; a++)
+            for (int b = 0; b < 2; b++)
+                variance += off[a] * view->sight[a][b] * off[b];
+        error_mm[i] = (float)sqrt(pow((double)error_mm[i], 2) + MAX(variance, 0));
+    }
+}
+
 /* Keeps candidates that continue the surface of CONFIRM neighbours or more. Returns how many. */
 static int mdf_keep_continuing(const MdfView *view, const float *sure, int texel,
                                struct mdf_candidate *candidates, int n) {
@@ -507,9 +711,12 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     const int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     g_autofree float *sure = g_new(float, view->n_texels);
     g_autofree struct mdf_spread *spreads = g_new0(struct mdf_spread, view->n_texels);
+    g_autofree struct known_share *shares = g_new0(struct known_share, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
         int n = mdf_collect(view, i, candidates);
         struct mdf_merged merged = mdf_merge(candidates, n, least);
+        if (merged.n > 0)
+            shares[i] = mdf_share_known(view, i, candidates, merged.n, (double)merged.mm);
         sure[i] = ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         ret_error[i] = -1;
@@ -527,6 +734,8 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         if (n == 0 && alone)
             candidates[n++] = first;
         struct mdf_merged merged = mdf_merge(candidates, n, 1);
+        if (merged.n > 0)
+            shares[i] = mdf_share_known(view, i, candidates, merged.n, (double)merged.mm);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         spreads[i] = merged.spread;
@@ -538,6 +747,35 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     mdf_errors_find(&grid, spreads, ret_error);
     mdf_add_hidden_errors(view, ret_distance, spreads, ret_error);
     mdf_find_lone_errors(view, ret_distance, ret_n, ret_error);
+    mdf_add_known_errors(view, ret_distance, shares, ret_error);
+}
+
+/* The scatter is √u of mdf_errors.h over the line's width. */
+void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    g_autofree double *scatter = g_new(double, view->n_texels / EVERY + 1);
+    double widths = 0, frames = 0;
+    int n_widths = 0, n_frames = 0, n_scatter = 0;
+    *ret = (struct mdf_light){0};
+    for (int s = 0; s < view->n_sweeps; s++) {
+        widths += view->line_ratio[s];
+        n_widths += view->line_ratio[s] > 0;
+        frames += view->line_frames[s];
+        n_frames += view->line_frames[s] > 0;
+    }
+    for (int i = 0; i < view->n_texels; i += EVERY) {
+        const int n = mdf_collect(view, i, candidates);
+        const struct mdf_merged merged = mdf_merge(candidates, n, 2);
+        double dn = 0;
+        for (int k = 0; k < merged.n; k++)
+            dn += (double)candidates[k].dn / merged.n;
+        if (merged.spread.freedom > 0 && dn > LIGHT_DN)
+            scatter[n_scatter++] = sqrt(merged.spread.frames2);
+    }
+    if (n_widths > 0)
+        ret->width = widths / n_widths;
+    if (n_frames > 0 && n_scatter > 0 && frames > LIGHT_FRAMES * n_frames)
+        ret->scatter = robust_median(scatter, n_scatter) * n_frames / frames;
 }
 
 /* Merges the candidates that do not agree with the accepted distance. */

@@ -13,7 +13,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Version of the method: rises if the same sweeps give other values; older products are remade. */
-#define MDF_METHOD 13
+#define MDF_METHOD 14
 
 typedef struct MdfView MdfView;
 
@@ -25,11 +25,23 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 /* Adds a sweep, at most MDF_MAX_SWEEPS. Returns the number of texels that it saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
+/* Gives the covariance of where the calibrated camera sees the sample, in px², for the errors. */
+void mdf_view_set_sight(MdfView *view, const double px2[2][2]);
+
 /* Merges all sweeps; n_texels each: distance in mm (−1: unknown: no sweep saw the texel; or, with
  * four sweeps or more, those that did contradict each other, and none continues the surface
  * around), number of laser positions averaged, standard error in mm (−1: unknown texels) by
  * mdf_errors.h; of what one position alone saw, by the roughness of the surface around. */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
+
+/* How the laser's light lies on the sample: speckle makes the sweeps' times scatter, and light that
+ * comes out of the material elsewhere makes lines wider. */
+struct mdf_light {
+    double width; /* of lines, over that on plates: median of pixels, mean of sweeps; 0: unknown */
+    double scatter; /* standard deviation of a sweep's time at a texel, from what the sweeps of the
+                       texel agree on, in standard deviations of the line: median; 0: unknown */
+};
+void mdf_view_light(const MdfView *view, struct mdf_light *ret);
 
 /* The second most likely distance of each texel: one that a single position saw and that was not
  * accepted, else what most of the remaining candidates agree on. −1: none. */

@@ -2,6 +2,33 @@
 
 #include <math.h>
 
+/* What light does on rough samples that no light enters is less: docs/accuracy.md. */
+#define WIDE    1.1
+#define SCATTER 0.07
+
+char *mdf_lines_warning(double width, double scatter) {
+    if (scatter > SCATTER)
+        return g_strdup_printf(
+            "the laser's line is found at times that scatter from sweep to sweep by %.2f of the "
+            "line's width, where noise and structure explain less than %.2f; causes that fit: "
+            "speckle (a laser of less contrast, or cameras with a larger aperture, make less of "
+            "it)%s, gloss or structure finer than the line, a calibration that is off; the MDF's "
+            "error bars follow the scatter",
+            scatter, SCATTER, width > WIDE ? ", light that enters the material" : "");
+    if (width > WIDE)
+        return g_strdup_printf(
+            "the laser's line is %.2f times as wide on the sample as on the plates that it was "
+            "calibrated with; causes that fit: light that enters the material and comes out beside "
+            "the line, steep structure, cameras out of focus; the surface that the MDF shows may "
+            "lie deeper than the true one, which its error bars do not contain",
+            width);
+    return NULL;
+}
+
+static double mean_of(double a, int n, double b, int m) {
+    return n + m > 0 ? (a * n + b * m) / (n + m) : 0;
+}
+
 void mdf_lines_add(struct mdf_lines *to, const struct mdf_lines *more) {
     const gboolean graver = to->disagree == 0 && more->disagree > 0;
     const gboolean alike = (to->disagree > 0) == (more->disagree > 0);
@@ -14,6 +41,10 @@ void mdf_lines_add(struct mdf_lines *to, const struct mdf_lines *more) {
     to->found += more->found;
     to->disagree += more->disagree;
     to->squares_deg2 += more->squares_deg2;
+    to->width = mean_of(to->width, to->widths, more->width, more->widths);
+    to->scatter = mean_of(to->scatter, to->scatters, more->scatter, more->scatters);
+    to->widths += more->widths;
+    to->scatters += more->scatters;
 }
 
 void mdf_lines_write(struct exr_part *part, const struct mdf_lines *lines) {
@@ -23,6 +54,10 @@ void mdf_lines_write(struct exr_part *part, const struct mdf_lines *lines) {
     exr_set_double(part, "lines.rms_deg", sqrt(lines->squares_deg2 / MAX(lines->found, 1)));
     exr_set_double(part, "lines.worst_deg", lines->worst_deg);
     exr_set_int(part, "lines.worst_position", lines->worst_position);
+    if (lines->widths)
+        exr_set_double(part, "lines.width", lines->width);
+    if (lines->scatters)
+        exr_set_double(part, "lines.scatter", lines->scatter);
 }
 
 gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret) {
@@ -36,5 +71,7 @@ gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret) {
         !exr_get_int(part, "lines.worst_position", &ret->worst_position, NULL))
         return FALSE;
     ret->squares_deg2 = rms * rms * ret->found;
+    ret->widths = exr_get_double(part, "lines.width", &ret->width, NULL);
+    ret->scatters = exr_get_double(part, "lines.scatter", &ret->scatter, NULL);
     return TRUE;
 }

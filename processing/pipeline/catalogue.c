@@ -338,6 +338,24 @@ void mdf_job_free(struct mdf_job *job) {
  * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
+static gboolean catalogue_has_sheet(const struct calibration_laser *known) {
+    return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
+}
+
+/* A turn about the laser's axis moves the sheet by the distance to the sample. Calibrations of
+ * earlier versions do not know the sheet's own errors. */
+static struct laser_known catalogue_laser(const struct calibration_laser *known,
+                                          const struct rig_laser *laser) {
+    const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;
+    if (!known->known)
+        return (struct laser_known){UNKNOWN_RAD, UNKNOWN_RAD};
+    if (!catalogue_has_sheet(known))
+        return (struct laser_known){known->normal_rad, known->axis_rad};
+    return (struct laser_known){sqrt(c[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET]) /
+                                    vec3_length(laser->position_mm),
+                                sqrt(c[RIG_SHEET_ALONG][RIG_SHEET_ALONG])};
+}
+
 static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
                                 const struct session_shot *shot, const struct input *input,
                                 GChecksum *sum) {
@@ -349,8 +367,9 @@ static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *cat
                               .to_rad = catalogue_radians(shot->sweep_to_deg),
                               .steps = shot->sweep_steps,
                               .position = shot->source,
-                              .known = {known->known ? known->normal_rad : UNKNOWN_RAD,
-                                        known->known ? known->axis_rad : UNKNOWN_RAD},
+                              .known = catalogue_laser(known, &catalogue->rig.lasers[shot->device]),
+                              .errors = catalogue_has_sheet(known) ? &known->sheet : NULL,
+                              .line_rad = known->line_rad,
                               .input = *input};
     g_array_append_val(job->sweeps, sweep);
     input_hash(sum, "%d %d %.17g %.17g %.17g %d %s", shot->source, shot->device, shot->arc_deg,
@@ -366,6 +385,8 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     job->camera = &job->rig->cameras[view->device];
     job->turntable_rad = catalogue_radians(view->turntable_deg);
     job->reference = &catalogue->reference;
+    calibration_sight(catalogue->known, view->device, vec3(0, 0, catalogue->grid.reference_mm),
+                      job->sight_px2);
     job->sweeps = g_array_new(FALSE, FALSE, sizeof(struct mdf_input));
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "mdf", view);
     g_autofree char *reference = laser_reference_to_text(&catalogue->reference);

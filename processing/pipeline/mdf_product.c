@@ -110,7 +110,9 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
                                 .width = exr_part_plane(part, "width"),
                                 .intensity = exr_part_plane(part, "intensity"),
                                 .second_peak = exr_part_plane(part, "second_peak"),
-                                .second_intensity = exr_part_plane(part, "second_intensity")};
+                                .second_intensity = exr_part_plane(part, "second_intensity"),
+                                .errors = input->errors,
+                                .line_rad = input->line_rad};
     struct laser_lines lines;
     if (!in_pictures)
         laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
@@ -118,8 +120,12 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
         return FALSE;
     const double deg = lines.offset_rad * 180 / G_PI;
     const gboolean found = lines.turn_rad != NULL;
-    const struct mdf_lines one = {1,         found, lines.disagrees,
-                                  deg * deg, deg,   found ? input->position : -1};
+    const struct mdf_lines one = {.sweeps = 1,
+                                  .found = found,
+                                  .disagree = lines.disagrees,
+                                  .squares_deg2 = deg * deg,
+                                  .worst_deg = deg,
+                                  .worst_position = found ? input->position : -1};
     mdf_lines_add(count, &one);
     sweep.lines = &lines;
     mdf_view_add(view, &sweep);
@@ -134,6 +140,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     g_autoptr(LaserRegion) region =
         laser_region_new(job->rig, job->camera, job->turntable_rad, job->reference);
     struct mdf_lines lines = {.worst_position = -1};
+    struct mdf_light light;
+    mdf_view_set_sight(view, job->sight_px2);
     for (guint i = 0; i < job->sweeps->len; i++)
         if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
             !mdf_product_add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),
@@ -143,6 +151,11 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
         mdf_product_new_result(job->view, job->inputs, grid->width * grid->height);
     struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
     memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
+    mdf_view_light(view, &light);
+    lines.width = light.width;
+    lines.widths = light.width > 0;
+    lines.scatter = light.scatter;
+    lines.scatters = light.scatter > 0;
     result->lines = lines;
     float *const *p = result->planes;
     mdf_view_merge(view, p[PLANE_M], p[PLANE_N], p[PLANE_S]);

@@ -515,6 +515,8 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
     ret->line_worst_position = all.worst_position;
     ret->lines_worst_deg = all.worst_deg;
     ret->lines_rms_deg = sqrt(all.squares_deg2 / MAX(all.found, 1));
+    ret->line_width = all.width;
+    ret->line_scatter = all.scatter;
     ret->n_damaged = run->n_damaged;
     ret->n_mdf_views = count_made(run, STAGE_MDF);
     ret->mdf_coverage =

@@ -73,6 +73,7 @@ struct pipeline_result {
      */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
+    double line_width, line_scatter; /* mdf_lines.h; 0: not known */
 };
 
 /* Runs in the calling thread and a pool of its own. Products that are up to date are not made

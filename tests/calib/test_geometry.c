@@ -283,6 +283,35 @@ static void test_fixed(void) {
     g_assert_cmpfloat(rig_lamp_position_mm(&crooked, &lamp, 1).y, >, 100);
 }
 
+/* A bent sheet: its light at a point is on the plane that is turned by the bend there, and the
+ * lever of each error is what a change of that parameter does. */
+static void test_bent_sheet(void) {
+    const struct rig_arc crooked = {RAD(20), {0.1, -0.2}, {3, -4}};
+    g_autoptr(GRand) rand = g_rand_new_with_seed(9);
+
+    for (int i = 0; i < 200; i++) {
+        struct rig_laser laser = laser_at(g_rand_double_range(rand, 0.3, 1.2), 480), other;
+        const double arc = g_rand_double_range(rand, -3, 3);
+        const struct vec3 p =
+            vec3(g_rand_double_range(rand, -40, 40), g_rand_double_range(rand, -40, 40), 3);
+        double lever[RIG_SHEET_PARAMETERS];
+        laser.stretch = 0.01;
+        laser.bend_rad = g_rand_double_range(rand, -0.1, 0.1);
+        const double sweep = rig_laser_sweep_rad(&crooked, &laser, arc, p);
+        const double bent = rig_laser_bent_rad(&crooked, &laser, arc, p);
+        const struct rig_plane sheet = rig_laser_sheet(&crooked, &laser, arc, sweep + bent);
+        assert_near(vec3_dot(sheet.normal, p), sheet.offset_mm, 1e-9);
+        /* How far the sheet moves when it is bent more. */
+        other = laser;
+        other.bend_rad += 1e-4;
+        const struct rig_plane moved = rig_laser_sheet(
+            &crooked, &other, arc, sweep + rig_laser_bent_rad(&crooked, &other, arc, p));
+        rig_laser_sheet_lever(&crooked, &laser, arc, p, lever);
+        assert_near((moved.offset_mm - vec3_dot(moved.normal, p)) / 1e-4, lever[RIG_SHEET_BEND],
+                    1e-2);
+    }
+}
+
 static void test_sheet_through_points(void) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(3);
 
@@ -535,6 +564,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig/lamp", test_lamp);
     g_test_add_func("/rig/laser", test_laser);
     g_test_add_func("/rig/sheet-through-points", test_sheet_through_points);
+    g_test_add_func("/rig/bent-sheet", test_bent_sheet);
     g_test_add_func("/rig/crooked-arc", test_crooked_arc);
     g_test_add_func("/rig/fixed", test_fixed);
     g_test_add_func("/rig/clearance", test_clearance);

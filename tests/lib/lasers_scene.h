@@ -63,17 +63,17 @@ static inline void sweep_add_points(struct scene *scene, const struct sweep_pose
         sweep_add(sweep, pixels);
     }
     sweep_finish(sweep, 40, peak, width, intensity);
-    const struct laser_sweep from = {.sweep = 0,
-                                     .laser = laser,
-                                     .camera = camera,
-                                     .arc_rad = SCENE_RAD(at),
-                                     .from_rad = SCENE_RAD(-poses->span_deg),
-                                     .step_rad = SCENE_RAD(step),
-                                     .plane_mm = height_mm,
-                                     .radius_mm = 38,
-                                     .peak = peak,
-                                     .width = width,
-                                     .most = poses->most};
+    const struct laser_plate_sweep from = {.sweep = 0,
+                                           .laser = laser,
+                                           .camera = camera,
+                                           .arc_rad = SCENE_RAD(at),
+                                           .from_rad = SCENE_RAD(-poses->span_deg),
+                                           .step_rad = SCENE_RAD(step),
+                                           .plane_mm = height_mm,
+                                           .radius_mm = 38,
+                                           .peak = peak,
+                                           .width = width,
+                                           .most = poses->most};
     laser_points(&scene->rig, &from, points);
 }
 

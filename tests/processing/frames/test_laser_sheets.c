@@ -101,6 +101,92 @@ static void exact(void) {
     laser_result_clear(&found);
 }
 
+/* Standard normal deviate. */
+static double deviate(GRand *rand) {
+    double sum = -6;
+    for (int i = 0; i < 12; i++)
+        sum += g_rand_double(rand);
+    return sum;
+}
+
+/* A bent sheet is found as bent as it is, whichever way it is bent, and a flat one is flat. Its
+ * error is that of the sheet, although the position along the beam is hardly known. */
+static void bent(void) {
+    static const double bends_rad[] = {0, 0.04, -0.01};
+    for (gsize k = 0; k < G_N_ELEMENTS(bends_rad); k++) {
+        struct rig rig;
+        struct laser_result found;
+        g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
+        g_autoptr(GRand) rand = g_rand_new_with_seed(4);
+        g_autoptr(GError) error = NULL;
+        double squares = 0;
+        for (guint i = 0; i < points->len; i++) {
+            struct laser_point *p = &g_array_index(points, struct laser_point, i);
+            struct rig_laser truth = rig.lasers[0]; /* nearly, as far as the bend goes */
+            truth.bend_rad = bends_rad[k];
+            p->sweep_rad -= rig_laser_bent_rad(&true_arc, &truth, p->arc_rad, p->point_mm);
+            p->sweep_rad += 2e-5 * deviate(rand);
+            p->noise_mm = 0.0096f; /* 2e-5 of 480 mm */
+        }
+        fit_points(&rig, points, &found, &error);
+        g_assert_no_error(error);
+        const double found_rad = found.rig.lasers[0].bend_rad;
+        g_test_message("bend %.5f ± %.5f, is %.5f; sheet ± %.4f mm, source ± %.2f mm, RMS %.4f "
+                       "mm, expected %.4f",
+                       found_rad, found.bend_error_rad[0], bends_rad[k], found.sheet_error_mm[0],
+                       found.source_error_mm[0], found.rms_mm[0], found.expected_mm[0]);
+        g_assert_cmpfloat(fabs(found_rad - bends_rad[k]), <, 4 * found.bend_error_rad[0] + 2e-4);
+        g_assert_true((found_rad == 0) == (bends_rad[k] == 0));
+        g_assert_cmpfloat(found.bend_error_rad[0], <, 1e-3);
+        for (guint i = 0; i < points->len; i++) {
+            const struct laser_point *p = &g_array_index(points, struct laser_point, i);
+            const double sweep_rad =
+                rig_laser_sweep_rad(&found.rig.arc, &found.rig.lasers[0], p->arc_rad, p->point_mm);
+            squares += pow((sweep_rad - p->sweep_rad) / 2e-5, 2) / points->len;
+        }
+        g_assert_cmpfloat(squares, <, 1.1);
+        g_assert_cmpfloat(found.sheet_error_mm[0], <, 0.2 * found.source_error_mm[0]);
+        g_assert_cmpfloat(fabs(found.rms_mm[0] / found.expected_mm[0] - 1), <, 0.1);
+        laser_result_clear(&found);
+    }
+}
+
+/* Lines at one angle of the arc do not tell how the arc's axis stands: the laser's position and
+ * zero are then known only as well as the axis was before, and are marked. The sheet is known. */
+static void prior(void) {
+    struct rig rig;
+    struct laser_result all, one;
+    g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
+    g_autoptr(GRand) rand = g_rand_new_with_seed(4);
+    g_autoptr(GError) error = NULL;
+    for (guint i = 0; i < points->len; i++)
+        g_array_index(points, struct laser_point, i).sweep_rad += 2e-5 * deviate(rand);
+    fit_points(&rig, points, &all, &error);
+    g_assert_no_error(error);
+    for (guint i = 0; i < points->len; i++) {
+        struct laser_point *p = &g_array_index(points, struct laser_point, i);
+        p->arc_rad = SCENE_RAD(60);
+        p->sweep_rad =
+            rig_laser_sweep_rad(&all.rig.arc, &all.rig.lasers[0], p->arc_rad, p->point_mm) +
+            2e-5 * deviate(rand);
+    }
+    fit_points(&rig, points, &one, &error);
+    g_assert_no_error(error);
+    for (int k = 0; k < 2; k++) {
+        const struct laser_result *found = k ? &one : &all;
+        g_test_message("sheet ± %.4f mm, source ± %.2f mm, zero ± %.4f rad, prior %d%d%d%d",
+                       found->sheet_error_mm[0], found->source_error_mm[0],
+                       found->zero_error_rad[0], found->from_prior[0][0], found->from_prior[0][1],
+                       found->from_prior[0][2], found->from_prior[0][3]);
+        g_assert_true(found->from_prior[0][2] == k);
+        g_assert_false(found->from_prior[0][3]);
+        g_assert_cmpfloat(found->sheet_error_mm[0], <, 0.15);
+    }
+    g_assert_cmpfloat(one.zero_error_rad[0], >, 0.002); /* 1 mm at 480 mm */
+    laser_result_clear(&all);
+    laser_result_clear(&one);
+}
+
 /* What no file of a calibration may hold is refused with its cause. */
 static void wrong_turn(void) {
     static const struct {
@@ -220,6 +306,8 @@ static void heights(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/laser-sheets/exact", exact);
+    g_test_add_func("/laser-sheets/bent", bent);
+    g_test_add_func("/laser-sheets/prior", prior);
     g_test_add_func("/laser-sheets/wrong-turn", wrong_turn);
     g_test_add_func("/laser-sheets/exchanged", exchanged);
     g_test_add_func("/laser-sheets/heights", heights);
