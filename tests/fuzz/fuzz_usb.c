@@ -155,6 +155,10 @@ const char *usb_product(const UsbDevice *usb) {
     return "USBRelay4";
 }
 
+const char *usb_serial(const UsbDevice *usb) {
+    return "";
+}
+
 static void set_flag(gpointer data) {
     *(gboolean *)data = TRUE;
 }
