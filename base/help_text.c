@@ -1,7 +1,8 @@
 #include "help_text.h"
 
-#include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #define WIDTH  80
 #define COLUMN 24 /* of descriptions */
@@ -71,6 +72,7 @@ void help_text_answer(GOptionContext *context, int argc, char **argv) {
             g_autofree char *help = g_option_context_get_help(context, TRUE, NULL);
             g_autofree char *text = help_text_lay_out(help);
             g_print("%s", text);
-            exit(0);
+            fflush(stdout);
+            _exit(0); /* without destructors: the caller keeps what it has allocated */
         }
 }

@@ -128,6 +128,12 @@ static void test_manual(void) {
             g_hash_table_add(written, name);
         }
     }
+    GHashTableIter iter;
+    gpointer name;
+    g_hash_table_iter_init(&iter, page);
+    while (g_hash_table_iter_next(&iter, &name, NULL))
+        if (!g_hash_table_contains(written, name))
+            g_test_message("no calibration file has %s", (char *)name);
     g_assert_cmpuint(g_hash_table_size(page), ==, g_hash_table_size(written));
 }
 
