@@ -78,6 +78,20 @@ static struct calibration *complete(void) {
         calibration->lamps[0].position_covariance_mm2[i][i] = 1 + i;
         calibration->lamp_radiometry[0].colour[i] = 1;
     }
+    for (int k = 0; k < RIG_WOBBLE_HARMONICS; k++)
+        for (int i = 0; i < 4; i++)
+            rig->wobble.rad[k][i] = 1e-3 * (1 + k) * (i % 2 ? -1 : 1);
+    calibration->turntable.known = TRUE;
+    calibration->turntable.wobble_rad = 1e-4;
+    calibration->cameras[0].expected_px = 0.05;
+    rig->lasers[0].bend_rad = -0.02;
+    struct calibration_laser *laser = &calibration->lasers[0];
+    laser->bend_rad = 0.001;
+    laser->from_prior[CALIBRATION_LASER_POSITION] = 1;
+    laser->expected_rms_mm = 0.03;
+    laser->line_rad = 0.002;
+    for (int i = 0; i < RIG_SHEET_PARAMETERS; i++)
+        laser->sheet.covariance[i][i] = 1e-6 * (1 + i);
     calibration->arc.known = calibration->lamps[0].known = calibration->lasers[0].known = TRUE;
     calibration->lamp_radiometry[0].known = calibration->fiducials[0].known = TRUE;
     calibration->colour.known = TRUE;
@@ -132,7 +146,9 @@ static void test_manual(void) {
     gpointer name;
     g_hash_table_iter_init(&iter, page);
     while (g_hash_table_iter_next(&iter, &name, NULL))
-        if (!g_hash_table_contains(written, name))
+        if (g_str_has_prefix(name, "[laser plane ")) /* test_laser_images reads these */
+            g_hash_table_iter_remove(&iter);
+        else if (!g_hash_table_contains(written, name))
             g_test_message("no calibration file has %s", (char *)name);
     g_assert_cmpuint(g_hash_table_size(page), ==, g_hash_table_size(written));
 }
