@@ -3,8 +3,7 @@
 
 #include "eigenmaps.h"
 
-#define EIGENMAPS_CHUNK 2048 /* number of rows that are multiplied together, in double precision   \
-                              */
+#define EIGENMAPS_CHUNK 2048 /* rows that are multiplied together, in double precision */
 
 /* A computation on the matrix A (rows × n_views), which is read by columns. */
 struct eigenmaps_job {
