@@ -9,7 +9,8 @@
 #include "capture_calibration.h"
 #include "exr/exr.h"
 
-/* In addition to the prediction: the database's journal, and products that are being made. */
+/* Disk space in addition to the prediction: the database's journal, and products that are being
+ * made. */
 #define SPARE_BYTES (G_GUINT64_CONSTANT(64) << 20)
 #define FULL_BELOW  (G_GUINT64_CONSTANT(1) << 20)
 
@@ -101,8 +102,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
 
 #define SHOWN_CHANGES 8
 
-/* Adds the keys of a section whose values differ: first those of then, and of now those that are
- * new. */
+/* Adds the keys of a section whose values differ: first all keys of then, afterwards the keys that
+ * are new in now. */
 static void compare_section(const struct config_section *then, const struct config_section *now,
                             GPtrArray *ret) {
     for (const char *const *key = config_keys(then); *key; key++) {
@@ -166,7 +167,7 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
     g_autoptr(GPtrArray) warnings = NULL;
     struct devices then = *devices;
     if (begun_with && g_path_is_absolute(begun_with))
-        then.calibration_path = begun_with; /* it may not be the one that the rig file names */
+        then.calibration_path = begun_with; /* the rig file may name another one */
     g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
     if (g_strcmp0(text, now_text) == 0)

@@ -1,8 +1,8 @@
 #include "exposure_advice.h"
 
 #define KEY          "saturated_retakes"
-#define MOST_LACKING 0.5 /* of the values, likewise */
-#define MOST_RETAKEN 0.5 /* a picture, without advice */
+#define MOST_LACKING 0.5 /* maximum share of values without advice */
+#define MOST_RETAKEN 0.5 /* maximum number of repetitions per picture without advice */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)

@@ -1,9 +1,10 @@
-/* What a plan tells its reader: what was re-planned or left out, and what the session's numbers
- * mean for its time, space and result. */
+/* The notes of a plan: what was planned again or left out, and how the session's numbers affect its
+ * time, space and result. */
 #include "plan_private.h"
 
-#define FINE_TEXEL      0.5 /* of a pixel of the finest camera: finer texels are noted */
-#define BTF_VALUE_BYTES 6   /* red, green and blue, as half floats */
+/* texels that are smaller than this part of a pixel of the finest camera get a note */
+#define FINE_TEXEL      0.5
+#define BTF_VALUE_BYTES 6 /* red, green and blue, as half floats */
 
 void plan_add_note(struct plan_build *b, const char *unit, const char *text) {
     for (guint i = 0; i < b->notes->len; i++) {
@@ -21,7 +22,7 @@ void plan_clear_note(gpointer note) {
     g_free(((struct plan_note *)note)->text);
 }
 
-/* What stands for exposures that are not chosen yet. */
+/* Notes the exposures that the plan assumes while the exposures are not chosen yet. */
 static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
     g_autoptr(GString) bounds = g_string_new(NULL);
 
@@ -121,7 +122,8 @@ static void plan_note_bytes(const struct plan_build *b, GPtrArray *notes) {
                                    : ""));
 }
 
-/* Texels much finer than the pixels of the finest camera show nothing more and cost space. */
+/* Texels that are much finer than the pixels of the finest camera show no more detail and take
+ * space. */
 static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
     const struct session_grid *grid = &b->conf->grid;
     const double texel_mm = grid->width_mm / grid->width;
@@ -150,7 +152,7 @@ static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
                                            ceil(grid->width_mm / finest_mm), size));
 }
 
-/* What there will be nothing of, without other views or between the cameras. */
+/* Notes which results are missing with one view, or between the cameras. */
 static void plan_note_views(const struct plan_build *b, GPtrArray *notes) {
     if (b->views->len == 1)
         g_ptr_array_add(notes, g_strdup("one view: what is seen from there under each light (an "

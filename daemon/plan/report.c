@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Two sizes are told as one if the smaller is more than this part of the larger. */
+/* Two sizes are reported as one if the smaller is more than this part of the larger. */
 #define LEAST_RANGE 0.95
 
 char *report_duration(double seconds) {
@@ -80,7 +80,7 @@ static double get_double(GVariant *report, const char *key) {
     return value;
 }
 
-/* "about 21.3 MB", or, where they differ, "13.1 to 21.3 MB". */
+/* Returns "about 21.3 MB" or, if the sizes differ, "13.1 to 21.3 MB". */
 static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     const gboolean lamps = get_int(report, "later_lamps") > 0;
     const gboolean sweeps = get_int(report, "later_sweeps") > 0;
@@ -100,8 +100,8 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
 }
 
-/* Adds a line about the passes, and the time with a standing table ([capture] motion = continuous).
- */
+/* Adds a line about the passes, and about the time with a standing table ([capture] motion =
+ * continuous). */
 static void report_add_passes(GVariant *report, GString *text) {
     const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
     const double standing_s = get_double(report, "standing_s");
