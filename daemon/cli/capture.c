@@ -17,16 +17,18 @@ static gboolean process, yes;
 #define YES_ENTRY                                                                                  \
     {                                                                                              \
         "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
-            "Go on whatever test shots say; on a simulated rig, answer every question about "      \
+            "Continue regardless of the test shots; on a simulated rig, answer every question "    \
+            "about "                                                                               \
             "manual steps with yes",                                                               \
             NULL                                                                                   \
     }
 
 static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Use this calibration, not the one that the rig file names", "FILE"},
+     "Use this calibration instead of the one that the rig file names", "FILE"},
     YES_ENTRY,
     {NULL},
 };
@@ -34,7 +36,8 @@ static const GOptionEntry capture_entries[] = {
 static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
      "Rig file, if it has been moved since the session was begun", "RIG"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     NULL},
     YES_ENTRY,
     {NULL},
 };
@@ -80,8 +83,8 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     if (end == MONITOR_DONE)
         g_print("done: %s\n", summary);
     else if (end == MONITOR_DETACHED)
-        g_print("the capture goes on in mesorigd: mesorig watch, pause or abort %s%s\n", directory,
-                again);
+        g_print("the capture continues in mesorigd: mesorig watch, pause or abort %s%s\n",
+                directory, again);
     else if (end == MONITOR_FAULT)
         g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s%s\n",
                    strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
@@ -155,8 +158,7 @@ static char *rig_of_session(const char *directory, GError **error) {
         return g_steal_pointer(&path);
     if (path)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "%s was begun with the rig file %s, which is not there any more: give --rig "
-                    "RIG",
+                    "%s was begun with the rig file %s, which no longer exists: give --rig RIG",
                     directory, path);
     else
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
@@ -187,7 +189,7 @@ const struct command cli_resume = {.name = "resume",
                                    .arguments = "DIR",
                                    .examples = "  mesorig resume weave.session\n",
                                    .help =
-                                       "Go on with a session: exactly what is missing is taken.",
+                                       "Continue a session: exactly the missing frames are taken.",
                                    .options = resume_entries,
                                    .daemon = TRUE,
                                    .streams = TRUE,

@@ -76,8 +76,8 @@ static void cli_print_help(void) {
                 g_print("\n%s:\n", groups[k].head);
         g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
     }
-    g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
-            "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
+    g_print("\n“mesorig COMMAND --help” describes a command. Every command takes --json.\nExit "
+            "codes: 0 done, 1 failed, 2 bad usage.\n");
 }
 
 int cli_main(int argc, char **argv) {

@@ -23,7 +23,7 @@ static char *method_option, *output_option;
 static const struct option memory = {
     .name = "memory",
     .type = OPTION_BYTES,
-    .help = "take no more than this; a BTF that is larger stays in a temporary file"};
+    .help = "maximum memory; a larger BTF is kept in a temporary file"};
 
 static const struct option *compress_find(const struct compress_method *method, const char *name) {
     if (g_str_equal(name, memory.name))
@@ -153,7 +153,7 @@ const GOptionEntry *compress_entries(void) {
                                   0,
                                   G_OPTION_ARG_FILENAME,
                                   &output_option,
-                                  "Write this file, not products/METHOD.exr of the session",
+                                  "Write this file instead of products/METHOD.exr of the session",
                                   "FILE"};
     entries[n] = (GOptionEntry){NULL};
     return entries;
@@ -226,8 +226,8 @@ gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
         cli_usage(call->command, "%s", what);
     else if (!ret->output && (!codec || codec->from_process))
         cli_usage(call->command,
-                  "--method=%s: give -o FILE, for the session's own file of this method is "
-                  "written by “mesorig process” and must not be replaced",
+                  "--method=%s: give -o FILE, because “mesorig process” writes the session's own "
+                  "file of this method, which must not be replaced",
                   methods[m].name);
     else
         return TRUE;

@@ -127,8 +127,8 @@ static int run_request(const struct call *call, GError **error) {
     else if (!request->next)
         record_say(call->record, "%s %s (rig %s)\n", request->done, session, path);
     else
-        record_say(call->record, "%s %s (rig %s): %s; “mesorig %s %s%s” goes on\n", request->done,
-                   session, path, request->how, request->next, session, again);
+        record_say(call->record, "%s %s (rig %s): %s; “mesorig %s %s%s” continues it\n",
+                   request->done, session, path, request->how, request->next, session, again);
     return CLI_DONE;
 }
 
@@ -223,7 +223,7 @@ static int run_release(const struct call *call, GError **error) {
     tell_whose(call->record, "release", path, "");
     record_boolean(call->record, "latched", latched);
     record_say(call->record,
-               latched ? "the rig %s may shine and move again; nothing goes on by itself\n"
+               latched ? "the rig %s may use light and move again; nothing continues by itself\n"
                        : "the rig %s was not held in its safe state\n",
                path);
     return CLI_DONE;
@@ -240,7 +240,7 @@ const struct command cli_watch =
     CONTROL("watch", run_watch, "Follow a capture until it ends.", .options = watch_entries);
 const struct command cli_pause = CONTROL("pause", run_request, "Pause after the shot under way.");
 const struct command cli_continue =
-    CONTROL("continue", run_request, "Go on after a pause or a fault.");
+    CONTROL("continue", run_request, "Continue after a pause or a fault.");
 const struct command cli_abort =
     CONTROL("abort", run_request, "End a capture now; it can be resumed.");
 const struct command cli_close = {
@@ -250,13 +250,12 @@ const struct command cli_close = {
     .help = "Make the daemon close its rig, so that another may be opened.",
     .daemon = TRUE,
     .run = run_close};
-const struct command cli_safe =
-    CONTROL("safe", run_safe,
-            "End what is under way; lamps and lasers off, axes stopped, until “release”.");
+const struct command cli_safe = CONTROL(
+    "safe", run_safe, "Stop immediately: lamps and lasers off, axes stopped, until “release”.");
 const struct command cli_release = {
     .name = "release",
     .arguments = "",
     .examples = "  mesorig release\n",
-    .help = "Let the rig shine and move again after “safe”. Look at the rig first.",
+    .help = "Allow light and movement again after “safe”. Look at the rig first.",
     .daemon = TRUE,
     .run = run_release};

@@ -115,8 +115,7 @@ static int run_devices(const struct call *call, GError **error) {
                          units_option);
     if (baud_option < 0 || (!modbus_option && (units_option || baud_option || parity_option)))
         return cli_usage(
-            command,
-            "--units, --baud and --parity describe the line of --modbus LINE; give that, too");
+            command, "--units, --baud and --parity describe the line of --modbus LINE: give both");
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;

@@ -147,7 +147,7 @@ static void tell_products(Record *to, const char *directory) {
         record_say(to,
                    "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                    " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
-                   " from shorter exposures alone, %" G_GINT64_FORMAT
+                   " from shorter exposures only, %" G_GINT64_FORMAT
                    " of pictures that were not taken, predicted from other lights\n",
                    marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
@@ -425,7 +425,7 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
 static char *history_option;
 static const GOptionEntry entries[] = {
     {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
-     "Also draw how the capture of DIR went, over time", "FILE.svg|FILE.png"},
+     "Also draw the course of the capture of DIR over time", "FILE.svg|FILE.png"},
     {NULL},
 };
 
@@ -439,7 +439,7 @@ static int cli_info_run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
-        return cli_usage(call->command, "--history draws a session, and %s is none",
+        return cli_usage(call->command, "--history needs a session, and %s is not one",
                          call->arguments[0]);
     g_autoptr(OutputFile) drawing = NULL;
     if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||

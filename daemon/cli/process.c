@@ -15,23 +15,22 @@ static void tell_lines(Record *to, const struct pipeline_result *result, gboolea
         return;
     if (result->lines_found == 0)
         record_say(to,
-                   "laser planes: %s; no line was seen beside the sample ([sample] flat_radius_mm "
-                   "and flat_hole_mm say where one could be)\n",
-                   calibrated ? "by the calibration alone"
-                              : "nominal, as the rig file has them, for no laser is calibrated");
+                   "laser planes: %s; no line was seen around the sample ([sample] flat_radius_mm "
+                   "and flat_hole_mm give the face on which it is looked for)\n",
+                   calibrated ? "by the calibration only"
+                              : "nominal as in the rig file, because no laser is calibrated");
     else if (result->lines_disagree == 0)
         record_say(to,
-                   "laser planes: lines beside the sample in %d of %d sweeps agree with the "
+                   "laser planes: lines around the sample in %d of %d sweeps agree with the "
                    "calibration, %.4f° RMS\n",
                    result->lines_found, result->line_sweeps, result->lines_rms_deg);
     else
-        record_say(
-            to,
-            "laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
-            "calibration, by %+.3f° in laser position %d; where they differ the line was used. Has "
-            "a sweep slipped, or is the calibration old?\n",
-            result->lines_disagree, result->lines_found, result->lines_worst_deg,
-            result->line_worst_position);
+        record_say(to,
+                   "laser planes: in %d of %d sweeps with a line around the sample, the line "
+                   "contradicts the calibration, by %+.3f° in laser position %d. The line was used "
+                   "for these sweeps. Has a sweep slipped, or is the calibration old?\n",
+                   result->lines_disagree, result->lines_found, result->lines_worst_deg,
+                   result->line_worst_position);
 }
 
 static void tell_result(Record *to, const struct pipeline_result *result,
@@ -174,11 +173,12 @@ static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
      NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Process with this calibration, not the session's own; “nominal”: with none", "FILE"},
+     "Process with this calibration instead of the session's own; “nominal” means without a "
+     "calibration",
+     "FILE"},
     {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
-     "How the laser's line beside the sample is found: by the pixels' peak times (the default), or "
-     "in each "
-     "picture, to compare; that takes a session with keep_laser_frames",
+     "Find the laser's line by the pixels' peak times (the default), or in each picture for "
+     "comparison. The latter needs a session with keep_laser_frames",
      "peaks|pictures"},
     {NULL},
 };

@@ -18,7 +18,7 @@ static gboolean crate_option, no_verify_option;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
     {"crate", 0, 0, G_OPTION_ARG_NONE, &crate_option,
-     "Write DIR/ro-crate-metadata.json, with which repositories take the session as it is", NULL},
+     "Write DIR/ro-crate-metadata.json, which repositories of data read", NULL},
     {"no-verify", 0, 0, G_OPTION_ARG_NONE, &no_verify_option,
      "Do not read all files to compare their checksums", NULL},
     {NULL},
@@ -154,7 +154,7 @@ static int cli_report_run(const struct call *call, GError **error) {
     record_say(to, "%s: %u checks, all together: %s\n", archive->name, archive->checks->len,
                verdict);
     if (page_file) {
-        record_say(to, "%s: look at it in a browser\n", output_option);
+        record_say(to, "%s: open it in a browser\n", output_option);
         cli_tell_output(to, page_file);
     }
     if (crate_file)
@@ -167,7 +167,7 @@ const struct command cli_report = {
     .name = "report",
     .arguments = "DIR -o FILE.html",
     .examples = "  mesorig report weave.session -o weave.html\n",
-    .help = "Write a session's report: a page to read, metadata for an archive.",
+    .help = "Write a report of a session as a page, and metadata for an archive.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

@@ -17,14 +17,14 @@ static int threads;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "own: the planned directions (default); 81: those of the papers; or a file with a table of "
-     "directions",
+     "own: the planned directions (default); 81: the directions of the papers; or a file with a "
+     "table of directions",
      "own|81|FILE"},
     {"along-surface", 0, 0, G_OPTION_ARG_NONE, &along_surface,
-     "Move the views along the surface of the MDF before they are mixed: for views far apart of a "
-     "material with relief",
+     "Move the views along the surface of the MDF before mixing them. For materials with relief "
+     "whose views are far apart",
      NULL},
-    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Number of threads (one per processor)", "N"},
     {NULL},
 };
 
@@ -132,7 +132,7 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
                result->made.width, result->made.height, PLURAL(result->made.n_views, "view"),
                PLURAL(result->made.n_lights, "light"), result->n_views, result->n_lights, time);
     if (!result->exact)
-        record_say(to, "where cameras and lamps were is not known: all texels had the same "
+        record_say(to, "the positions of cameras and lamps are not known: all texels had the same "
                        "directions\n");
     if (result->mdf)
         record_say(to, "its MDF is copied unchanged, with the views from which it was measured\n");
@@ -170,7 +170,8 @@ static void cli_resample_tell_along(Record *to, const struct along_surface_resul
                output, result->made.width, result->made.height,
                PLURAL(result->made.n_views, "view"), PLURAL(result->made.n_lights, "light"),
                result->n_views, result->n_lights, time);
-    record_say(to, "its MDF is predicted, too; of %.3f %% of its texels no view sees the surface\n",
+    record_say(to,
+               "its MDF is predicted as well; no view sees the surface at %.3f %% of its texels\n",
                100 * unseen);
 }
 

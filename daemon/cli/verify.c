@@ -158,7 +158,8 @@ const struct command cli_verify = {
     .name = "verify",
     .arguments = "DIR",
     .examples = "  mesorig verify weave.session\n",
-    .help = "Compare every file of a session with its checksum; say what repairs it.",
+    .help =
+        "Compare every file of a session with its checksum, and show the command that repairs it.",
     .min = 1,
     .max = 1,
     .run = cli_verify_run};

@@ -22,7 +22,7 @@ static const GOptionEntry json_entries[] = {
 
 static const GOptionEntry force_entries[] = {
     {"force", 0, 0, G_OPTION_ARG_NONE, &cli_force,
-     "Replace an output that exists, whatever it is; other files of a folder stay", NULL},
+     "Replace an existing output of any kind; other files of a folder are kept", NULL},
     {NULL},
 };
 
@@ -137,7 +137,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
                                                  parent->children[i]->help);
             g_print("%s", row);
         }
-        g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” tells more.\n", parent->examples,
+        g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” describes one.\n", parent->examples,
                 parent->name);
         return argc < 2 ? CLI_USAGE : CLI_DONE;
     }
@@ -151,7 +151,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
     return nearest.name
                ? cli_usage(parent, "there is no “%s %s”; did you mean “%s”?", parent->name, argv[1],
                            nearest.name)
-               : cli_usage(parent, "there is no “%s %s”; “mesorig %s --help” lists what there is",
+               : cli_usage(parent, "there is no “%s %s”; “mesorig %s --help” lists the choices",
                            parent->name, argv[1], parent->name);
 }
 

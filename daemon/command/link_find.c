@@ -136,7 +136,7 @@ static Link *link_by_directory(const char *directory, GError **error) {
         link_free(link);
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "no daemon captures into %s at present; “mesorig resume %s” goes on with it",
+                "no daemon captures into %s at present; “mesorig resume %s” continues it",
                 directory, directory);
     return NULL;
 }

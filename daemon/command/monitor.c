@@ -273,7 +273,7 @@ static gboolean on_interrupt(gpointer data) {
     }
     if (monitor->interrupts++ == 0) {
         progress_line(monitor->progress,
-                      "pausing after the shot under way; Ctrl-C once more stops at once");
+                      "pausing after the shot under way; Ctrl-C once more stops immediately");
         if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
             cli_monitor_finish(monitor, MONITOR_PAUSED);
         else if (!monitor->check_id)

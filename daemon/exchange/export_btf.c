@@ -74,7 +74,7 @@ const struct command exchange_btf = {.name = "export btf",
                                      .arguments = "DIR -o FILE.btf",
                                      .examples =
                                          "  mesorig export btf weave.session -o weave.btf\n",
-                                     .help = "Write the BTF of a session as a file of Bonn's.",
+                                     .help = "Write the BTF of a session in Bonn's format.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

@@ -289,9 +289,9 @@ static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
     return table;
 }
 
-/* Takes the list of alike shots out of the table if shot is the first of its list that the caller
- * asks for, and returns it. The caller owns the list. Returns NULL if the shot is in no list, if
- * its list is empty, or if its list was already taken. In the last case *ret_later is TRUE. */
+/* Takes the list of a shot out of the table and returns it; the caller then owns it. Returns NULL
+ * if the shot has no key, if its list is empty, or if the table does not have the list (any more),
+ * which sets *ret_later. The caller therefore gets each list once, with the first of its shots. */
 static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
                             const struct rig *rig, gboolean *ret_later) {
     g_autofree char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;

@@ -16,7 +16,7 @@ static int seed, block;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "The file to write, if not products/index.exr of the session", "FILE.exr"},
+     "Write this file instead of products/index.exr of the session", "FILE.exr"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Texels (512x512)", "WxH"},
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method, "How it is made (auto)",
      "auto|textons|quilting"},
@@ -114,7 +114,8 @@ static gboolean synthesize_ask(const struct call *call, struct synthesis_options
     *o = (struct synthesis_options){.width = 512, .height = 512, .block = block};
     *ret_code = CLI_USAGE;
     if (tileable && (size || method || block || seed)) {
-        cli_usage(call->command, "--tileable goes without --size, --method, --block and --seed");
+        cli_usage(call->command,
+                  "--tileable cannot be used with --size, --method, --block or --seed");
         return FALSE;
     }
     if (size && sscanf(size, "%5dx%5d%c", &o->width, &o->height, &rest) != 2) {

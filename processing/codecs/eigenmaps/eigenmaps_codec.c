@@ -63,11 +63,11 @@ static const struct option eigenmaps_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct eigenmaps_codec_options, components),
-     .help = "eigen-maps, 4 if not given; with --error the maximum"},
+     .help = "number of eigen-maps (4 if not given); with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct eigenmaps_codec_options, error),
-     .help = "as few eigen-maps as reach this error of the whole BTF"},
+     .help = "find the smallest number of eigen-maps that reaches this error over the whole BTF"},
     {NULL},
 };
 
@@ -82,11 +82,10 @@ static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has
         return TRUE;
     g_autofree char *size = g_format_size((guint64)column);
     g_autofree char *given = g_format_size((guint64)job->memory);
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and one view "
-        "as much, which is more than %s; allow more",
-        terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and "
+                "reading one view takes the same. The limit is %s; allow more",
+                terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
     return FALSE;
 }
 

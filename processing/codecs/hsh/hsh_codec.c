@@ -16,7 +16,7 @@ static const struct option hsh_codec_table[] = {
      .choices = hsh_codec_choices,
      .fallback = "9",
      .offset = offsetof(struct hsh_codec_options, terms),
-     .help = "terms of each view, texel and colour"},
+     .help = "number of terms of each view, texel and colour"},
     {NULL},
 };
 

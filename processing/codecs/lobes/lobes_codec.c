@@ -17,7 +17,7 @@ static const struct option lobes_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct lobes_codec_options, components),
-     .help = "lobes of each texel, of fields and lafortune: 1 to 3, 2 if not given"},
+     .help = "number of lobes of each texel for fields and lafortune: 1 to 3 (2 if not given)"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lobes_codec_options, error),
@@ -25,7 +25,7 @@ static const struct option lobes_codec_table[] = {
     {.name = "mips",
      .type = OPTION_BOOL,
      .offset = offsetof(struct lobes_codec_options, mips),
-     .help = "mip levels too, each fitted again"},
+     .help = "also write mip levels, each fitted separately"},
     {NULL},
 };
 

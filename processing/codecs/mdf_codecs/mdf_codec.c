@@ -18,11 +18,11 @@ static const struct option mdf_codec_maps_table[] = {
      .min = 1,
      .max = MDF_FACTORS_MAX_TERMS,
      .offset = offsetof(struct mdf_codec_maps_options, components),
-     .help = "maps, 8 if not given; with --error the maximum"},
+     .help = "number of maps (8 if not given); with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct mdf_codec_maps_options, error),
-     .help = "as few maps as reach this RMS error in texels"},
+     .help = "find the smallest number of maps that reaches this RMS error, in texels"},
     {NULL},
 };
 
@@ -89,7 +89,7 @@ static const struct option mdf_codec_views_table[] = {
      .fallback = "4bit",
      .choices = mdf_codec_bits_choices,
      .offset = offsetof(struct mdf_codec_views_options, quantise),
-     .help = "numbers of each view in the file: half, 8bit or 4bit"},
+     .help = "format of each view's numbers in the file: half, 8bit or 4bit"},
     {NULL},
 };
 
@@ -140,7 +140,7 @@ static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
 
 static const struct mdf_codec mdf_codec_maps = {
     .name = "mdf",
-    .help = "the distances (MDF) as few maps in 8 bit that all views share",
+    .help = "the distances (MDF) as a few maps in 8 bit that all views share",
     .kind = MDF_FACTORS_KIND,
     .options = mdf_codec_maps_table,
     .options_size = sizeof(struct mdf_codec_maps_options),
@@ -151,7 +151,7 @@ static const struct mdf_codec mdf_codec_maps = {
 
 static const struct mdf_codec mdf_codec_views = {
     .name = "mdf-views",
-    .help = "the distances (MDF), each view on its own (Wang et al. 2005)",
+    .help = "the distances (MDF), each view separately (Wang et al. 2005)",
     .kind = "mdf-blocks",
     .options = mdf_codec_views_table,
     .options_size = sizeof(struct mdf_codec_views_options),
