@@ -104,7 +104,8 @@ static void lobes_codec_reconstruct(gconstpointer model, int texel, float *ret) 
     lobes_reconstruct(model, texel, ret);
 }
 
-/* The formula, at least 0; of models of each view on its own, Σ_a g_a of the views around. */
+/* Evaluates the formula, at least 0. Models of separate views are mixed from the surrounding views
+ * with Σ_a g_a. */
 static void lobes_codec_evaluate(gconstpointer model, const struct codec_query *query,
                                  const struct codec_texels *texels, float ret[3]) {
     const struct lobes *lobes = model;
