@@ -20,8 +20,8 @@ struct merl {
     float *values; /* 3 × THETA_H × THETA_D × n_phi, f_r or below 0 */
 };
 
-/* Converts the numbers of one colour before it reads the next, so that doubles of only one colour
- * are in memory. */
+/* Converts the numbers of one colour before it reads the next, so that memory holds the doubles of
+ * only one colour. */
 static gboolean merl_read_colours(struct merl *merl, int fd, const char *path, GError **error) {
     const gsize n = (gsize)THETA_H * THETA_D * (gsize)merl->n_phi;
     g_autofree double *row = g_new(double, n);
@@ -121,10 +121,10 @@ struct writing {
     gpointer data;
     int n_turns;
     double *values;             /* 3 × THETA_H × THETA_D × PHI_D */
-    double squares[THETA_H][2]; /* of each θ_h: of the differences, and of the mean */
+    double squares[THETA_H][2]; /* sums for each θ_h: of the differences, and of the mean */
 };
 
-/* The directions of the centre of a bin at φ_h = 0. */
+/* Gives the directions at the centre of a bin for φ_h = 0. */
 static void merl_directions(int i, int j, int k, double light[3], double view[3]) {
     const double root = (i + 0.5) / THETA_H, theta_h = root * root * G_PI / 2;
     const double theta_d = (j + 0.5) / THETA_D * G_PI / 2, phi_d = (k + 0.5) / PHI_D * G_PI;

@@ -50,7 +50,7 @@ static gboolean utia_read_bin(struct utia *utia, const char *path, GError **erro
     return TRUE;
 }
 
-/* Measures how much neighbouring rows differ among the 48 rows from first on. */
+/* Measures the difference of neighbouring rows among the 48 rows from first on. */
 static double utia_unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
@@ -106,7 +106,7 @@ static float utia_decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Makes the 48 directions of θ = 0 one, by their mean: rows if step is UTIA_SIDE, otherwise
+/* Replaces the 48 directions of θ = 0 by their mean: rows if step is UTIA_SIDE, otherwise
  * columns. */
 static void utia_join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
@@ -144,7 +144,7 @@ void utia_free(struct utia *utia) {
     g_free(utia);
 }
 
-/* The four measured directions around one, and their weights. */
+/* Gives the four measured directions around a direction, and their weights. */
 static void utia_weights(const float direction[3], gsize ret_index[4], double ret_weight[4]) {
     const double flat = hypot((double)direction[0], (double)direction[1]);
     const double theta =

@@ -9,12 +9,12 @@
 #include "textons.h"
 #include "tileable.h"
 
-#define LEAST_SAMPLE 16 /* texels each way */
+#define LEAST_SAMPLE 16 /* minimum number of texels in each dimension */
 #define LEAST_MAP    16
 
 const char *const synthesis_names[SYNTHESIS_METHODS] = {"auto", "textons", "quilting", "tileable"};
 
-/* The mean of what stands in the map in a block of side × side texels of level 0; those beyond the
+/* Gives the mean of the map's texels in a block of side × side texels of level 0. Texels beyond the
  * edge do not count. */
 static void synthesis_block_mean(const struct texel_features *f, const struct index_map *map, int x,
                                  int y, int side, float *ret) {
