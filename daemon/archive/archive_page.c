@@ -10,7 +10,7 @@
 #define MOST_EVENTS   200
 #define MOST_PRODUCTS 40
 
-/* Numbers of CSS and SVG have decimal points, since the programs set no numeric locale. */
+/* Numbers of CSS and SVG have decimal points, because the programs set no numeric locale. */
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
     "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -36,7 +36,7 @@ static const char head[] =
     "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
 
 static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Adds text by a format, and escapes every argument that is text. */
+/* Adds text by a format. Every argument that is text is escaped. */
 static void add(GString *to, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
@@ -50,7 +50,7 @@ static void add_row(GString *to, const char *name, const char *value) {
         add(to, "<tr><th>%s</th><td>%s</td></tr>\n", name, value);
 }
 
-/* "2 h 05 min, the plan said 2 h 01 min" */
+/* Returns a text such as "2 h 05 min, the plan said 2 h 01 min". */
 static char *compared(double found, double planned, char *(*print)(double)) {
     g_autofree char *a = isfinite(found) ? print(found) : g_strdup("not known");
     g_autofree char *b = isfinite(planned) ? print(planned) : NULL;
@@ -225,7 +225,7 @@ static void add_events(GString *to, const struct archive *archive) {
     g_string_append(to, "</details>\n");
 }
 
-/* Views of the BTF are too many to list. */
+/* The views of the BTF are too many for a list. */
 static void add_products(GString *to, const struct archive *archive) {
     int shown = 0, views = 0;
     gint64 view_bytes = 0;

@@ -42,8 +42,8 @@ static const GOptionEntry resume_entries[] = {
     {NULL},
 };
 
-/* session: NULL to resume. chosen: the exposures in place of "auto" in the session file; may be
- * NULL. Returns NULL if a file that the options name cannot be read. */
+/* session is NULL to resume. chosen contains the exposures that replace "auto" in the session file;
+ * it may be NULL. Returns NULL if a file that the options name cannot be read. */
 static GVariant *start_options(Link *link, const char *session, const char *chosen,
                                GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -61,7 +61,7 @@ static GVariant *start_options(Link *link, const char *session, const char *chos
     return g_variant_dict_end(&options);
 }
 
-/* With --json all states have been printed already; only an error is missing. */
+/* With --json all states have already been printed; only an error is missing. */
 static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
                                 const char *directory, GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
@@ -95,7 +95,7 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-/* session: NULL to resume. */
+/* session is NULL to resume. */
 static int cli_capture_run(const struct call *call, const char *rig, const char *session,
                            const char *directory, GError **error) {
     gboolean simulated = FALSE;
@@ -114,7 +114,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     if (uncalibrated)
-        monitor_leave_out(monitor, "calibration"); /* which would say it again */
+        monitor_leave_out(monitor, "calibration"); /* the monitor would repeat it */
     GVariant *options = start_options(link, session, chosen, error);
     const gboolean ok =
         options &&
@@ -129,8 +129,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* A private daemon's child, which makes the products, has ended with the daemon; this makes
-     * those that the child has not finished. */
+    /* The child of a private daemon, which makes the products, ends with the daemon. The remaining
+     * products are made here. */
     return code == CLI_DONE && process && private
                ? process_session(directory, session != NULL, call->record, error)
                : code;

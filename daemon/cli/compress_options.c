@@ -1,4 +1,4 @@
-/* compress: its options and their help are those of the tables of all codecs. */
+/* compress: its options and their help texts come from the tables of all codecs. */
 #include "compress.h"
 
 #include <string.h>
@@ -46,7 +46,8 @@ static void compress_list_method(struct compress_method method) {
         compress_list_option(option);
 }
 
-/* The names of all methods that take an option; option NULL: of all methods. g_free() */
+/* Returns the names of all methods that take an option. If option is NULL, returns the names of all
+ * methods. g_free() */
 static char *compress_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
@@ -55,7 +56,8 @@ static char *compress_names(const char *option, const char *separator) {
     return g_string_free(names, FALSE);
 }
 
-/* "lpca: its help there; fields, ptm: their help there". Methods with the same help share it. */
+/* Returns a help text such as "lpca: its help there; fields, ptm: their help there". Methods with
+ * the same help share it. */
 static const char *compress_help(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;
@@ -80,7 +82,7 @@ static const char *compress_help(const char *name) {
     return g_intern_string(text->str);
 }
 
-/* All choices that some method has. */
+/* Returns all choices that any method has. */
 static const char *compress_choices(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);
@@ -159,7 +161,8 @@ const GOptionEntry *compress_entries(void) {
     return entries;
 }
 
-/* The arguments of the command as they were given, so that the same command can run again. */
+/* Returns the arguments of the command as they were given, so that the same command can be run
+ * again. */
 static char *compress_made_by(void) {
     g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {

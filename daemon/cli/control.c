@@ -1,5 +1,4 @@
-/* status, watch, pause, continue, abort, safe, release, close: the commands about a daemon's work.
- */
+/* status, watch, pause, continue, abort, safe, release, close: commands that control a daemon. */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
@@ -9,11 +8,12 @@
 #include "info.h"
 #include "unattended/unattended.h"
 
-/* Time for which “safe” asks devices that have not confirmed, and between two questions. */
+/* The time for which “safe” asks devices that have not confirmed, and the time between two
+ * requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
 #define SAFE_PAUSE_US (100 * 1000)
 
-/* NULL: none was given. g_free(). */
+/* NULL if none was given. g_free() */
 static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
@@ -47,7 +47,7 @@ static void tell_status(Record *to, BusRig1 *rig) {
 
 static int run_status(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
-    /* Without a daemon, what is in the directory is shown. */
+    /* Without a daemon, the contents of the directory are shown. */
     const gboolean readable = directory && !cli_address && !cli_bus;
     g_autoptr(Link) link = link_find(directory, readable ? NULL : error);
     if (!link)
@@ -86,7 +86,7 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Reports what a command has done, on which rig and to which session: the one that is being
+/* Reports the effect of a command, its rig and its session. session is the one that is being
  * captured, or "". */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
     record_string(to, "done", done);
@@ -94,8 +94,9 @@ static void tell_whose(Record *to, const char *done, const char *rig, const char
     record_string(to, "session", session);
 }
 
-/* Commands that send one request to the daemon. They print done, session and rig; then, unless they
- * are NULL, how, which says how it is done, and next, the command to go on with. */
+/* Commands that send one request to the daemon. They print done, session and rig. If how is not
+ * NULL, they also print how the request is carried out, and if next is not NULL, the command with
+ * which to continue. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);
@@ -154,8 +155,9 @@ static int run_close(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-/* SafeState answers within a quarter of a second. A slow device may confirm later, so the command
- * asks again until all have, or until the drivers of lasers and lamps have given up. */
+/* SafeState answers within a quarter of a second. A slow device may confirm later. The command
+ * therefore asks again until all devices have confirmed, or until the drivers of lasers and lamps
+ * have given up. */
 static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
                           GError **error) {
     const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;
@@ -169,7 +171,7 @@ static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devic
     }
 }
 
-/* Prints the answer of each device. A state that was not read back is a failure. */
+/* Prints the answer of each device. A state that was not read back counts as a failure. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);

@@ -1,4 +1,4 @@
-/* plan and drivers: what would be done, and with what. */
+/* plan and drivers: show a plan, and the available drivers. */
 #include "adaptive/expected.h"
 #include "base/nearest.h"
 #include "capture/capture.h"
@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* Has the daemon that has the rig open make the plan. */
+/* Lets the daemon that has the rig open make the plan. */
 static GVariant *plan_remotely(Link *link, const char *session, const char *directory,
                                GError **error) {
     gboolean ok = FALSE;
@@ -46,7 +46,7 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     return ok ? g_steal_pointer(&plan) : NULL;
 }
 
-/* Joins the errors of both files, so that one run reports all mistakes. NULL: no error there. */
+/* Joins the errors of both files, so that one run reports all mistakes. An error may be NULL. */
 static void plan_join_errors(GError *of_rig, GError *of_session, GError **error) {
     if (of_rig && of_session) {
         g_prefix_error(&of_session, "%s\n", of_rig->message);

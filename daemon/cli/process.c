@@ -87,8 +87,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* Tells people which calibration the products were made with, and returns it. told: people have
- * already read about the session's own calibration, which is not told again. NULL: an error. */
+/* Tells people the calibration that the products were made with, and returns it. With told, the
+ * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
@@ -103,10 +103,10 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    const char *calibration, *path; /* its text, and where it is from; NULL: the session's own */
+    const char *calibration, *path; /* its text, and its origin; NULL for the session's own */
     gboolean follow, lines_in_pictures, told;
     struct pipeline_result result;
-    GPtrArray *causes; /* char *: why little was measured */
+    GPtrArray *causes; /* of char *: why little was measured */
 };
 
 static gboolean run_pipeline(const struct work *work, gpointer data, GError **error) {
@@ -153,8 +153,8 @@ int process_session(const char *directory, gboolean told, Record *to, GError **e
     return run_process(&process, to, error);
 }
 
-/* The text of a calibration file, or “nominal”: the geometry and light of the rig file that the
- * session was captured with. */
+/* Returns the text of a calibration file. For “nominal”, returns the geometry and light of the rig
+ * file with which the session was captured. */
 static char *read_calibration(const char *directory, const char *path, GError **error) {
     if (!g_str_equal(path, "nominal")) {
         g_autoptr(Calibration) calibration = calibration_read(path, error);

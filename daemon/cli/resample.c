@@ -1,4 +1,4 @@
-/* resample: a BTF in directions that are the same for all texels. */
+/* resample: converts a BTF to directions that are the same for all texels. */
 #include "base/plural.h"
 #include "command/cli.h"
 #include "command/work.h"
@@ -8,7 +8,8 @@
 
 #include <string.h>
 
-#define MEMORY (G_GINT64_CONSTANT(2) << 30) /* of the values read with --along-surface */
+/* maximum memory for the values with --along-surface */
+#define MEMORY (G_GINT64_CONSTANT(2) << 30)
 
 static char *output, *directions;
 static gboolean along_surface;
@@ -30,7 +31,7 @@ static const GOptionEntry entries[] = {
 
 struct job {
     const char *session;
-    struct btf_directions *to; /* NULL: its own */
+    struct btf_directions *to; /* NULL for the session's own */
     struct near_field_correction_result result;
     struct along_surface_result along;
 };
@@ -84,7 +85,7 @@ static void add_values(Record *to, const struct near_field_correction_result *re
     add_moved(to, &result->all);
 }
 
-/* For names with a sign of two bytes. */
+/* Returns the width in bytes for names with a character of two bytes. */
 static int padded(const char *name, int width) {
     return width + (int)strlen(name) - (int)g_utf8_strlen(name, -1);
 }
@@ -102,7 +103,7 @@ static void say_to(Record *to, const char *name, const struct near_field_correct
     record_say(to, "\n");
 }
 
-/* A table of all bands, and of all of them together. */
+/* Adds a table of all bands, and the values of all bands together. */
 static void tell_bands(Record *to, const char *key, const GArray *bands,
                        const struct near_field_correction_band *all,
                        void (*add)(Record *, const struct near_field_correction_band *),

@@ -1,4 +1,4 @@
-/* export bsdf, merl: the mean BRDF of a material's texels. */
+/* export bsdf, merl: write the mean BRDF of a material's texels. */
 #include "reflectance/export_brdf.h"
 #include "base/plural.h"
 #include "command/work.h"

@@ -1,4 +1,4 @@
-/* export btf: the BTF of a session as a file of Bonn's. */
+/* export btf: writes the BTF of a session in Bonn's format. */
 #include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"

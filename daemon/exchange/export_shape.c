@@ -65,7 +65,7 @@ static gboolean work_lights(const struct work *work, gpointer data, GError **err
                            error);
 }
 
-/* Exports normals or heights from the pictures, at the lights where they were taken. */
+/* Exports normals or heights from the pictures under the measured lights. */
 static int export_by_lights(const struct call *call, struct job *job, GError **error) {
     static const char *const names[PHOTOMETRIC_CAUSES] = {
         [PHOTOMETRIC_DARK] = "dark",
@@ -104,7 +104,7 @@ static int export_by_lights(const struct call *call, struct job *job, GError **e
     return CLI_DONE;
 }
 
-/* Exports the surface from a PTM or HSH, which says how brightness depends on the light. */
+/* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
 static int export_by_fit(const struct call *call, struct job *job, GError **error) {
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;

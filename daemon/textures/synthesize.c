@@ -1,4 +1,5 @@
-/* synthesize: an index map, by which a material of any size is drawn from a small sample. */
+/* synthesize: makes an index map, with which a material of any size is drawn from a small
+ * sample. */
 #include "textures.h"
 
 #include <stdio.h>
@@ -8,7 +9,7 @@
 #include "session/session.h"
 #include "synthesis/synthesis.h"
 
-#define MEMORY ((gint64)1 << 30) /* for the BTF; a larger one is kept in a scratch file */
+#define MEMORY ((gint64)1 << 30) /* memory for the BTF; a larger one is kept in a scratch file */
 
 static char *output, *size, *method;
 static gboolean tileable;
@@ -36,7 +37,8 @@ struct job {
     OutputFile *to; /* written */
 };
 
-/* The file to write: with the session's lock, if it is among its products. */
+/* Returns the file to write. If it is one of the session's products, the session's lock is
+ * taken. */
 static char *synthesize_output(const char *session, GError **error) {
     if (output)
         return g_strdup(output);
@@ -107,7 +109,7 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
     cli_tell_output(to, job->to);
 }
 
-/* FALSE: *ret_code. */
+/* Returns FALSE with *ret_code set if the command must end. */
 static gboolean synthesize_ask(const struct call *call, struct synthesis_options *o,
                                int *ret_code) {
     char rest;

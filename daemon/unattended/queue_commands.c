@@ -2,7 +2,7 @@
 
 #include "unattended.h"
 
-#define MOST_SESSIONS 100 /* of one call */
+#define MOST_SESSIONS 100 /* maximum number of sessions in one call */
 
 static char *output, *folder, *calibration;
 static gboolean process, yes, ended;
@@ -26,7 +26,7 @@ static const GOptionEntry remove_entries[] = {
     {NULL},
 };
 
-/* A daemon that keeps a queue. */
+/* Finds a daemon that keeps a queue. */
 static Link *queue_link(GError **error) {
     g_autoptr(Link) link = link_find(NULL, error);
     if (!link)
@@ -40,7 +40,7 @@ static Link *queue_link(GError **error) {
     return NULL;
 }
 
-/* Where a session file's session is made; g_free(). */
+/* Returns the directory of the session of a session file; g_free(). */
 static char *directory_for(const char *session) {
     if (output)
         return g_canonicalize_filename(output, NULL);
@@ -52,7 +52,7 @@ static char *directory_for(const char *session) {
     return g_canonicalize_filename(below, NULL);
 }
 
-/* NULL: a file cannot be read. */
+/* Returns NULL if a file cannot be read. */
 static GVariant *add_options(Link *link, const char *session, gboolean check, GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     g_auto(GVariantDict) options;
@@ -69,7 +69,7 @@ static GVariant *add_options(Link *link, const char *session, gboolean check, GE
     return g_variant_dict_end(&options);
 }
 
-/* The mistakes of all files together: nothing is added if there is one. */
+/* Collects the mistakes of all files. Nothing is added if there is one. */
 static gboolean check_all(Link *link, const struct call *call, GError **error) {
     g_autoptr(GString) mistakes = g_string_new(NULL);
     for (int i = 0; i < call->n_arguments; i++) {
