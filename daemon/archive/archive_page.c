@@ -129,15 +129,14 @@ static void add_share(GString *to, double share) {
 
 static void add_rings(GString *to, const struct archive *archive) {
     g_string_append(
-        to,
-        "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower bounds "
-        "(saturated), values of shorter exposures alone and predicted values are shares of the "
-        "BTF’s values; σ is the median standard error of a value. The surface is measured where "
-        "the view itself sees it, and supplied where other views do.</p>\n<div class=\"wide\">"
-        "<table><tr><th class=\"n\">θ</th><th class=\"n\">views</th><th class=\"n\">pictures</th>"
-        "<th class=\"n\">holes</th><th class=\"n\">bounds</th><th class=\"n\">shorter</th>"
-        "<th class=\"n\">predicted</th><th class=\"n\">σ</th><th class=\"n\">surface measured</th>"
-        "<th class=\"n\">supplied</th></tr>\n");
+        to, "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower "
+            "bounds (saturated), values of only shorter exposures and predicted values are shares "
+            "of the BTF’s values; σ is the median standard error of a value. The surface is "
+            "measured where the view itself sees it, and supplied where other views do.</p>\n<div "
+            "class=\"wide\"><table><tr><th class=\"n\">θ</th><th class=\"n\">views</th><th "
+            "class=\"n\">pictures</th><th class=\"n\">holes</th><th class=\"n\">bounds</th><th "
+            "class=\"n\">shorter</th><th class=\"n\">predicted</th><th class=\"n\">σ</th><th "
+            "class=\"n\">surface measured</th><th class=\"n\">supplied</th></tr>\n");
     for (guint i = 0; i < archive->rings->len; i++) {
         const struct archive_ring *ring = &g_array_index(archive->rings, struct archive_ring, i);
         const double shares[] = {ring->holes, ring->bounds,   ring->shorter, ring->predicted,

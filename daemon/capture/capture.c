@@ -323,7 +323,7 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         }
     }
     g_autofree char *message =
-        g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
+        g_strdup_printf("resumed: %d of %d shots are done", capture->n_done, capture->n_shots);
     capture_add_event(capture, "info", "capture", message);
     capture_lasers_note_all(capture);
     capture_begin_soon(capture);
@@ -414,7 +414,7 @@ void capture_abort(Capture *capture) {
         capture_add_event(capture, "error", "rig", error->message);
     capture_clear_flights(capture);
     capture_add_event(capture, "info", "capture",
-                      "aborted; what is there stays, the session can be resumed");
+                      "aborted; all stored frames are kept, and the session can be resumed");
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 

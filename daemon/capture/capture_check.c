@@ -41,8 +41,8 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
     struct statvfs stat;
     if (stat_nearest(path, &stat) && stat.f_blocks == 0) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
-                    "%s: no session can be written there, for it is on no disk; choose a folder "
-                    "on a disk",
+                    "%s: no session can be written there, because it is not on a disk; choose a "
+                    "folder on a disk",
                     path);
         return FALSE;
     }
@@ -53,8 +53,8 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
     g_autofree char *spare_text = g_format_size(SPARE_BYTES);
     g_autofree char *free_text = g_format_size(free_bytes);
     g_set_error(error, SESSION_ERROR, SESSION_ERROR_FULL,
-                "%s: the session needs %s for frames, and %s to spare for its database and the "
-                "first products, but %s are free there; free some space or choose another disk",
+                "%s: the session needs %s for frames, and %s for its database and the first "
+                "products, but only %s are free there; free some space or choose another disk",
                 path, needed_text, spare_text, free_text);
     return FALSE;
 }
@@ -69,8 +69,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
         return FALSE;
     if (strcmp(then.id, rig->id)) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file it "
-                    "was begun with",
+                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file "
+                    "with which it was begun",
                     path, then.id, rig->id);
         return FALSE;
     }
@@ -172,7 +172,7 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
     if (g_strcmp0(text, now_text) == 0)
         return NULL;
-    return g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
-                    "frames from before and after may not fit together. What is "
-                    "processed uses the calibration of the beginning.");
+    return g_strdup(
+        "The rig's geometry or calibration is not the one the session was begun with; frames from "
+        "before and after may not fit together. Processing uses the calibration of the beginning.");
 }

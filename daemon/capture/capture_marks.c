@@ -53,8 +53,8 @@ static void report_first_check(Capture *capture, const struct fiducials_check *c
             ? g_strdup_printf(
                   "quick check: fiducials seen %d times, %.3f px off where calibration has them",
                   check->n_seen, check->rms_px)
-            : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
-                       "has moved, and what the lamps give");
+            : g_strdup("no camera sees a mark: are the marks covered? It is not known whether the "
+                       "rig has moved, nor how bright the lamps are");
     capture_add_event(capture, check->n_seen > 0 ? "info" : "warning", "fiducials", text);
 }
 
@@ -110,10 +110,10 @@ char *capture_marks_check(Capture *capture, const struct flight *flight, GError 
         return NULL;
     }
     capture_marks_forget(capture);
-    return g_strdup_printf("Something has moved since the rig was calibrated: %s. It may have been "
-                           "so in the last %u shots. Put it back or calibrate again; if you go on, "
-                           "it is taken as it is.",
-                           what, MAX(before, 1) + 1);
+    return g_strdup_printf(
+        "Something has moved since the rig was calibrated: %s. The last %u shots may be affected. "
+        "Put it back or calibrate again. If you continue, the capture uses it as it is.",
+        what, MAX(before, 1) + 1);
 }
 
 static void unref_array(gpointer array) {

@@ -181,9 +181,9 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     g_autofree char *reason =
         capture_is_full(path, error)
             ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
-                              "space, then go on.",
+                              "space, then continue.",
                               error_details_what(error), size, path)
-            : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
+            : g_strdup_printf("The session cannot be written: %s. Check the disk, then continue.",
                               error->message);
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
@@ -288,9 +288,9 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
                               "was taken again",
                               rig->cameras[blind].name)
             : g_strdup("no camera saw more than its dark level");
-    g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
-                                              "its fuse and its relay, then go on.",
-                                              lamp, seen);
+    g_autofree char *reason = g_strdup_printf(
+        "lamp %s gives no light: %s. Check the lamp, its fuse and its relay, then continue.", lamp,
+        seen);
     stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
     return TRUE;
 }
@@ -357,7 +357,7 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
     if (above <= DARK_PART * ((1 << format->bits) - 1))
         return;
     g_autofree char *message = g_strdup_printf(
-        "the dark frames are not dark: %.0f DN above black on average; light comes in from outside",
+        "the dark frames are not dark: %.0f DN above black on average; light enters from outside",
         above);
     capture_add_event(capture, "warning",
                       capture->devices->geometry.cameras[result->frame.camera].name, message);
@@ -383,19 +383,19 @@ static void on_result(const struct intake_result *result, gpointer data) {
     }
     if (result->laser_seen) {
         const char *laser = capture->devices->geometry.lasers[result->shot->device].name;
-        g_autofree char *reason = g_strdup_printf(
-            "laser %s stays on: camera %s still saw it after it was switched off. Cut its power, "
-            "check its relay, then go on.",
-            laser, capture->devices->geometry.cameras[camera].name);
+        g_autofree char *reason =
+            g_strdup_printf("laser %s stays on: camera %s still saw it after it was switched off. "
+                            "Cut its power, check its relay, then continue.",
+                            laser, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_RIG, laser, reason);
         return;
     }
     if (result->uneven) {
         const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
-        g_autofree char *reason = g_strdup_printf(
-            "lamp %s was not as bright in all exposures of a shot, by what camera %s saw. Check "
-            "the lamp, its fuse and its relay, then go on.",
-            lamp, capture->devices->geometry.cameras[camera].name);
+        g_autofree char *reason =
+            g_strdup_printf("lamp %s was not equally bright in all exposures of a shot, according "
+                            "to camera %s. Check the lamp, its fuse and its relay, then continue.",
+                            lamp, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
         return;
     }

@@ -48,8 +48,8 @@ void sequencer_finish(Sequencer *seq) {
         seq->hooks.finished(seq->hooks.data);
         return;
     }
-    g_autofree char *text =
-        g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
+    g_autofree char *text = g_strdup_printf(
+        DEVICES_UNSAFE ": %s. Switch it off by hand, then continue.", error->message);
     seq->hooks.fault("rig", text, TRUE, seq->hooks.data);
 }
 

@@ -218,9 +218,10 @@ static void pass_tell(Sequencer *seq) {
                            (passes_at_deg(&shot->pass, shot->turntable_deg) - shot->pass.from_deg);
         g_queue_pop_head(&seq->pass.told);
         if (!known)
-            device_error_set(&error, DEVICE_ERROR_TIMEOUT, table->device.who,
-                             "it did not tell where it was while a frame was "
-                             "exposed" ERROR_ADVICE "check its cable, and stamp_ms if it has that");
+            device_error_set(
+                &error, DEVICE_ERROR_TIMEOUT, table->device.who,
+                "it did not report its position during the exposure of a frame" ERROR_ADVICE
+                "check its cable, and stamp_ms if it has that option");
         else if (fabs(off) > MOST_OFF_DEG)
             device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
                              "it was %+.2f° from %g° while a frame was exposed" ERROR_ADVICE
@@ -274,10 +275,10 @@ static void pass_end(Sequencer *seq) {
         sequencer_advance(seq);
     } else {
         const char *name = seq->devices->turntable->device.name;
-        g_autofree char *reason = g_strdup_printf(
-            "axis %s: it passed %d times without a picture that could be taken. Check that it "
-            "tells where it is, or set [capture] motion = standing.",
-            name, pass->fruitless);
+        g_autofree char *reason =
+            g_strdup_printf("axis %s: it passed %d times without a good picture. Check that it "
+                            "reports its position, or set [capture] motion = standing.",
+                            name, pass->fruitless);
         sequencer_fail(seq, name, reason, TRUE);
     }
 }

@@ -55,8 +55,8 @@ static const char *stage_advice(const GError *error) {
 
 char *stage_advise(const char *text, const GError *error) {
     if (error_details_advice(error))
-        return g_strdup_printf("%s, then go on.", text);
-    return g_strdup_printf("%s. %s, then go on.", text, stage_advice(error));
+        return g_strdup_printf("%s, then continue.", text);
+    return g_strdup_printf("%s. %s, then continue.", text, stage_advice(error));
 }
 
 /* Describes a device by its class and name, which an error from a bus may lack. */

@@ -144,13 +144,12 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
     if (compress->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
-                   " values of the BTF are holes and were filled from what is around them\n",
+                   " values of the BTF are holes and were filled from their neighbours\n",
                    compress->holes, compress->raw_bytes / 6);
     if (compress->bounds > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT
-                   " are lower bounds, since the camera was saturated, and were taken as they "
-                   "are\n",
+                   " are lower bounds, because the camera was saturated, and are used unchanged\n",
                    compress->bounds);
 }
 

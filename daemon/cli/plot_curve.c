@@ -154,7 +154,7 @@ gboolean plot_curve(const char *path, const char *name, double raw_bytes,
             draw_tick(cr, &axes, FALSE, steps[i] * pow(10, power));
         }
     plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5,
-              "size against the BTF in half floats: in a renderer, of what is packed on disk");
+              "size relative to the BTF in half floats: in a renderer, or on disk if packed");
     place_names(list);
     for (guint i = 0; i < list->len; i++) {
         const struct series *series = &g_array_index(list, struct series, i);

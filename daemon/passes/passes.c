@@ -22,12 +22,12 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
     if (!table->wraps && !(table->min_deg < table->max_deg))
         return g_strdup("there is no [axis turntable]: leave it out");
     if (table->report_ms <= 0)
-        return g_strdup("the driver of [axis turntable] does not tell where it is at which time: "
-                        "set motion = standing");
+        return g_strdup("the driver of [axis turntable] does not report positions with their "
+                        "times: set motion = standing");
     for (int c = 0; c < rig->n_cameras; c++)
         if (cameras & 1u << c && timing->stamp_us[c] < 0)
-            return g_strdup_printf("camera %s does not tell when its frames were exposed, or "
-                                   "exposes one row after the other: set motion = standing",
+            return g_strdup_printf("camera %s does not report when its frames were exposed, or has "
+                                   "a rolling shutter: set motion = standing",
                                    rig->cameras[c].name);
     if (conf->order == ORDER_VIEWS)
         return g_strdup("order = views takes all lamps at one angle of the turntable, but the "

@@ -324,7 +324,7 @@ static gboolean plan_check_exposure(const struct plan_build *b, int camera, doub
     if (llround(exposure_us) >= min && llround(exposure_us) <= max)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", name,
-                   "%g us is outside what camera %s can do, %" G_GINT64_FORMAT
+                   "%g us is outside the range of camera %s, %" G_GINT64_FORMAT
                    " to %" G_GINT64_FORMAT " us",
                    exposure_us, b->rig->cameras[camera].name, min, max);
     return FALSE;
@@ -382,12 +382,11 @@ static gboolean plan_check_sampling(const struct plan_build *b, GError **error) 
     }
     const char *unit = b->lasers->len > 0 ? plan_mounted_by_hand(b) : NULL;
     if (unit)
-        plan_set_error(
-            error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
-            "adaptive takes the lamps' shots in rounds, and the laser unit %s is mounted "
-            "by hand at several places, for which somebody has to be there: set "
-            "sampling = all, or capture [lasers] in a session of their own",
-            unit);
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
+                       "adaptive takes the lamps' shots in rounds, and the laser unit %s is "
+                       "mounted by hand at several places, for which somebody has to be present: "
+                       "set sampling = all, or capture [lasers] in a separate session",
+                       unit);
     return unit == NULL;
 }
 
@@ -419,8 +418,8 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
     if (least_s <= 60 * conf->light_budget_min)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "budget_min",
-                   "%g min are too few for the first round, whose %d shots take %.2f min: give as "
-                   "many, or a smaller first, which is %d",
+                   "%g min are too few for the first round, whose %d shots take %.2f min: give at "
+                   "least that many, or reduce first, which is %d",
                    conf->light_budget_min, n, ceil(least_s / 0.6) / 100, conf->light_first);
     return FALSE;
 }

@@ -98,10 +98,10 @@ char *plan_missing(const struct session_plan *plan) {
             pictures += n;
     }
     if (views > 0)
-        return g_strdup_printf("%d of %d views miss more than %g %% of their lights: there will be "
-                               "no BTF of them, which a session for calibration does not "
-                               "need; another offset_deg of [lights] may help",
-                               views, plan->n_views, 100 * BTF_MOST_MISSING);
+        return g_strdup_printf(
+            "%d of %d views miss more than %g %% of their lights: these views will have no BTF (a "
+            "session for calibration needs none); another offset_deg of [lights] may help",
+            views, plan->n_views, 100 * BTF_MOST_MISSING);
     return pictures > 0
                ? g_strdup_printf("%d pictures of the BTF will be predicted from those of other "
                                  "lights; another offset_deg of [lights] may help",

@@ -140,7 +140,7 @@ char *report_text(GVariant *report) {
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
     g_string_append_printf(text, "shots           %d, with %d %s\n", shots,
                            PLURAL(frames, "camera frame"));
-    g_string_append_printf(text, "on disk         %s; products take their own\n", size);
+    g_string_append_printf(text, "on disk         %s; products need additional space\n", size);
     const int mounts = get_int(report, "mounts");
     if (mounts > 0)
         g_string_append_printf(
@@ -158,7 +158,7 @@ char *report_text(GVariant *report) {
     g_string_append(text, "\n");
     if (later_sweeps > 0 || later_lamps > 0) {
         g_autofree char *first = report_duration(get_double(report, "first_s"));
-        g_string_append_printf(text, "if it suffices  %s with the first round of %s alone\n", first,
+        g_string_append_printf(text, "if sufficient   %s with only the first round of %s\n", first,
                                later_lamps == 0    ? "sweeps"
                                : later_sweeps == 0 ? "lamps"
                                                    : "lamps and sweeps");

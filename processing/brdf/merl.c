@@ -58,8 +58,8 @@ struct merl *merl_read(const char *path, GError **error) {
         sizes[0] == THETA_H && sizes[1] == THETA_D && (sizes[2] == PHI_D || sizes[2] == 2 * PHI_D);
     if (!ok)
         data_error_set(path, 0, error,
-                       "it begins with the numbers %d, %d, %d; a file of MERL's begins with 90, "
-                       "90, 180",
+                       "it begins with the numbers %d, %d, %d; a file in MERL's format begins with "
+                       "90, 90, 180",
                        sizes[0], sizes[1], sizes[2]);
     const guint64 expected = 12 + (guint64)3 * 8 * THETA_H * THETA_D * (guint64)MAX(sizes[2], 0);
     if (ok && length != expected)

@@ -20,11 +20,10 @@ struct utia {
 #define BYTES (3 * PIXELS * sizeof(double))
 
 static gboolean utia_fail_size(const char *path, gsize is, GError **error) {
-    return data_error_fail(
-        path, 0, error,
-        "it has %zu bytes; a BRDF of UTIA's has %zu, of 3 × 288 × 288 numbers of "
-        "8 bytes (288 × 288 pairs of directions in three colours)",
-        is, BYTES);
+    return data_error_fail(path, 0, error,
+                           "it has %zu bytes; a BRDF in UTIA's format has %zu: 3 × 288 × 288 "
+                           "numbers of 8 bytes (288 × 288 pairs of directions in three colours)",
+                           is, BYTES);
 }
 
 static gboolean utia_read_bin(struct utia *utia, const char *path, GError **error) {
@@ -79,7 +78,7 @@ static gboolean utia_read_exr(struct utia *utia, const char *path, GError **erro
     const struct exr_part *first = headers->parts->len ? headers->parts->pdata[0] : NULL;
     if (!first || first->width != UTIA_SIDE || first->height != UTIA_SIDE)
         return data_error_fail(path, 0, error,
-                               "it has %d × %d pixels; a BRDF of UTIA's has 288 × 288",
+                               "it has %d × %d pixels; a BRDF in UTIA's format has 288 × 288",
                                first ? first->width : 0, first ? first->height : 0);
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)

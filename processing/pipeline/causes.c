@@ -240,12 +240,13 @@ static void explain_dark(Session *session, const struct texts *texts, const GArr
                                  camera->name));
     else
         g_ptr_array_add(
-            ret, g_strdup_printf("%s dark: %.2g of a white surface, though a picture of it is %.3g "
-                                 "DN above dark; response of [camera %s] = %g or the intensity of "
-                                 "the lamps is too large: measure a white tile (mesorig calibrate "
-                                 "radiometry), or correct them in %s",
-                                 which, first->mean, dn, camera->name, camera->response,
-                                 texts->imported ? "the file of nominal values" : "the rig file"));
+            ret,
+            g_strdup_printf(
+                "%s dark: %.2g of a white surface, although a picture of it is %.3g DN above dark; "
+                "response of [camera %s] = %g or the intensity of the lamps is too large: measure "
+                "a white tile (mesorig calibrate radiometry), or correct them in %s",
+                which, first->mean, dn, camera->name, camera->response,
+                texts->imported ? "the file of nominal values" : "the rig file"));
 }
 
 static void explain_saturated(const struct texts *texts, const GArray *seen, GPtrArray *ret) {
@@ -291,9 +292,8 @@ static void explain_response(const struct texts *texts, GPtrArray *ret) {
     if (first)
         g_ptr_array_add(
             ret, g_strdup_printf("brightness is right up to a factor: response of [camera %s] = %g "
-                                 "is what is taken where nothing is given (%d of %d cameras); "
-                                 "measure a white tile (mesorig calibrate radiometry), or set "
-                                 "response in %s",
+                                 "is the default (%d of %d cameras); measure a white tile (mesorig "
+                                 "calibrate radiometry), or set response in %s",
                                  first, value, n, calibration->rig.n_cameras,
                                  texts->imported ? "the file of nominal values" : "the rig file"));
 }

@@ -85,7 +85,7 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
 
     if (primary == SQLITE_FULL || (primary == SQLITE_IOERR && (saved == ENOSPC || saved == EDQUOT)))
         return session_fail(error, SESSION_ERROR_FULL,
-                            "%s: the disk is full; nothing was lost: free some space and go on",
+                            "%s: the disk is full; nothing was lost: free some space and continue",
                             session->path);
     if (primary == SQLITE_NOTADB)
         return session_fail(error, SESSION_ERROR_FORMAT,

@@ -56,7 +56,7 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
     if (S_ISLNK(status.st_mode)) {
         struct stat target;
         *ret_wrong = g_strdup_printf(
-            "it is a symbolic link to what is %s, not a regular file of the session",
+            "it is a symbolic link to something that is %s, not a regular file of the session",
             stat(path, &target) == 0 ? input_file_kind(target.st_mode) : "not there");
         return NULL;
     }

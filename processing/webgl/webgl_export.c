@@ -33,8 +33,8 @@ static int webgl_export_grid(const struct webgl_export *asked, const struct webg
     const struct btf_layout *layout = &pack->levels[0]->layout;
     data_error_set(asked->path, 0, error,
                    "%zu × %zu texels in %d clusters of %d components take %s, and --size allows "
-                   "%s; give a larger --size, or export what “mesorig compress” made with fewer "
-                   "clusters and components%s",
+                   "%s; give a larger --size, or export a file that “mesorig compress” made with "
+                   "fewer clusters and components%s",
                    layout->width, layout->height, pack->levels[0]->n_clusters,
                    pack->levels[0]->n_components, least, limit,
                    own > 0 ? " or a coarser --grid" : "");
