@@ -10,7 +10,8 @@
  * dropped. */
 void capture_lasers_note(Capture *capture);
 
-/* Notes all lasers of a session that is resumed, since the daemon may have died within a sweep. */
+/* Notes all lasers of a session that is resumed, because the daemon may have died within a
+ * sweep. */
 void capture_lasers_note_all(Capture *capture);
 
 /* Clears the note for the laser of a sweep that is stored: its last frame showed that the laser was

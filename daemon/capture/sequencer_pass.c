@@ -118,7 +118,8 @@ void sequencer_pass_start(Sequencer *seq) {
     stage_turn(seq->stage, way->by_deg, way->speed_deg_s);
 }
 
-/* When the cameras must be triggered for a shot; FALSE: that cannot be told yet. */
+/* Gives the time when the cameras must be triggered for a shot. Returns FALSE if the time is not
+ * known yet. */
 static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *shot,
                                 gint64 *ret_us) {
     const struct axis_motion *motion = &seq->devices->turntable->motion;

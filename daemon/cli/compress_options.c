@@ -10,7 +10,7 @@
 struct given {
     const char *name;
     enum option_type type;
-    char *text;    /* NULL: not given */
+    char *text;    /* NULL if not given */
     gboolean flag; /* of OPTION_BOOL */
 };
 

@@ -458,7 +458,7 @@ LANES_INLINE lane_bits accept(struct state *state) {
     return small | (state->damping > 1e5F) | (state->at.cost <= TINY);
 }
 
-/* Passes vectors by address, since their passing by value differs between processors. */
+/* Vectors are passed by address, because processors differ in how they are passed by value. */
 static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {
