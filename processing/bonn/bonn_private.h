@@ -15,7 +15,7 @@ struct bonn_bytes {
     const char *path;
 };
 
-/* Returns FALSE if not enough bytes are left. The error names what was to be read. */
+/* Takes n bytes. Returns FALSE if not enough bytes are left; the error then names them by what. */
 gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
                    GError **error);
 gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
