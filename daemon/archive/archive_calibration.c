@@ -17,9 +17,9 @@ struct calibration *archive_calibration(Session *session, struct archive_calibra
             (struct archive_calibration){g_steal_pointer(&with.where), NULL, with.own, with.mixed};
         ret->said = g_strdup_printf(
             "%s%s%s", line,
-            with.own ? "" : "; of the products alone, since it was captured with another",
-            with.mixed ? "; some products may still be of another, for their processing was not "
-                         "finished: mesorig process makes them again"
+            with.own ? "" : "; of the products only, because it was captured with another",
+            with.mixed ? "; some products may still be of another, because their processing was "
+                         "not finished: mesorig process makes them again"
                        : "");
     }
     made_with_clear(&with);

@@ -15,7 +15,7 @@ static void add_text(GVariantBuilder *to, const char *key, const char *value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_string(valid));
 }
 
-/* Each entity of the graph is an "a{sv}"; a reference to another one is {"@id": …}. */
+/* Each entity of the graph is an "a{sv}". A reference to another entity is {"@id": …}. */
 static GVariantBuilder *entity(const char *id, const char *type) {
     GVariantBuilder *ret = g_variant_builder_new(G_VARIANT_TYPE_VARDICT);
     add_text(ret, "@id", id);
@@ -34,7 +34,7 @@ static void add_reference(GVariantBuilder *to, const char *key, const char *id) 
     g_variant_builder_add(to, "{sv}", key, reference(id));
 }
 
-/* Takes the entity. */
+/* Finishes an entity and takes ownership of it. */
 static void finish(GVariantBuilder *graph, GVariantBuilder *entity) {
     g_variant_builder_add_value(graph, g_variant_builder_end(entity));
     g_variant_builder_unref(entity);
@@ -154,7 +154,7 @@ char *archive_crate(const struct archive *archive) {
         finish(&graph, license);
     }
 
-    /* schema.org has the term, and the context of RO-Crate 1.1 does not. */
+    /* The term is from schema.org, and is not in the context of RO-Crate 1.1. */
     g_variant_builder_init(&terms, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&terms, "{sv}", "sha256",
                           g_variant_new_string("https://schema.org/sha256"));

@@ -10,7 +10,7 @@
 #define MOST_EVENTS   200
 #define MOST_PRODUCTS 40
 
-/* Numbers of CSS and SVG have decimal points, since the programs set no numeric locale. */
+/* Numbers of CSS and SVG have decimal points, because the programs set no numeric locale. */
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
     "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -36,7 +36,7 @@ static const char head[] =
     "@media print{body{font-size:10px;margin:0}details{display:block}}\n</style></head><body>\n";
 
 static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* Adds text by a format, and escapes every argument that is text. */
+/* Adds text by a format. Every argument that is text is escaped. */
 static void add(GString *to, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
@@ -50,7 +50,7 @@ static void add_row(GString *to, const char *name, const char *value) {
         add(to, "<tr><th>%s</th><td>%s</td></tr>\n", name, value);
 }
 
-/* "2 h 05 min, the plan said 2 h 01 min" */
+/* Returns a text such as "2 h 05 min, the plan said 2 h 01 min". */
 static char *compared(double found, double planned, char *(*print)(double)) {
     g_autofree char *a = isfinite(found) ? print(found) : g_strdup("not known");
     g_autofree char *b = isfinite(planned) ? print(planned) : NULL;
@@ -129,15 +129,14 @@ static void add_share(GString *to, double share) {
 
 static void add_rings(GString *to, const struct archive *archive) {
     g_string_append(
-        to,
-        "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower bounds "
-        "(saturated), values of shorter exposures alone and predicted values are shares of the "
-        "BTF’s values; σ is the median standard error of a value. The surface is measured where "
-        "the view itself sees it, and supplied where other views do.</p>\n<div class=\"wide\">"
-        "<table><tr><th class=\"n\">θ</th><th class=\"n\">views</th><th class=\"n\">pictures</th>"
-        "<th class=\"n\">holes</th><th class=\"n\">bounds</th><th class=\"n\">shorter</th>"
-        "<th class=\"n\">predicted</th><th class=\"n\">σ</th><th class=\"n\">surface measured</th>"
-        "<th class=\"n\">supplied</th></tr>\n");
+        to, "<h2>Coverage and error bars</h2>\n<p>By the elevation of the view. Holes, lower "
+            "bounds (saturated), values of only shorter exposures and predicted values are shares "
+            "of the BTF’s values; σ is the median standard error of a value. The surface is "
+            "measured where the view itself sees it, and supplied where other views do.</p>\n<div "
+            "class=\"wide\"><table><tr><th class=\"n\">θ</th><th class=\"n\">views</th><th "
+            "class=\"n\">pictures</th><th class=\"n\">holes</th><th class=\"n\">bounds</th><th "
+            "class=\"n\">shorter</th><th class=\"n\">predicted</th><th class=\"n\">σ</th><th "
+            "class=\"n\">surface measured</th><th class=\"n\">supplied</th></tr>\n");
     for (guint i = 0; i < archive->rings->len; i++) {
         const struct archive_ring *ring = &g_array_index(archive->rings, struct archive_ring, i);
         const double shares[] = {ring->holes, ring->bounds,   ring->shorter, ring->predicted,
@@ -225,7 +224,7 @@ static void add_events(GString *to, const struct archive *archive) {
     g_string_append(to, "</details>\n");
 }
 
-/* Views of the BTF are too many to list. */
+/* The views of the BTF are too many for a list. */
 static void add_products(GString *to, const struct archive *archive) {
     int shown = 0, views = 0;
     gint64 view_bytes = 0;

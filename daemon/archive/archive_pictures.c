@@ -7,23 +7,23 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_WIDE  512 /* and at most, by averages */
-#define WIDE       160 /* pixels that a picture has at least across, by repeating */
-#define FRAME_WIDE 320 /* pixels of a photograph across, at most */
+#define MOST_WIDE  512 /* maximum width, reached by averaging pixels */
+#define WIDE       160 /* minimum width of a picture in pixels, reached by repeating pixels */
+#define FRAME_WIDE 320 /* maximum width of a photograph in pixels */
 #define ELEVATIONS 3
 #define LIGHTS     3
 #define BRIGHT     0.99 /* share of the values that are not clipped */
-#define SEEN_DEG   30.0 /* between the elevations that are shown */
+#define SEEN_DEG   30.0 /* minimum angle between the elevations that are shown */
 #define COLOURS    3
 
-/* R, G, B of a picture, height × width × 3, linear: what is at top or above becomes white. */
+/* R, G, B of a picture, height × width × 3, linear. Values of top or more become white. */
 struct shown {
     int width, height;
     float *rgb;
 };
 
 static guint8 srgb(float value) {
-    const float v = value > 0 ? MIN(value, 1.0F) : 0; /* also of NaN */
+    const float v = value > 0 ? MIN(value, 1.0F) : 0; /* NaN becomes 0 as well */
     const float curved = v <= 0.0031308F ? 12.92F * v : 1.055F * powf(v, 1 / 2.4F) - 0.055F;
     return (guint8)lrintf(255 * curved);
 }
@@ -67,7 +67,7 @@ static int by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The quantile of n values at a share; values that are not finite are left out. */
+/* Returns the quantile of n values at a share. Values that are not finite are left out. */
 static float quantile(const float *values, gsize n, double share) {
     g_autofree float *sorted = g_new(float, n + 1);
     gsize found = 0;
@@ -80,7 +80,7 @@ static float quantile(const float *values, gsize n, double share) {
     return MAX(sorted[(gsize)(share * (double)(found - 1))], 1e-6F);
 }
 
-/* A frame's mosaic or planes as grey, averaged over squares of pixels. */
+/* Adds a frame's mosaic or planes as grey, averaged over squares of pixels. */
 static void add_frame(struct archive *archive, const struct session_shot *shot,
                       const struct session_frame *frame) {
     g_autofree char *path = g_build_filename(archive->path, frame->path, NULL);
@@ -88,7 +88,7 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
     const struct exr_part *part = file && file->parts->len ? file->parts->pdata[0] : NULL;
     if (!part)
         return;
-    /* Squares of an even number of pixels hold each colour of a mosaic equally often. */
+    /* A square of an even number of pixels has each colour of a mosaic equally often. */
     const int square = MAX(2, 2 * ((part->width + 2 * FRAME_WIDE - 1) / (2 * FRAME_WIDE)));
     const struct shown shown = {part->width / square, part->height / square,
                                 g_new0(float, (gsize)COLOURS *(gsize)(part->width / square + 1) *
@@ -115,7 +115,7 @@ static void add_frame(struct archive *archive, const struct session_shot *shot,
     g_free(shown.rgb);
 }
 
-/* The first lamp frame of each camera. */
+/* Adds the first lamp frame of each camera. */
 static gboolean add_frames(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
@@ -136,7 +136,7 @@ static gboolean add_frames(struct archive *archive, Session *session, GError **e
     return frames != NULL;
 }
 
-/* The direction that is nearest to (θ, φ) on the sphere; NULL: there is none. */
+/* Returns the direction that is nearest to (θ, φ) on the sphere, or NULL if there is none. */
 static const struct session_direction *nearest(const GPtrArray *directions, double theta_deg,
                                                double phi_deg) {
     const struct session_direction *best = NULL;
@@ -154,8 +154,9 @@ static const struct session_direction *nearest(const GPtrArray *directions, doub
     return best;
 }
 
-/* Adds a table of pictures: each row has a polar angle of the view, each column one of the light.
- * View and light are on opposite sides of the normal. All pictures have one scale of brightness. */
+/* Adds a table of pictures. Each row has one polar angle of the view, each column one of the light.
+ * View and light are on opposite sides of the normal. All pictures have the same scale of
+ * brightness. */
 static gboolean add_btf(struct archive *archive, Session *session, GError **error) {
     g_autoptr(GPtrArray) views = session_views(session, error);
     g_autoptr(GPtrArray) lights = views ? session_lights(session, error) : NULL;
@@ -173,7 +174,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
         g_autofree char *path =
             view ? g_strdup_printf("%s/products/btf/view_%04d.exr", archive->path, view->index)
                  : NULL;
-        gboolean again = FALSE; /* where there are few directions */
+        gboolean again = FALSE; /* the same direction may come again if there are few */
         for (int i = 0; path && i < n_shown; i++)
             again = again || shown_pairs[i] == ((gint64)view->index << 32 | light->index);
         if (!path || again || !g_file_test(path, G_FILE_TEST_EXISTS) ||
@@ -188,7 +189,7 @@ static gboolean add_btf(struct archive *archive, Session *session, GError **erro
     return TRUE;
 }
 
-/* The distances of the steepest view: near ones are bright, unknown ones blue. */
+/* Adds the distances of the steepest view: near ones are bright, unknown ones blue. */
 static gboolean add_mdf(struct archive *archive, Session *session, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     g_autoptr(GPtrArray) views = session_views(session, error);

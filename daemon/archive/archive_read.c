@@ -10,9 +10,9 @@
 #include <math.h>
 #include <string.h>
 
-/* Views whose elevations differ by less are one ring. */
+/* Views whose elevations differ by less than this are one ring. */
 #define SAME_RING_DEG 1.0
-/* Shares and ratios from which on a check warns, and fails. */
+/* Shares and ratios from which on a check gives a warning, or fails. */
 #define RETAKES_WARN     0.01
 #define LATE_WARN        1.25
 #define HOLES_WARN       0.01
@@ -20,7 +20,7 @@
 #define BOUNDS_WARN      0.001
 #define BOUNDS_FAIL      0.05
 #define MEASURED_WARN    0.95
-#define CALIBRATION_DAYS 30 /* as the option of [rig] says where it is not given */
+#define CALIBRATION_DAYS 30 /* default of the option in [rig] */
 
 static void check_free(gpointer data) {
     struct archive_check *check = data;
@@ -103,14 +103,15 @@ static int length_of(GPtrArray *array) {
     return n;
 }
 
-/* A key of [session] as the operator wrote it. */
+/* Returns a key of [session] as the operator wrote it. */
 static char *described(const Config *conf, const char *key) {
     const struct config_section *section = conf ? config_find(conf, "session", NULL) : NULL;
     const char *value = section ? config_value(section, key, NULL) : NULL;
     return g_strdup(value ? value : "");
 }
 
-/* The calibration that the products were made with, which is not always that of the capture. */
+/* Reads the calibration that the products were made with, which may differ from that of the
+ * capture. */
 static gboolean read_calibration(struct archive *archive, Session *session, const Config *rig,
                                  GError **error) {
     g_autofree char *own = session_text(session, "calibration.conf", error);
@@ -127,8 +128,8 @@ static gboolean read_calibration(struct archive *archive, Session *session, cons
         return FALSE;
     if (archive->calibrated.mixed)
         archive_add_check(archive, ARCHIVE_FAILURE, "calibration",
-                          "some products may be of another calibration than this page says, for "
-                          "their processing was not finished: mesorig process %s",
+                          "some products may be of another calibration than this page says, "
+                          "because their processing was not finished: mesorig process %s",
                           archive->path);
     const struct config_section *section = rig ? config_find(rig, "rig", NULL) : NULL;
     const char *days = section ? config_value(section, "calibration_days", NULL) : NULL;
@@ -166,7 +167,7 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     g_autofree char *rig_text = conf_text ? session_text(session, "rig.conf", error) : NULL;
     if (!rig_text)
         return FALSE;
-    /* Imported sessions have other texts there, or none. */
+    /* Imported sessions have other texts, or none. */
     g_autoptr(Config) conf = config_parse(conf_text, "session.conf", NULL);
     g_autoptr(Config) rig = config_parse(rig_text, "rig.conf", NULL);
     archive->sample = described(conf, "sample");
@@ -189,7 +190,7 @@ static gboolean read_texts(struct archive *archive, Session *session, GError **e
     return read_calibration(archive, session, rig, error);
 }
 
-/* A pause that the user asked for is no fault of the capture. */
+/* A pause that the user requested is not a fault of the capture. */
 static gboolean asked_to_pause(const struct session_event *event) {
     return g_str_equal(event->source, "capture") &&
            g_str_equal(event->message, "paused by the user");
@@ -253,7 +254,8 @@ static gboolean read_rows(struct archive *archive, Session *session, GError **er
     archive->lights = length_of(session_lights(session, NULL));
     archive->lasers = length_of(session_lasers(session, NULL));
     g_autofree char *state = session_value(session, "state");
-    /* No process captures into it: a session whose state is "running" was cut off. */
+    /* No process captures into the session, so that a session whose state is "running" was
+     * interrupted. */
     archive->state = g_strdup(archive->planned == 0                     ? "done"
                               : !state || g_str_equal(state, "running") ? "unfinished"
                                                                         : state);
@@ -290,7 +292,7 @@ static int by_theta(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The BTF's flags and error bars, ring by ring; views that cannot be read are listed. */
+/* Reads the BTF's flags and error bars, ring by ring. Views that cannot be read are listed. */
 static void read_btf(struct archive *archive, const GPtrArray *views) {
     struct btf_flag_counts all = {0};
     int unreadable = 0, made = 0;
@@ -350,7 +352,7 @@ static void read_btf(struct archive *archive, const GPtrArray *views) {
                       100 * bounds);
 }
 
-/* Where the MDF's distances are from, ring by ring. */
+/* Reads the origin of the MDF's distances, ring by ring. */
 static gboolean read_mdf(struct archive *archive, const struct work *work, GError **error) {
     g_autofree char *path = g_build_filename(archive->path, "products", "mdf.exr", NULL);
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {

@@ -12,7 +12,8 @@
 #include "intake/intake_write.h"
 #include "thumbnail.h"
 
-/* 0: it is not set. A value that cannot be read is an error: it would be stored again as 0. */
+/* Returns 0 if the value is not set. Fails if it cannot be read, because it would otherwise be
+ * stored again as 0. */
 static gboolean load_value(Session *session, const char *key, double *ret, GError **error) {
     g_autofree char *text = NULL;
     const gboolean ok = session_read_value(session, key, &text, error);
@@ -21,7 +22,7 @@ static gboolean load_value(Session *session, const char *key, double *ret, GErro
     return ok;
 }
 
-/* The figures of the session's runs before this one. */
+/* Loads the totals of the session's earlier runs. */
 static gboolean load_figures(Capture *capture, GError **error) {
     Session *session = capture->session;
     double predicted_bytes = 0;
@@ -56,7 +57,7 @@ struct plan *capture_validate(const struct devices *devices, const struct sessio
     return plan;
 }
 
-/* The camera's latest finished dark shot before the first shot that is still to be taken. */
+/* Returns the camera's last finished dark shot before the first shot that is still to be taken. */
 static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
     const struct session_shot *found = NULL;
     for (guint i = 0; i < shots->len; i++) {
@@ -69,7 +70,7 @@ static const struct session_shot *dark_before(const GPtrArray *shots, int camera
     return found;
 }
 
-/* Reads conf, shots and calibration from the session, whose texts name it in errors. */
+/* Reads conf, shots and calibration from the session. Errors in its texts name the session. */
 static gboolean read_session(Capture *capture, GError **error) {
     Session *session = capture->session;
     const char *path = session_path(session);
@@ -107,7 +108,7 @@ static gboolean capture_open_adaptive(Capture *capture, GError **error) {
     return capture->adaptive || !adaptive_is_wanted(&capture->conf);
 }
 
-/* A session directory with everything that captures into it; nothing begins yet. */
+/* Opens a session directory and makes everything that captures into it. Nothing is started yet. */
 static Capture *capture_open(struct devices *devices, const char *directory,
                              const struct capture_callbacks *callbacks, GError **error) {
     struct intake_hooks intake_hooks = capture_intake_hooks;
@@ -151,14 +152,14 @@ static Session *create_session(const struct devices *devices, const struct sessi
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    /* Values that a capture or processing needs are stored when the session is made, since the
-     * daemon may be killed right after that. */
+    /* Values that a capture or processing needs are stored when the session is made, because the
+     * daemon may be killed directly afterwards. */
     const char *const values[][2] = {
         {LASER_REFERENCE_KEY, conf->reference.radius_mm > 0 ? reference : NULL},
         {"chosen", conf->chosen},
         {ADAPTIVE_LASER_ROUNDS "1", sweeps},
         {ADAPTIVE_LIGHT_ROUNDS "1", lamps},
-        /* The session has the calibration as a whole; this says where it came from. */
+        /* The session contains the calibration itself. This value is its origin. */
         {"calibration", calibrated ? devices->calibration_path : "nominal"},
     };
     struct session_texts texts = {
@@ -221,7 +222,7 @@ Capture *capture_begin(struct devices *devices, const char *directory,
         capture_free(capture);
         return NULL;
     }
-    /* Passes on the warnings of making the session. */
+    /* Passes on the warnings from the creation of the session. */
     for (guint i = 0; i < events->len && capture->callbacks.event; i++) {
         const struct session_event *event = events->pdata[i];
         capture->callbacks.event(capture, event->level, event->source, event->message,
@@ -239,14 +240,14 @@ Capture *capture_start(struct devices *devices, const struct session_conf *conf,
                : NULL;
 }
 
-/* Reads every dark frame that the remaining shots need. */
+/* Returns whether every dark frame that the remaining shots need can be read. */
 static gboolean can_read_darks(Session *session, const GPtrArray *shots,
                                const struct session_conf *conf, const struct rig *rig) {
     gint64 exposures[SHOT_MAX_DARKS];
     const int n = shot_dark_exposures(conf, exposures);
     for (int c = 0; c < rig->n_cameras; c++) {
         if (!devices_is_unit(rig, c))
-            continue; /* it has the dark frames of its first stop */
+            continue; /* it uses the dark frames of its first stop */
         const struct camera_format format = {.width = rig->cameras[c].width,
                                              .height = rig->cameras[c].height};
         const struct session_shot *shot = dark_before(shots, c);
@@ -273,7 +274,7 @@ gboolean capture_examine(const struct devices *devices, const char *directory, c
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     if (!shots || !capture_check_rig(session, shots, devices, error))
         return FALSE;
-    /* A dark frame that cannot be read also fails its checksum, and so is taken again. */
+    /* A dark frame that cannot be read also fails its checksum, so that it is taken again. */
     if (!can_read_darks(session, shots, &conf, &devices->geometry) &&
         !session_verify(session, TRUE, NULL, error))
         return FALSE;
@@ -330,7 +331,7 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         }
     }
     g_autofree char *message =
-        g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
+        g_strdup_printf("resumed: %d of %d shots are done", capture->n_done, capture->n_shots);
     capture_add_event(capture, "info", "capture", message);
     capture_lasers_note_all(capture);
     capture_begin_soon(capture);
@@ -421,7 +422,7 @@ void capture_abort(Capture *capture) {
         capture_add_event(capture, "error", "rig", error->message);
     capture_clear_flights(capture);
     capture_add_event(capture, "info", "capture",
-                      "aborted; what is there stays, the session can be resumed");
+                      "aborted; all stored frames are kept, and the session can be resumed");
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 
@@ -449,12 +450,13 @@ double capture_left_s(const Capture *capture, const struct shots_left *left) {
     return MAX(sum_s, 0);
 }
 
-/* Runs down from what was predicted when the last shot was exposed (capture_run_note_left()). */
+/* Counts down from the prediction that was made when the last shot was exposed
+ * (capture_run_note_left()). */
 static double time_left_s(Capture *capture) {
     if (capture->state == CAPTURE_DONE || !capture->plan_left)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
     if (capture->state == CAPTURE_PAUSED || capture->state == CAPTURE_ABORTED) {
-        /* The axes are homed again before it goes on. */
+        /* The axes are homed again before the capture continues. */
         const struct devices *devices = capture->devices;
         g_autofree struct shots_left *left = capture_plan_left(
             capture,
@@ -472,7 +474,7 @@ static gboolean waits_for_somebody(const Capture *capture) {
     return capture->state == CAPTURE_PAUSED && capture->wanted_mount >= 0;
 }
 
-/* "homing sweep30, sweep60 (2 of 4 axes are done)" */
+/* Returns a text such as "homing sweep30, sweep60 (2 of 4 axes are done)". */
 static char *homing_text(const Capture *capture) {
     const struct devices *devices = capture->devices;
     const Axis *axes[DEVICES_POSITIONERS + RIG_MAX_LASERS];

@@ -5,11 +5,11 @@
 #include "capture_check.h"
 #include "capture_private.h"
 
-/* Relative change of a session's expected disk space from which on an event tells it. */
+/* Minimum relative change of a session's expected disk space that is reported in an event. */
 #define BYTES_PART 0.05
 
-/* The footprints of cameras whose frames vary in size. They are computed once: neither camera nor
- * plane moves. */
+/* The footprints of cameras whose frames vary in size. They are computed only once, because neither
+ * the camera nor the plane moves. */
 static const struct plan_footprint *capture_footprints(Capture *capture) {
     const struct rig *rig = &capture->devices->geometry;
     if (capture->footprints)
@@ -27,7 +27,7 @@ static double capture_bytes_planned(Capture *capture, const struct session_shot 
                                    &capture_footprints(capture)[camera]);
 }
 
-/* Kept exposures and laser frames have no rows, and are as large as planned. */
+/* Kept exposures and laser frames have no rows, and have their planned size. */
 static gboolean capture_bytes_vary(const Capture *capture, int camera) {
     return plan_bytes_vary(&capture->devices->geometry.cameras[camera]) &&
            !capture->conf.keep_exposures && !capture->conf.keep_laser_frames;
@@ -47,8 +47,8 @@ static void capture_bytes_count(Capture *capture, const struct session_shot *sho
     capture->stored_bytes += is;
 }
 
-/* Ratio of stored to planned bytes for the frames of a kind and camera; while none is stored, the
- * ratio for the other cameras. */
+/* Returns the ratio of stored to planned bytes for the frames of a kind and camera. Until such a
+ * frame is stored, it is the ratio of the other cameras. */
 static double capture_bytes_ratio(const Capture *capture, int kind, int camera) {
     double sum = 0, planned = 0;
     if (!capture_bytes_vary(capture, camera))
@@ -63,7 +63,8 @@ static double capture_bytes_ratio(const Capture *capture, int kind, int camera) 
     return planned > 0 ? sum / planned : 1;
 }
 
-/* Expected bytes of the planned shots. Those that have not been chosen yet do not count. */
+/* Returns the expected bytes of the planned shots. Shots that have not been chosen yet are not
+ * counted. */
 static double capture_bytes_left(Capture *capture) {
     const int n_cameras = capture->devices->geometry.n_cameras;
     double left = 0;
@@ -107,8 +108,8 @@ void capture_bytes_begin(Capture *capture, const GPtrArray *frames) {
     }
 }
 
-/* The whole list of shots is gone through after 1, 2, 3, 4, 6, 8, 12 … shots of this run, and after
- * the first one of each kind. */
+/* The whole list of shots is examined after 1, 2, 3, 4, 6, 8, 12 … shots of this run, and after the
+ * first shot of each kind. */
 static gboolean capture_bytes_is_due(const Capture *capture, gboolean first) {
     guint n = capture->committed;
     while (n > 3 && n % 2 == 0)

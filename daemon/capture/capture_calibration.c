@@ -27,10 +27,10 @@ struct calibration *capture_calibration(const struct devices *devices, GPtrArray
     } else {
         calibration = calibration_new(&devices->geometry);
         if (path)
-            g_ptr_array_add(warnings,
-                            g_strdup_printf("%s is not there yet: geometry and light are those of "
-                                            "the rig file",
-                                            path));
+            g_ptr_array_add(
+                warnings,
+                g_strdup_printf(
+                    "%s does not exist yet: geometry and light are those of the rig file", path));
     }
     *ret_warnings = g_steal_pointer(&warnings);
     return g_steal_pointer(&calibration);

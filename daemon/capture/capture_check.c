@@ -9,7 +9,8 @@
 #include "capture_calibration.h"
 #include "exr/exr.h"
 
-/* In addition to the prediction: the database's journal, and products that are being made. */
+/* Disk space in addition to the prediction: the database's journal, and products that are being
+ * made. */
 #define SPARE_BYTES (G_GUINT64_CONSTANT(64) << 20)
 #define FULL_BELOW  (G_GUINT64_CONSTANT(1) << 20)
 
@@ -40,8 +41,8 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
     struct statvfs stat;
     if (stat_nearest(path, &stat) && stat.f_blocks == 0) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
-                    "%s: no session can be written there, for it is on no disk; choose a folder "
-                    "on a disk",
+                    "%s: no session can be written there, because it is not on a disk; choose a "
+                    "folder on a disk",
                     path);
         return FALSE;
     }
@@ -52,8 +53,8 @@ gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
     g_autofree char *spare_text = g_format_size(SPARE_BYTES);
     g_autofree char *free_text = g_format_size(free_bytes);
     g_set_error(error, SESSION_ERROR, SESSION_ERROR_FULL,
-                "%s: the session needs %s for frames, and %s to spare for its database and the "
-                "first products, but %s are free there; free some space or choose another disk",
+                "%s: the session needs %s for frames, and %s for its database and the first "
+                "products, but only %s are free there; free some space or choose another disk",
                 path, needed_text, spare_text, free_text);
     return FALSE;
 }
@@ -68,8 +69,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
         return FALSE;
     if (strcmp(then.id, rig->id)) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file it "
-                    "was begun with",
+                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file "
+                    "with which it was begun",
                     path, then.id, rig->id);
         return FALSE;
     }
@@ -101,8 +102,8 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
 
 #define SHOWN_CHANGES 8
 
-/* Adds the keys of a section whose values differ: first those of then, and of now those that are
- * new. */
+/* Adds the keys of a section whose values differ: first all keys of then, afterwards the keys that
+ * are new in now. */
 static void compare_section(const struct config_section *then, const struct config_section *now,
                             GPtrArray *ret) {
     for (const char *const *key = config_keys(then); *key; key++) {
@@ -196,12 +197,12 @@ char *capture_check_calibration(Session *session, const struct devices *devices)
     g_autoptr(GPtrArray) warnings = NULL;
     struct devices then = *devices;
     if (begun_with && g_path_is_absolute(begun_with))
-        then.calibration_path = begun_with; /* it may not be the one that the rig file names */
+        then.calibration_path = begun_with; /* the rig file may name another one */
     g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
     if (g_strcmp0(text, now_text) == 0)
         return NULL;
-    return g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
-                    "frames from before and after may not fit together. What is "
-                    "processed uses the calibration of the beginning.");
+    return g_strdup(
+        "The rig's geometry or calibration is not the one the session was begun with; frames from "
+        "before and after may not fit together. Processing uses the calibration of the beginning.");
 }

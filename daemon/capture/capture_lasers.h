@@ -1,21 +1,26 @@
-/* Lasers that may still shine although they were switched off: a relay that sticks says that it is
- * open. The pictures show such a laser, and only the end of a sweep takes one for that. After a
- * pause without that picture the laser is not checked. */
+/* Finds lasers that may still be lit although they were switched off. A relay that sticks reports
+ * that it is open, so only a picture shows that the laser is lit. The last frame of a sweep is such
+ * a picture, taken after the laser was switched off. After a pause without that picture, the laser
+ * counts as not checked. */
 #pragma once
 
 #include "capture_private.h"
 
-/* Before the frames under way are dropped: the lasers whose sweeps are among them. */
+/* Notes the lasers whose sweeps are under way. To be called before the frames under way are
+ * dropped. */
 void capture_lasers_note(Capture *capture);
 
-/* A session that is resumed: all lasers, since the daemon may have died within a sweep. */
+/* Notes all lasers of a session that is resumed, because the daemon may have died within a
+ * sweep. */
 void capture_lasers_note_all(Capture *capture);
 
-/* A sweep is stored: its laser was seen to be off after it. */
+/* Clears the note for the laser of a sweep that is stored: its last frame showed that the laser was
+ * off. */
 void capture_lasers_clear(Capture *capture, const struct session_shot *shot);
 
-/* Puts first, of each laser that is not checked, the next sweep that can be taken as the lasers are
- * mounted, behind dark frames that are still to be taken, since a sweep needs them. These dark
- * frames and sweeps are held: a laser that stays on may have lit any of them, so that they are
- * stored together, once the end of each of these sweeps has shown its laser to be off. */
+/* Moves one sweep of each laser that is not checked to the front: its next sweep that can be taken
+ * as the lasers are mounted. The dark frames that are still to be taken come before these sweeps,
+ * since a sweep needs them. These dark frames and sweeps are held back, because a laser that stays
+ * on may have lit any of them. They are stored together, once the last frame of each of these
+ * sweeps has shown that its laser is off. */
 void capture_lasers_put_first(Capture *capture);

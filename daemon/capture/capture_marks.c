@@ -2,11 +2,12 @@
 
 #include "session/outputs.h"
 
-/* Largest calibration error in a picture, and smallest rotation that counts as a movement. */
+/* The maximum error of a calibration in a picture, and the minimum rotation that counts as a
+ * movement. */
 #define SYSTEMATIC_PX 0.05
 #define LEAST_DEG     0.05
-#define WINDOW        8          /* shots that are looked at together */
-#define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
+#define WINDOW        8          /* number of shots that are evaluated together */
+#define TURNTABLE     (1u << 31) /* a bit of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
 static gboolean keep_outputs(Capture *capture, const struct flight *flight, GError **error) {
@@ -52,12 +53,13 @@ static void report_first_check(Capture *capture, const struct fiducials_check *c
             ? g_strdup_printf(
                   "quick check: fiducials seen %d times, %.3f px off where calibration has them",
                   check->n_seen, check->rms_px)
-            : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
-                       "has moved, and what the lamps give");
+            : g_strdup("no camera sees a mark: are the marks covered? It is not known whether the "
+                       "rig has moved, nor how bright the lamps are");
     capture_add_event(capture, check->n_seen > 0 ? "info" : "warning", "fiducials", text);
 }
 
-/* One shot of a small camera is too little evidence: evaluates the last few together. */
+/* One shot of a small camera is not enough evidence. The last few shots are therefore evaluated
+ * together. */
 static GArray *add_to_window(Capture *capture, const struct flight *flight) {
     if (!capture->marks)
         capture->marks = g_queue_new();
@@ -99,8 +101,8 @@ char *capture_marks_check(Capture *capture, const struct flight *flight, GError 
     g_autofree char *what = fiducials_describe(rig, &check);
     capture->moved = capture->suspected & suspected;
     if (capture->moved == 0) {
-        /* Light reflected by a nearby sample may make marks look displaced under one lamp; a real
-         * movement also shows under the next lamp. */
+        /* Light that a nearby sample reflects may make marks look displaced under one lamp. A real
+         * movement is also visible under the next lamp. */
         g_autofree char *text = g_strdup_printf("something may have moved since the rig was "
                                                 "calibrated: %s; the next shot will tell",
                                                 what);
@@ -108,10 +110,10 @@ char *capture_marks_check(Capture *capture, const struct flight *flight, GError 
         return NULL;
     }
     capture_marks_forget(capture);
-    return g_strdup_printf("Something has moved since the rig was calibrated: %s. It may have been "
-                           "so in the last %u shots. Put it back or calibrate again; if you go on, "
-                           "it is taken as it is.",
-                           what, MAX(before, 1) + 1);
+    return g_strdup_printf(
+        "Something has moved since the rig was calibrated: %s. The last %u shots may be affected. "
+        "Put it back or calibrate again. If you continue, the capture uses it as it is.",
+        what, MAX(before, 1) + 1);
 }
 
 static void unref_array(gpointer array) {

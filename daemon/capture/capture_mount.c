@@ -36,7 +36,8 @@ gboolean capture_mount_load(Capture *capture, GError **error) {
     return TRUE;
 }
 
-/* Where the unit is that a shot needs: −1 not known, 0 elsewhere, 1 in its place or not needed. */
+/* Returns whether the unit that a shot needs is in its place: −1 if its place is not known, 0 if it
+ * is at another place, 1 if it is there or if the shot needs none. */
 static int in_place(const Capture *capture, const struct session_shot *shot) {
     if (shot->kind != SHOT_SWEEP)
         return 1;
@@ -90,8 +91,8 @@ static char *describe_place(const Capture *capture, int laser) {
 
 void capture_mount_ask(Capture *capture) {
     int wanted = -1;
-    /* Units at unknown places are asked for first: the operator who began the session is still
-     * there. */
+    /* Units whose places are not known are asked for first, while the operator who began the
+     * session is still present. */
     for (guint i = capture->committed; i < capture->remaining->len; i++) {
         const struct session_shot *shot = capture->remaining->pdata[i];
         int known = in_place(capture, shot);

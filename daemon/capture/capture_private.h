@@ -1,6 +1,5 @@
-/*
- * Shared by capture.c (opening a session, its state and commands) and capture_run.c (running it).
- */
+/* Shared by capture.c (opening a session, its state and its commands) and capture_run.c (running
+ * it). */
 #pragma once
 
 #include "adaptive/adaptive.h"
@@ -10,14 +9,15 @@
 #include "intake/intake.h"
 #include "sequencer.h"
 
-struct flight { /* a shot whose frames are with the intake */
+struct flight { /* a shot whose frames are being processed by the intake */
     const struct session_shot *shot;
-    guint32 back; /* cameras whose results are here */
+    guint32 back; /* bits of cameras whose results have returned */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signals_dn[RIG_MAX_CAMERAS];
-    double signal_dn;                  /* highest of all cameras */
-    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: too few for a warning */
-    GArray *marks;                     /* of struct fiducial_seen, of all cameras; NULL: none */
+    double signal_dn;                  /* maximum of all cameras */
+    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0 if they are too few for a warning */
+    /* of struct fiducial_seen, of all cameras; NULL if there are none */
+    GArray *marks;
 };
 
 struct event_limit { /* rate limit of one kind of event of one camera */
@@ -29,7 +29,7 @@ struct event_limit { /* rate limit of one kind of event of one camera */
 struct latest_picture { /* of a camera */
     Frame *frame;
     double time_s;
-    gboolean fresh; /* the thumbnail is of that frame */
+    gboolean fresh; /* the thumbnail shows that frame */
     struct capture_thumbnail thumbnail;
 };
 
@@ -45,40 +45,45 @@ struct Capture {
     struct capture_callbacks callbacks;
     struct session_conf conf;
     Session *session;
-    struct calibration *calibration; /* the session's */
-    Adaptive *adaptive;              /* chooses shots; NULL: all are taken */
+    struct calibration *calibration; /* owned by the session */
+    Adaptive *adaptive;              /* chooses shots; NULL if all shots are taken */
     Intake *intake;
     Sequencer *sequencer;
     enum capture_state state;
     enum capture_fault fault; /* of the pause */
     char *reason, *doing;
-    GPtrArray *shots;            /* all, owned */
-    GPtrArray *remaining;        /* of this run */
-    guint committed;             /* of remaining */
-    guint n_held;                /* of remaining, from the first on: see capture_lasers.h */
+    GPtrArray *shots;     /* all, owned */
+    GPtrArray *remaining; /* of this run */
+    guint committed;      /* number of shots of remaining that are committed */
+    /* number of held shots at the beginning of remaining: see capture_lasers.h */
+    guint n_held;
     GPtrArray *leg;              /* the remaining shots up to the next mounting of a laser */
-    int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
-    int wanted_mount;            /* the laser whose place is asked for; −1: none */
-    guint32 unchecked_lasers;    /* bits of units: see capture_lasers.h */
+    int mounted[RIG_MAX_LASERS]; /* the laser at whose place a unit is mounted; −1 if not known */
+    /* the laser at whose place a unit must be mounted next; −1 if none */
+    int wanted_mount;
+    guint32 unchecked_lasers; /* bits of units: see capture_lasers.h */
     GQueue flights;
     gboolean all_taken;
     int n_shots, n_done;
     gint64 frames, retakes;
     struct exposure_retakes exposures;
     gint64 begun_us;                               /* real time, monotonic */
-    double real_base_s, frames_base, retakes_base; /* of earlier runs of this session */
-    double clock_base_s; /* the session's clock at since_us; its value while it stands */
-    gint64 since_us;     /* −1 while it stands */
+    double real_base_s, frames_base, retakes_base; /* totals of earlier runs of this session */
+    double clock_base_s; /* the session's clock at since_us, or its value while it is stopped */
+    gint64 since_us;     /* −1 while the clock is stopped */
     double clock_saved_s;
     double predicted_s, lower_bound_s;
-    struct { /* bytes of the stored frames, by kind (enum session_shot_kind) and camera: as they are
-                on disk (sum), and as the plan expected them (planned) */
+    /* bytes of the stored frames by kind (enum session_shot_kind) and camera: as they are on disk
+     * (sum), and as the plan expected them (planned) */
+    struct {
         double sum, planned;
     } bytes[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
-    struct plan_footprint *footprints; /* of each camera; NULL: not needed yet */
-    float *shot_bytes;   /* shots × cameras, planned; 0: not to be taken; NULL: not needed yet */
-    double stored_bytes; /* on disk, frames and their rows */
-    double expected_bytes, said_bytes; /* of the whole session, now and as last said */
+    struct plan_footprint *footprints; /* of each camera; NULL until they are needed */
+    /* shots × cameras, as planned; 0 if a shot is not to be taken; NULL until they are needed */
+    float *shot_bytes;
+    double stored_bytes; /* on disk, including the rows of the frames */
+    /* of the whole session: the present value, and the value in the last event */
+    double expected_bytes, said_bytes;
     struct shots_left *plan_left;      /* before each of remaining and after the last; or NULL */
     struct { /* of each kind of shots: how much longer they took than planned, and how many did */
         double late_s;
@@ -86,13 +91,13 @@ struct Capture {
     } learnt[SHOT_SWEEP + 1];
     guint left_n;             /* exposed shots of remaining when the time left was predicted */
     double left_s, left_at_s; /* predicted time left, and when it was predicted */
-    double left_least_s;      /* the time left counts as at least this until the next exposure */
+    double left_least_s;      /* lower bound of the time left until the next exposure */
     struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct latest_picture latest[RIG_MAX_CAMERAS];
     guint32 moved;     /* the movements for which the session was paused: bits of capture_marks.c */
-    guint32 suspected; /* those that the previous shot seemed to show */
+    guint32 suspected; /* bits of the movements that the previous shot seemed to show */
     GQueue *marks;     /* of GArray of struct fiducial_seen: of the last shots */
-    gboolean marks_reported; /* the first check of the fiducials */
+    gboolean marks_reported; /* the first check of the fiducials has been reported */
     guint changed_source;
     gint64 changed_at_us;
     guint starter;
@@ -104,27 +109,27 @@ struct shots_left *capture_plan_left(const Capture *capture,
 /* The time that it will take if shots are as late as those of their kind were so far. */
 double capture_left_s(const Capture *capture, const struct shots_left *left);
 
-/* Seconds of the rig's clock during which this session ran, earlier runs included. */
+/* Returns the seconds of the rig's clock during which this session ran, including earlier runs. */
 double capture_now_s(const Capture *capture);
 
-/* Adds an event to the session, if the disk still takes it, and passes it to the listener. */
+/* Adds an event to the session if the disk has room for it, and passes it to the listener. */
 void capture_add_event(Capture *capture, const char *level, const char *source,
                        const char *message);
 void capture_save_value(Session *session, const char *key, double value);
 
-/* The shots of the session that will be taken as far as is known: skipped ones, and those that
- * are not chosen yet, do not count. */
+/* Counts the shots of the session that will be taken as far as is known. Skipped shots and shots
+ * that are not chosen yet are not counted. */
 void capture_count(Capture *capture);
 
 extern const struct intake_hooks capture_intake_hooks;
 extern const struct adaptive_hooks capture_adaptive_hooks;
 extern const struct sequencer_hooks capture_sequencer_hooks;
 
-/* Starts with what remains, from the main loop. */
+/* Starts taking the remaining shots, from the main loop. */
 void capture_begin_soon(Capture *capture);
 
-/* For a rig that is safe, or is being made so: drops frames in flight, changes and stores the
- * state. */
+/* Drops the frames in flight, and changes and stores the state. The rig must be safe, or must
+ * already be going into the safe state. */
 void capture_pause_for(Capture *capture, enum capture_fault fault, const char *source,
                        const char *reason);
 void capture_come_to_rest(Capture *capture, enum capture_state state);

@@ -15,11 +15,12 @@
 /* Events of a camera's retakes and saturated pictures are rate-limited. */
 #define EVENT_INTERVAL_S 60
 #define SAVE_CLOCK_S     10
-/* Mean above dark, as a part of full scale, that a lamp must bring at least one camera. */
+/* Minimum mean above dark, as a part of full scale, that a lamp must produce in at least one
+ * camera. */
 #define LAMP_SIGNAL 0.0005
-/* Part of a picture that may be saturated in the shortest exposure without a warning. */
+/* Maximum part of a picture that may be saturated in the shortest exposure without a warning. */
 #define SATURATED_PART 0.001
-/* Mean of a dark frame above black, as a part of full scale, that is not dark any more. */
+/* Maximum mean of a dark frame above black, as a part of full scale. */
 #define DARK_PART 0.05
 
 static double session_clock_s(const Capture *capture, gint64 at_us) {
@@ -93,7 +94,7 @@ void capture_save_value(Session *session, const char *key, double value) {
     session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
 }
 
-/* Stores figures of the whole session for the report, including runs before a resume. */
+/* Stores totals of the whole session for the report, including runs before a resume. */
 static void save_clock(Capture *capture) {
     double real_s = (double)(g_get_monotonic_time() - capture->begun_us) * 1e-6;
     struct rusage usage;
@@ -138,11 +139,11 @@ void capture_clear_flights(Capture *capture) {
     g_queue_clear_full(&capture->flights, capture_flight_free);
 }
 
-/* Nothing moves any more: sets and stores the state. */
+/* Sets and stores the state when nothing moves any more. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
     report_suppressed(capture, capture->retake_limits, "refused or lost and taken again");
     report_suppressed(capture, capture->saturated_limits, "saturated");
-    capture->clock_base_s = capture_now_s(capture); /* it stands from now on */
+    capture->clock_base_s = capture_now_s(capture); /* the clock is stopped from now on */
     capture->since_us = -1;
     save_clock(capture);
     g_autofree char *advice = state == CAPTURE_DONE ? exposure_advice(capture->session, 0) : NULL;
@@ -162,7 +163,7 @@ void capture_pause_for(Capture *capture, enum capture_fault fault, const char *s
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
 
-/* Stops for a fault of the intake or the disk, of which the sequencer does not know yet. */
+/* Stops for a fault of the intake or the disk, which the sequencer has not noticed. */
 static void stop_for(Capture *capture, enum capture_fault fault, const char *source,
                      const char *reason) {
     g_autoptr(GError) error = NULL;
@@ -180,21 +181,21 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     g_autofree char *reason =
         capture_is_full(path, error)
             ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
-                              "space, then go on.",
+                              "space, then continue.",
                               error_details_what(error), size, path)
-            : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
+            : g_strdup_printf("The session cannot be written: %s. Check the disk, then continue.",
                               error->message);
     stop_for(capture, CAPTURE_FAULT_RIG, "disk", reason);
 }
 
-/* Nothing that was chosen remains: chooses more, or all is done. */
+/* All chosen shots are taken: chooses more, or finishes the session. */
 static void capture_run_end_round(Capture *capture) {
     if (capture->adaptive && !adaptive_is_over(capture->adaptive)) {
         adaptive_choose(capture->adaptive);
         return;
     }
     capture_add_event(capture, "info", "capture", "all shots are taken");
-    session_remove_unfinished(capture->session); /* what a disk that failed has left */
+    session_remove_unfinished(capture->session); /* files that a failed disk has left */
     capture_come_to_rest(capture, CAPTURE_DONE);
 }
 
@@ -202,7 +203,8 @@ static gboolean is_back(const struct flight *flight) {
     return flight->back == flight->shot->cameras;
 }
 
-/* Whether the shots in flight are back and wait for others, which a pause has put off. */
+/* Returns whether the shots in flight have returned and wait for other shots, which a pause has
+ * postponed. */
 static gboolean are_held(const Capture *capture) {
     for (const GList *at = capture->flights.head; at; at = at->next)
         if (!is_back(at->data))
@@ -223,7 +225,7 @@ static void when_all_is_committed(Capture *capture) {
     }
 }
 
-/* FALSE after a fault: nothing is in flight any more. */
+/* Returns FALSE after a fault; nothing is in flight then. */
 static gboolean commit(Capture *capture, struct flight *flight) {
     struct session_frame frames[RIG_MAX_CAMERAS];
     g_autoptr(GString) note = g_string_new(flight->shot->note);
@@ -257,9 +259,9 @@ static gboolean commit(Capture *capture, struct flight *flight) {
     return TRUE;
 }
 
-/* A camera whose picture was taken again, maybe after the lamp had died, and which saw nothing
- * while others saw light; −1: none. One whose first picture shows nothing may look at something
- * black. */
+/* Returns a camera whose picture was repeated, possibly after the lamp had died, and which saw
+ * nothing while other cameras saw light; −1 if there is none. A camera whose first picture shows
+ * nothing may see a black object. */
 static int find_blind(const struct flight *flight, int n_cameras, double least_dn) {
     for (int c = 0; c < n_cameras; c++)
         if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
@@ -268,7 +270,7 @@ static int find_blind(const struct flight *flight, int n_cameras, double least_d
     return -1;
 }
 
-/* Pauses if the lamp of a shot that is back gives no light. */
+/* Pauses if the lamp of a shot that has returned gives no light. */
 static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
     int bits = 16;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
@@ -286,15 +288,15 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
                               "was taken again",
                               rig->cameras[blind].name)
             : g_strdup("no camera saw more than its dark level");
-    g_autofree char *reason = g_strdup_printf("lamp %s gives no light: %s. Check the lamp, "
-                                              "its fuse and its relay, then go on.",
-                                              lamp, seen);
+    g_autofree char *reason = g_strdup_printf(
+        "lamp %s gives no light: %s. Check the lamp, its fuse and its relay, then continue.", lamp,
+        seen);
     stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
     return TRUE;
 }
 
-/* Shots that are stored together with the first in flight: itself, or all that are held until the
- * lasers are checked. */
+/* Returns the number of shots that are stored together with the first shot in flight: only this
+ * shot, or all shots that are held until the lasers are checked. */
 static int n_together(const Capture *capture) {
     if (capture->committed < capture->n_held)
         return (int)(capture->n_held - capture->committed);
@@ -310,7 +312,7 @@ static gboolean are_back(Capture *capture) {
     return TRUE;
 }
 
-/* In planned order, whichever camera's worker was quicker. */
+/* Commits in the planned order, even if the worker of a later shot was faster. */
 static void commit_what_is_back(Capture *capture) {
     struct flight *flight;
     while ((flight = g_queue_peek_head(&capture->flights)) && are_back(capture)) {
@@ -355,13 +357,13 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
     if (above <= DARK_PART * ((1 << format->bits) - 1))
         return;
     g_autofree char *message = g_strdup_printf(
-        "the dark frames are not dark: %.0f DN above black on average; light comes in from outside",
+        "the dark frames are not dark: %.0f DN above black on average; light enters from outside",
         above);
     capture_add_event(capture, "warning",
                       capture->devices->geometry.cameras[result->frame.camera].name, message);
 }
 
-/* NULL: none of its frames has been handed to the intake. */
+/* Returns NULL if none of its frames has been given to the intake. */
 static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
     for (const GList *at = capture->flights.tail; at; at = at->prev)
         if (((struct flight *)at->data)->shot == shot)
@@ -381,19 +383,19 @@ static void on_result(const struct intake_result *result, gpointer data) {
     }
     if (result->laser_seen) {
         const char *laser = capture->devices->geometry.lasers[result->shot->device].name;
-        g_autofree char *reason = g_strdup_printf(
-            "laser %s stays on: camera %s still saw it after it was switched off. Cut its power, "
-            "check its relay, then go on.",
-            laser, capture->devices->geometry.cameras[camera].name);
+        g_autofree char *reason =
+            g_strdup_printf("laser %s stays on: camera %s still saw it after it was switched off. "
+                            "Cut its power, check its relay, then continue.",
+                            laser, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_RIG, laser, reason);
         return;
     }
     if (result->uneven) {
         const char *lamp = capture->devices->geometry.lamps[result->shot->device].name;
-        g_autofree char *reason = g_strdup_printf(
-            "lamp %s was not as bright in all exposures of a shot, by what camera %s saw. Check "
-            "the lamp, its fuse and its relay, then go on.",
-            lamp, capture->devices->geometry.cameras[camera].name);
+        g_autofree char *reason =
+            g_strdup_printf("lamp %s was not equally bright in all exposures of a shot, according "
+                            "to camera %s. Check the lamp, its fuse and its relay, then continue.",
+                            lamp, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, CAPTURE_FAULT_SESSION, lamp, reason);
         return;
     }
@@ -420,7 +422,8 @@ static void on_room(gpointer data) {
     sequencer_poke(capture->sequencer);
 }
 
-/* The time left, from when the first n of the remaining shots had been exposed. */
+/* Notes the time left, counted from the moment when the first n of the remaining shots had been
+ * exposed. */
 static void capture_run_note_left(Capture *capture, guint n, double at_s) {
     capture->left_n = n;
     capture->left_at_s = at_s;
@@ -442,7 +445,7 @@ static void capture_run_learn(Capture *capture, guint n, double at_s) {
 static void on_homed(gpointer data) {
     Capture *capture = data;
     capture_run_note_left(capture, 0, capture_now_s(capture));
-    /* For the history: since the last shot, or the beginning, only axes were homed. */
+    /* For the history: since the last shot, or the beginning, only axes have been homed. */
     session_add_event(capture->session, capture_now_s(capture), "info", "capture",
                       SESSION_EVENT_HOMED, NULL);
     if (capture->state == CAPTURE_HOMING)
@@ -509,7 +512,8 @@ static void on_fault(const char *source, const char *reason, gboolean rig, gpoin
     capture_pause_for(data, rig ? CAPTURE_FAULT_RIG : CAPTURE_FAULT_SESSION, source, reason);
 }
 
-/* Reports this even if the session rests, and adds it to the reason for later readers. */
+/* Reports this even if no shots are being taken, and adds it to the reason for the pause, which is
+ * read later. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))
@@ -525,9 +529,9 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     capture_run_changed(capture);
 }
 
-/* Lists the shots of a round that is left, in its order, and sets their passes: those of all shots
- * of the round, done or not, so that the same pictures are taken as without an interruption.
- * Returns the last pass's number. */
+/* Lists the remaining shots of a round in its order, and sets their passes. The passes are computed
+ * from all shots of the round, done or not, so that the same pictures are taken as without an
+ * interruption. Returns the number of the last pass. */
 static int list_round(Capture *capture, int round, int number) {
     const struct devices *devices = capture->devices;
     g_autoptr(GPtrArray) shots = g_ptr_array_new();
@@ -538,7 +542,7 @@ static int list_round(Capture *capture, int round, int number) {
             g_ptr_array_add(shots, shot);
     }
     struct session_shot **list = (struct session_shot **)shots->pdata;
-    /* The plan's order is that of the first round, and of all that may follow it. */
+    /* The plan's order contains the first round, and all shots that may follow it. */
     if (round > 1)
         plan_order_left(list, (int)shots->len, &capture->conf, &devices->geometry,
                         &devices->timing);
@@ -550,7 +554,7 @@ static int list_round(Capture *capture, int round, int number) {
     return number;
 }
 
-/* Lists the shots that this run takes, and predicts their time, homing included. */
+/* Lists the shots that this run takes, and predicts their time, including homing. */
 static void note_remaining(Capture *capture) {
     const struct devices *devices = capture->devices;
     capture_count(capture);
@@ -593,7 +597,7 @@ static void capture_run_begin(gpointer data) {
         sequencer_start(capture->sequencer, capture->leg);
 }
 
-/* Not from within the caller's call, since events may follow at once. */
+/* Starts from the main loop, because the caller does not expect events before it has returned. */
 void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
     note_remaining(capture);
@@ -612,7 +616,7 @@ static void stop_for_choice(Capture *capture, const GError *error) {
     stop_for(capture, CAPTURE_FAULT_SESSION, "disk", reason);
 }
 
-/* A session that was aborted or paused meanwhile goes on with the choice when it is resumed. */
+/* If the session was aborted or paused in the meantime, the choice is made when it is resumed. */
 static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_lights,
                                   const GError *error, gpointer data) {
     Capture *capture = data;
@@ -631,7 +635,8 @@ static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_l
     if (pausing)
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
     else if (n > 0) {
-        capture->clock_base_s = capture_now_s(capture); /* capture_run_begin() starts it anew */
+        /* capture_run_begin() starts the clock again */
+        capture->clock_base_s = capture_now_s(capture);
         capture->since_us = -1;
         capture_begin_soon(capture);
     } else

@@ -1,8 +1,8 @@
 #include "exposure_advice.h"
 
 #define KEY          "saturated_retakes"
-#define MOST_LACKING 0.5 /* of the values, likewise */
-#define MOST_RETAKEN 0.5 /* a picture, without advice */
+#define MOST_LACKING 0.5 /* maximum share of values without advice */
+#define MOST_RETAKEN 0.5 /* maximum number of repetitions per picture without advice */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)
@@ -51,9 +51,8 @@ char *exposure_advice(Session *session, double lacking) {
                    ? g_strdup("too long: the longest one saturates more than half of the values; "
                               "leave it out of [capture] exposures_us, or write “auto”")
                    : NULL;
-    return g_strdup_printf("too long: saturated pictures under lamps were taken again %d times, "
-                           "for %d that were kept, "
-                           "at down to %" G_GINT64_FORMAT
+    return g_strdup_printf("too long: saturated pictures under lamps were repeated %d times, for "
+                           "%d that were kept, with exposures down to %" G_GINT64_FORMAT
                            " µs; for the next session shorten the first of [capture] "
                            "exposures_us to about that, or write “auto”",
                            retakes.n, n, retakes.shortest_us);

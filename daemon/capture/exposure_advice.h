@@ -1,23 +1,24 @@
-/* Whether the exposures of a session were so long that most pictures were saturated and had to be
- * taken again. Main loop's thread. */
+/* Advice for sessions whose exposures were so long that most pictures were saturated and had to be
+ * repeated. Main loop's thread. */
 #pragma once
 
 #include "session/session.h"
 
 struct exposure_retakes {
-    int n;              /* pictures taken again since they were saturated */
-    gint64 shortest_us; /* the shortest exposure that one of them was taken again with; 0: none */
+    int n;              /* number of pictures that were repeated because they were saturated */
+    gint64 shortest_us; /* the shortest exposure of such a repetition; 0 if there was none */
 };
 
-/* shortened_us: as the sequencer's hook “retake” has it. */
+/* shortened_us is the argument of the sequencer's hook “retake”. */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
-/* Reads and writes the session's value "saturated_retakes", the sum over all runs. FALSE: it cannot
- * be read, and *ret is 0. */
+/* Read and write the session's value "saturated_retakes", the sum over all runs.
+ * exposure_advice_load() returns FALSE if the value cannot be read; *ret is then 0. */
 gboolean exposure_advice_load(struct exposure_retakes *ret, Session *session, GError **error);
 void exposure_advice_save(const struct exposure_retakes *retakes, Session *session);
 
-/* A sentence with what to change, if there were at least half as many such retakes as pictures
- * under lamps, or if more than half of the values lack the longest exposure, which saturates.
- * lacking: the share of those, 0 if it is not known. Else NULL. g_free(). */
+/* Returns a sentence that says which exposures to change, or NULL. There is advice if such
+ * repetitions were at least half as many as the pictures under lamps, or if more than half of the
+ * values lack the longest exposure because it is saturated. lacking is the share of these values, 0
+ * if it is not known. g_free() */
 char *exposure_advice(Session *session, double lacking);

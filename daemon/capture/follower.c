@@ -31,7 +31,7 @@ static void child_ended(GObject *source, GAsyncResult *result, gpointer data) {
         return; /* cancelled: the follower is gone */
     follower->running = FALSE;
     if (!g_subprocess_get_successful(child))
-        g_message("processing beside the capture has failed: run `mesorig process` when the "
+        g_message("processing during the capture has failed: run `mesorig process` when the "
                   "capture has ended");
 }
 

@@ -6,12 +6,12 @@
 #include "intake/intake.h"
 #include "intake/radiance.h"
 
-/* Pause before the next attempt with a camera that is gone. */
+/* Pause before the next attempt with a camera that does not respond. */
 #define REST_US (3 * G_USEC_PER_SEC)
 
-/* Pause after the second refused picture in a row; then four times as long each time, up to
- * REST_US. A disturbance of a line, or a busy computer, may last a second and must not use up all
- * attempts. */
+/* Pause after the second refused picture in a row. The pause becomes four times as long each time,
+ * up to REST_US. A disturbance of a line, or a busy computer, may last a second and must not use up
+ * all attempts. */
 #define FIRST_REST_US 100000
 
 static void sequencer_prepare(Sequencer *seq);
@@ -33,7 +33,7 @@ void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboo
     g_autofree char *text = g_strdup(reason);
     const gboolean safe = sequencer_stop(seq, &error);
     rig = rig || !safe;
-    /* The reason may be just that a light did not go off. */
+    /* The reason may only be that a light did not go off. */
     if (!safe && !strstr(reason, error->message)) {
         g_free(text);
         text = g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand first. %s",
@@ -48,13 +48,14 @@ void sequencer_finish(Sequencer *seq) {
         seq->hooks.finished(seq->hooks.data);
         return;
     }
-    g_autofree char *text =
-        g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
+    g_autofree char *text = g_strdup_printf(
+        DEVICES_UNSAFE ": %s. Switch it off by hand, then continue.", error->message);
     seq->hooks.fault("rig", text, TRUE, seq->hooks.data);
 }
 
-/* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
- * laser off, is taken from the middle, where a laser that shines on would light the sample. */
+/* Step k of n is at from + k·(to − from)/(n − 1). The picture after the last step, with the laser
+ * off, is taken from the middle of the sweep, where a laser that is still lit would light the
+ * sample. */
 static double sweep_at_deg(const struct session_shot *shot, int step) {
     double span_deg = shot->sweep_to_deg - shot->sweep_from_deg;
     if (step >= shot->sweep_steps)
@@ -86,15 +87,15 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
     return goal;
 }
 
-/* The stage's goal once the picture under way is exposed. */
+/* Returns the stage's goal after the exposure of the picture under way. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->pending && seq->pass.n == 0)
         return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq, seq->shot, seq->sub + 1);
     if (seq->next < seq->shots->len && !seq->pausing) {
-        /* The laser waits for the last frame: should that have to be taken again, a laser that
-         * stays on would light it, and only the end of the sweep shows such a laser. */
+        /* The laser waits for the last frame. If that frame has to be repeated, a laser that stays
+         * on would light it. Only the end of the sweep shows such a laser. */
         struct stage_goal goal = goal_of(seq, seq->shots->pdata[seq->next], 0);
         goal.laser = seq->waiting ? -1 : goal.laser;
         return goal;
@@ -104,7 +105,7 @@ static struct stage_goal goal_after(const Sequencer *seq) {
     return goal;
 }
 
-/* FALSE when there is nothing left to take. */
+/* Returns FALSE when there are no shots left to take. */
 static gboolean begin_shot(Sequencer *seq) {
     if (seq->next >= seq->shots->len)
         return FALSE;
@@ -176,7 +177,7 @@ gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camer
     return sequencer_count_refusal(seq, camera, state, error);
 }
 
-/* Cameras that are gone stay pending, and are tried again after a pause. */
+/* Cameras that do not respond stay pending, and are tried again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
@@ -262,7 +263,8 @@ void sequencer_next_shot(Sequencer *seq) {
         sequencer_prepare(seq);
 }
 
-/* All cameras have answered: the refused ones once more, or the next picture, or the next shot. */
+/* All cameras have answered. Continues with the refused cameras, or with the next picture or
+ * shot. */
 static void picture_over(Sequencer *seq) {
     seq->state = PREPARING;
     if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
@@ -286,8 +288,8 @@ static void answered(Sequencer *seq, int camera) {
         sequencer_advance(seq);
 }
 
-/* If no shorter exposure is possible, or all retries are used, the picture is kept as it is: a
- * highlight must not end an unattended capture. */
+/* If no shorter exposure is possible, or all attempts are used, the picture is kept as it is,
+ * because a highlight must not end an unattended capture. */
 gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            struct sequencer_camera *state, const Frame *frame) {
     const gint64 us = sequencer_exposure_us(seq, shot, sub, state);
@@ -339,7 +341,7 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
     int c = unit->camera;
     while (c < seq->devices->geometry.n_cameras && seq->devices->cameras[c] == camera &&
            !(seq->waiting & 1u << c))
-        c++; /* of its stops, the one that is waited for */
+        c++; /* the camera of its stops that is awaited */
     const gboolean passing = seq->state == PASSING;
     if ((seq->state != EXPOSING && !passing) || c >= seq->devices->geometry.n_cameras ||
         seq->devices->cameras[c] != camera)
@@ -389,7 +391,7 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
         seq->units[c] = (struct sequencer_unit){.sequencer = seq, .camera = c};
-        if (devices_is_unit(&devices->geometry, c)) /* which of its stops: see on_camera() */
+        if (devices_is_unit(&devices->geometry, c)) /* to the camera of its stop: see on_camera() */
             camera_listen(devices->cameras[c], on_camera, &seq->units[c]);
     }
     return seq;
@@ -421,7 +423,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
         return;
     }
     stage_home(seq->stage);
-    sequencer_advance(seq); /* a rig without axes is homed at once */
+    sequencer_advance(seq); /* a rig without axes is homed immediately */
 }
 
 void sequencer_pause(Sequencer *seq) {

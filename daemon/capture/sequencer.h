@@ -1,11 +1,10 @@
-/*
- * Takes shots in order: homes the axes, brings the stage to where each picture is taken, triggers
- * the cameras, and hands on every accepted frame. As soon as the cameras have exposed, the stage
- * goes on to the next picture while frames are read out. Shots of a pass (struct session_pass) are
- * taken while the turntable turns: cameras are triggered such that it passes the shot's angle in
- * the middle of the exposure. A state machine driven by the devices' events; every wait has the
- * deadline of the class it waits for. Main loop's thread.
- */
+/* Takes shots in order. The sequencer homes the axes, moves the stage to the pose of each picture,
+ * triggers the cameras, and passes on every accepted frame. As soon as the cameras have exposed,
+ * the stage moves to the next picture while the frames are read out. Shots of a pass (struct
+ * session_pass) are taken while the turntable turns: each camera is triggered so that the turntable
+ * passes the shot's angle in the middle of the exposure. The sequencer is a state machine driven by
+ * the devices' events. Every wait has the deadline of the class of the device. Main loop's
+ * thread. */
 #pragma once
 
 #include "plan/plan.h"
@@ -13,50 +12,56 @@
 typedef struct Sequencer Sequencer;
 
 struct sequencer_taken {
-    int camera, sub, retakes; /* retakes: of this camera in this shot */
-    gboolean turned;          /* it was exposed in a pass: */
-    double turntable_deg;     /* where the table was in the middle of the exposure */
+    int camera, sub, retakes; /* retakes counts those of this camera in this shot */
+    gboolean turned;          /* whether the frame was exposed in a pass */
+    double turntable_deg;     /* angle of the turntable in the middle of the exposure */
 };
 
 struct sequencer_hooks {
     void (*homed)(gpointer data);
-    /* Asked before cameras are triggered; if FALSE, sequencer_poke() says when to ask again. */
+    /* Called before cameras are triggered. If it returns FALSE, the cameras are not triggered until
+     * sequencer_poke() makes the sequencer call it again. */
     gboolean (*may_trigger)(gpointer data);
-    /* An accepted frame, in order of sub for each camera. Frames of a pass come shot by shot for
-     * each camera, but for those that another turn takes. */
+    /* Called with an accepted frame, in order of sub for each camera. Frames of a pass come shot by
+     * shot for each camera, except those that are taken in another turn. */
     void (*frame)(const struct session_shot *shot, const struct sequencer_taken *taken,
                   Frame *frame, gpointer data);
-    /* A picture was refused or lost and is taken again; shortened_us: the exposure that it is taken
-     * again with since it was saturated, or 0. */
+    /* Called when a picture was refused or lost and is repeated. shortened_us is the exposure of
+     * the repetition if the picture was saturated, otherwise 0. */
     void (*retake)(int camera, const char *why, gint64 shortened_us, gpointer data);
-    /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
+    /* Called when all shots are taken, or after sequencer_pause() when the shot under way is taken.
+     * The rig is safe. */
     void (*finished)(gpointer data);
-    /* Everything has stopped; the rig is safe, or reason contains DEVICES_UNSAFE. rig: another
-     * session would fail, too; FALSE if a camera that is there gave no good picture. */
+    /* Called when a fault has stopped everything. The rig is safe, or reason contains
+     * DEVICES_UNSAFE. rig is TRUE if another session would fail as well, and FALSE if a camera that
+     * is present gave no good picture. */
     void (*fault)(const char *source, const char *reason, gboolean rig, gpointer data);
-    /* While nothing runs: a lamp or laser that was commanded off has not confirmed it. */
+    /* Called while no shots are being taken: a lamp or laser that was commanded off has not
+     * confirmed it. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
 
-/* Borrows devices and conf. */
+/* Creates a sequencer. Borrows devices and conf. */
 Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
                          const struct sequencer_hooks *hooks);
-void sequencer_free(Sequencer *sequencer); /* NULL is ignored; does not make the rig safe */
+void sequencer_free(Sequencer *sequencer); /* does not make the rig safe; NULL is ignored */
 
-/* Homes, then takes the shots; not while something is under way. Borrows shots, an array of
- * const struct session_shot *, until it is finished, stopped or faulted. */
+/* sequencer_start() homes the axes, then takes the shots. It must not be called while shots are
+ * being taken. Borrows shots, an array of const struct session_shot *, until it is finished,
+ * stopped or faulted. */
 void sequencer_start(Sequencer *sequencer, const GPtrArray *shots);
 void sequencer_pause(Sequencer *sequencer);
 void sequencer_poke(Sequencer *sequencer);
 
-/* Now: the rig is made safe, frames on their way are forgotten, no hook is called. */
+/* Stops immediately: the rig is made safe, frames under way are dropped, and no hook is called. */
 gboolean sequencer_stop(Sequencer *sequencer, GError **error);
 
 const Interlock *sequencer_open_interlock(const Sequencer *sequencer);
 
-/* The shot under way, or the one before; NULL: none was begun. Borrowed from the shots. */
+/* Returns the shot under way, or otherwise the last one. Returns NULL if none was begun. Borrowed
+ * from the shots. */
 const struct session_shot *sequencer_last_shot(const Sequencer *sequencer);
 
-/* The shot under way, or NULL; and which of its pictures. */
+/* Returns the shot under way, or NULL, and the number of its picture. */
 const struct session_shot *sequencer_shot(const Sequencer *sequencer, int *ret_sub, int *ret_n);

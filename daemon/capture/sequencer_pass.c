@@ -1,23 +1,24 @@
-/* A pass: the table turns by, and cameras are triggered half an exposure before it is where each
- * shot wants it. What was not taken, or is not good, is taken when the table passes again, from the
- * same place at the same speed, so that its picture is the same as if nothing had happened. */
+/* A pass: the table turns, and each camera is triggered half an exposure before the table reaches
+ * the angle of the shot. Pictures that were not taken, or were refused, are taken when the table
+ * passes again. It then starts from the same place at the same speed, so that the picture is the
+ * same as without the interruption. */
 #include "sequencer_private.h"
 
 #include <math.h>
 
-/* A frame that was exposed farther from where it should have been is taken again. */
+/* A frame that was exposed farther than this from its planned angle is taken again. */
 #define MOST_OFF_DEG 0.5
 
-/* Poses are stored in steps of 1/8192°, far below what any axis can tell. A step is no decimal
- * fraction, so that no angle lies in the middle of two: the same pass gives the same numbers,
- * however its positions were rounded. */
+/* Poses are stored in steps of 1/8192°, which is far below the resolution of any axis. A step is
+ * not a decimal fraction, so that no angle is in the middle between two steps. The same pass
+ * therefore gives the same numbers, however its positions were rounded. */
 #define POSE_BITS 13
 
-/* A trigger that is this late is not given. */
+/* A trigger is omitted if it is late by more than this. */
 #define LATE_US 1000
 
-struct told_frame { /* whose pose is not told yet */
-    guint shot;     /* index in the pass */
+struct told_frame { /* a frame whose pose is not reported yet */
+    guint shot;     /* index of the shot in the pass */
     int camera;
     Frame *frame;
 };
@@ -34,7 +35,7 @@ void sequencer_pass_clear(Sequencer *seq) {
     seq->pass = (struct sequencer_pass){.told = G_QUEUE_INIT};
 }
 
-/* The cameras that something is still to be taken with. */
+/* Returns the cameras that still have pictures to take. */
 static guint32 pass_pending(const Sequencer *seq) {
     guint32 pending = 0;
     for (guint i = 0; i < seq->pass.n; i++)
@@ -71,7 +72,8 @@ gboolean sequencer_pass_is_untouched(const Sequencer *seq) {
     return TRUE;
 }
 
-/* Whether a shot is to be triggered in this turn. Before a pause only what was begun is ended. */
+/* Returns whether a shot is to be triggered in this turn. After a pause was requested, only shots
+ * that were begun are finished. */
 static gboolean pass_wants(const Sequencer *seq, const struct pass_shot *shot) {
     return shot->pending != 0 && (!seq->pausing || pass_is_begun(shot));
 }
@@ -84,7 +86,8 @@ static void pass_find_next(Sequencer *seq) {
         seq->shot = seq->last_shot = pass->shots[pass->next].shot;
 }
 
-/* Makes all cameras of the turn ready, which takes some of them longer than there is time in it. */
+/* Makes all cameras of the turn ready before it begins, because some cameras need more time for
+ * this than there is within a turn. */
 static gboolean pass_arm(Sequencer *seq) {
     for (guint i = 0; i < seq->pass.n; i++)
         for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
@@ -115,12 +118,14 @@ void sequencer_pass_start(Sequencer *seq) {
     stage_turn(seq->stage, way->by_deg, way->speed_deg_s);
 }
 
-/* When the cameras must be triggered for a shot; FALSE: that cannot be told yet. */
+/* Gives the time when the cameras must be triggered for a shot. Returns FALSE if the time is not
+ * known yet. */
 static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *shot,
                                 gint64 *ret_us) {
     const struct axis_motion *motion = &seq->devices->turntable->motion;
     const double at_deg = passes_at_deg(&shot->shot->pass, shot->shot->turntable_deg);
-    /* Passes count from where the plan has them begin, the axis from where it stood. */
+    /* Passes count from the planned beginning of the pass, the axis counts from the angle at which
+     * it stood. */
     const double turned = at_deg - shot->shot->pass.from_deg;
     gint64 lead_us = 0, us;
     if (!axis_passes_at(seq->devices->turntable,
@@ -132,7 +137,7 @@ static gboolean pass_trigger_at(const Sequencer *seq, const struct pass_shot *sh
                 MAX(lead_us, seq->devices->cameras[c]->format.trigger_us +
                                  sequencer_exposure_us(seq, shot->shot, 0, &shot->cameras[c]) / 2);
     *ret_us = us - lead_us;
-    /* One of the next two reports may know it better. */
+    /* One of the next two reports may give a more accurate time. */
     return *ret_us - clock_now_us(seq->devices->clock) <= (gint64)(2e3 * motion->report_ms);
 }
 
@@ -141,7 +146,7 @@ static void pass_trigger(Sequencer *seq, struct pass_shot *shot) {
         g_autoptr(GError) error = NULL;
         const guint32 bit = 1u << c;
         if (!(shot->pending & bit) || seq->waiting & bit)
-            continue; /* what is still on its way: the next turn takes this one */
+            continue; /* its last frame is still awaited: the next turn takes this shot */
         if (sequencer_trigger(seq, shot->shot, 0, c, &shot->cameras[c], &error)) {
             seq->exposing |= bit;
             seq->waiting |= bit;
@@ -164,7 +169,7 @@ static void pass_on_timer(gpointer data) {
         sequencer_pass_step(seq);
 }
 
-/* Waits for the time of the next shot, as soon as it is known. */
+/* Waits for the time of the next shot, when this time is known. */
 static void pass_schedule(Sequencer *seq) {
     struct sequencer_pass *pass = &seq->pass;
     gint64 at_us;
@@ -178,7 +183,7 @@ static void pass_schedule(Sequencer *seq) {
     }
 }
 
-/* An accepted frame, at an angle of the table. */
+/* Passes on an accepted frame with its angle of the table. */
 static void pass_hand_on(Sequencer *seq, const struct told_frame *told, double off_deg) {
     struct pass_shot *shot = &seq->pass.shots[told->shot];
     const struct sequencer_taken taken = {.camera = told->camera,
@@ -197,7 +202,7 @@ static void pass_refuse(Sequencer *seq, guint shot, int camera, const GError *er
     sequencer_count_refusal(seq, camera, &seq->pass.shots[shot].cameras[camera], error);
 }
 
-/* Hands on the frames whose poses are known by now. */
+/* Passes on the frames whose poses are known. */
 static void pass_tell(Sequencer *seq) {
     const Axis *table = seq->devices->turntable;
     while (seq->state == PASSING && !g_queue_is_empty(&seq->pass.told)) {
@@ -214,9 +219,10 @@ static void pass_tell(Sequencer *seq) {
                            (passes_at_deg(&shot->pass, shot->turntable_deg) - shot->pass.from_deg);
         g_queue_pop_head(&seq->pass.told);
         if (!known)
-            device_error_set(&error, DEVICE_ERROR_TIMEOUT, table->device.who,
-                             "it did not tell where it was while a frame was "
-                             "exposed" ERROR_ADVICE "check its cable, and stamp_ms if it has that");
+            device_error_set(
+                &error, DEVICE_ERROR_TIMEOUT, table->device.who,
+                "it did not report its position during the exposure of a frame" ERROR_ADVICE
+                "check its cable, and stamp_ms if it has that option");
         else if (fabs(off) > MOST_OFF_DEG)
             device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
                              "it was %+.2f° from %g° while a frame was exposed" ERROR_ADVICE
@@ -230,7 +236,7 @@ static void pass_tell(Sequencer *seq) {
     }
 }
 
-/* Whether a frame of a shot is on its way, or its pose is. */
+/* Returns whether a frame of a shot, or the pose of a frame, is still awaited. */
 static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
     if (seq->waiting & 1u << camera && seq->units[camera].passing == shot)
         return TRUE;
@@ -242,7 +248,7 @@ static gboolean pass_awaits(const Sequencer *seq, guint shot, int camera) {
     return FALSE;
 }
 
-/* Whether another turn is needed, unless a frame that is on its way is refused. */
+/* Returns whether another turn is needed if all awaited frames are accepted. */
 static gboolean pass_needs_more(const Sequencer *seq) {
     for (guint i = 0; i < seq->pass.n; i++)
         for (int c = 0; c < RIG_MAX_CAMERAS; c++)
@@ -252,7 +258,8 @@ static gboolean pass_needs_more(const Sequencer *seq) {
     return FALSE;
 }
 
-/* The table stands, and all frames are here: passes again, or goes on. */
+/* The table has stopped and all frames have arrived: passes again, or continues with the next
+ * shot. */
 static void pass_end(Sequencer *seq) {
     struct sequencer_pass *pass = &seq->pass;
     const gboolean more = pass_needs_more(seq);
@@ -269,10 +276,10 @@ static void pass_end(Sequencer *seq) {
         sequencer_advance(seq);
     } else {
         const char *name = seq->devices->turntable->device.name;
-        g_autofree char *reason = g_strdup_printf(
-            "axis %s: it passed %d times without a picture that could be taken. Check that it "
-            "tells where it is, or set [capture] motion = standing.",
-            name, pass->fruitless);
+        g_autofree char *reason =
+            g_strdup_printf("axis %s: it passed %d times without a good picture. Check that it "
+                            "reports its position, or set [capture] motion = standing.",
+                            name, pass->fruitless);
         sequencer_fail(seq, name, reason, TRUE);
     }
 }

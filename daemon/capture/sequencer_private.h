@@ -1,7 +1,5 @@
-/*
- * Shared by sequencer.c, which takes pictures of a table that stands, and sequencer_pass.c, which
- * takes those of a pass (passes/passes.h).
- */
+/* Shared by sequencer.c, which takes pictures while the turntable stands, and sequencer_pass.c,
+ * which takes the pictures of a pass (passes/passes.h). */
 #pragma once
 
 #include "sequencer.h"
@@ -10,32 +8,36 @@
 enum state { IDLE, HOMING, PREPARING, EXPOSING, PASSING };
 
 struct sequencer_camera { /* state of a camera in a shot */
-    int refused;          /* in a row */
+    int refused;          /* number of refusals in a row */
     int retakes;          /* in this shot */
-    int shortened;        /* in this shot: each time to a quarter of the shortest exposure */
+    /* number of times in this shot that the exposure was shortened, each time to a quarter of the
+     * shortest exposure */
+    int shortened;
 };
 
 struct sequencer_unit { /* a camera */
     Sequencer *sequencer;
     int camera;
     gint64 rest_until_us;
-    guint passing; /* in a pass: index of the shot that it takes */
+    guint passing; /* in a pass, the index of the shot that it takes */
 };
 
 struct pass_shot { /* a shot of the pass under way */
     const struct session_shot *shot;
-    guint32 pending; /* cameras that have not taken it yet */
+    guint32 pending; /* bits of cameras that have not taken it yet */
     struct sequencer_camera cameras[RIG_MAX_CAMERAS];
 };
 
-/* The pass under way. If a picture of it has to be taken again, the table passes again. */
+/* The pass under way. If a picture of the pass has to be repeated, the turntable turns through the
+ * pass again. */
 struct sequencer_pass {
     struct pass_shot *shots;
-    guint n;           /* 0: there is no pass */
-    guint next;        /* which is triggered next, in this turn */
-    gboolean progress; /* a picture was accepted in this turn */
-    int fruitless;     /* turns in a row without one */
-    GQueue told;       /* of struct told_frame: their poses are not told yet */
+    guint n;           /* 0 if there is no pass */
+    guint next;        /* index of the shot that is triggered next in this turn */
+    gboolean progress; /* whether a picture was accepted in this turn */
+    int fruitless;     /* number of turns in a row without an accepted picture */
+    /* of struct told_frame: frames whose poses the turntable has not reported yet */
+    GQueue told;
 };
 
 struct Sequencer {
@@ -46,57 +48,63 @@ struct Sequencer {
     enum state state;
     gboolean pausing;
     const GPtrArray *shots;
-    guint next;                                  /* index of the shot after the one under way */
-    const struct session_shot *shot, *last_shot; /* last_shot: the same, or the last one */
+    guint next; /* index of the shot after the one under way */
+    /* last_shot is the shot under way, or otherwise the last one */
+    const struct session_shot *shot, *last_shot;
     int sub, n_subs;
-    guint32 pending;  /* cameras still to be triggered for this picture, or in this pass */
-    guint32 exposing; /* triggered; the lamp must stay on */
-    guint32 waiting;  /* triggered, no frame yet */
+    /* bits of cameras that must still be triggered for this picture, or in this pass */
+    guint32 pending;
+    guint32 exposing; /* bits of cameras that were triggered; the lamp must stay on */
+    guint32 waiting;  /* bits of cameras that were triggered and have delivered no frame yet */
     struct sequencer_unit units[RIG_MAX_CAMERAS];
-    struct sequencer_camera cameras[RIG_MAX_CAMERAS]; /* in the shot, unless it is of a pass */
+    /* in the shot, unless the shot belongs to a pass */
+    struct sequencer_camera cameras[RIG_MAX_CAMERAS];
     struct sequencer_pass pass;
     guint timer;
 };
 
-/* Everything is stopped: a fault. */
+/* Stops everything and reports a fault. */
 void sequencer_fail(Sequencer *seq, const char *source, const char *reason, gboolean rig);
-/* All is taken, or the last before a pause. */
+/* Finishes: all shots are taken, or the last one before a pause. */
 void sequencer_finish(Sequencer *seq);
-/* The next steps that are possible now. */
+/* Takes the next steps that are possible now. */
 void sequencer_advance(Sequencer *seq);
-/* The stage goes on to what follows the picture under way. */
+/* Moves the stage to the goal that follows the picture under way. */
 void sequencer_go_on(Sequencer *seq);
-/* All pictures of the shot or pass are taken: the next one, or the end. */
+/* Continues with the next shot, or finishes. All pictures of the present shot or pass are taken. */
 void sequencer_next_shot(Sequencer *seq);
 
-/* Sets a camera up for a picture; state: its in the shot. Also triggers it. */
+/* Sets a camera up for a picture and triggers it. state is the camera's state in the shot. */
 gboolean sequencer_make_ready(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                               const struct sequencer_camera *state, GError **error);
 gboolean sequencer_trigger(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            const struct sequencer_camera *state, GError **error);
 gint64 sequencer_exposure_us(const Sequencer *seq, const struct session_shot *shot, int sub,
                              const struct sequencer_camera *state);
-/* FALSE: no attempts are left, and everything has been stopped. */
+/* Counts a refused picture. Returns FALSE if no attempts are left; everything has then been
+ * stopped. */
 gboolean sequencer_count_refusal(Sequencer *seq, int camera, struct sequencer_camera *state,
                                  const GError *error);
-/* The same for a camera that cannot be triggered: it is tried again after a pause. */
+/* The same for a camera that cannot be triggered. It is tried again after a pause. */
 gboolean sequencer_count_gone(Sequencer *seq, int camera, struct sequencer_camera *state,
                               const GError *error);
-/* Whether a picture is to be taken again with a shorter exposure, since it is saturated: tells so.
- */
+/* Returns whether a picture must be repeated with a shorter exposure because it is saturated, and
+ * reports that. */
 gboolean sequencer_shorten(Sequencer *seq, const struct session_shot *shot, int sub, int camera,
                            struct sequencer_camera *state, const Frame *frame);
 
-/* sequencer_pass.c: begins with the shot under way, the first of those of its pass that this run
- * takes; takes the others from the shots that follow. */
+/* In sequencer_pass.c. sequencer_pass_begin() begins with the shot under way, the first shot of its
+ * pass in this run. The other shots of the pass are the shots that follow it. */
 void sequencer_pass_begin(Sequencer *seq);
 void sequencer_pass_clear(Sequencer *seq);
-/* The stage has reached the place where the pass begins: the table turns. */
+/* Starts the turn of the turntable. The stage has reached the place where the pass begins. */
 void sequencer_pass_start(Sequencer *seq);
-/* The table has told where it is, or stands; a camera has answered. */
+/* To be called when the turntable has reported its position or has stopped, and when a camera has
+ * answered. */
 void sequencer_pass_step(Sequencer *seq);
-/* The frame of a camera, of which this takes a reference, or why there is none. */
+/* Takes the frame of a camera (with a reference of its own), or the error if there is no frame. */
 void sequencer_pass_take(Sequencer *seq, int camera, Frame *frame);
 void sequencer_pass_refused(Sequencer *seq, int camera, const GError *error);
-/* Nothing of it has been taken in part, so that it can be left as it is. */
+/* Returns whether no shot of the pass has been taken in part, so that the pass can be
+ * interrupted. */
 gboolean sequencer_pass_is_untouched(const Sequencer *seq);

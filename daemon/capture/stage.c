@@ -8,16 +8,16 @@
 struct track { /* an axis */
     Stage *stage;
     Axis *axis;
-    double at_deg; /* where it was sent and arrived; NAN while that is not known */
+    double at_deg; /* last position that it was sent to and reached; NAN if not known */
     double target_deg;
     gboolean homing, homed;
 };
 
 struct stage_light { /* a lamp or a laser */
-    gboolean asked;  /* as last commanded */
-    gboolean on;     /* as last reported */
+    gboolean asked;  /* last command */
+    gboolean on;     /* last report */
     gint64 since_us;
-    int pending; /* lamps: switches whose answers are awaited */
+    int pending; /* for lamps: number of switch commands without an answer */
 };
 
 struct Stage {
@@ -55,11 +55,11 @@ static const char *stage_advice(const GError *error) {
 
 char *stage_advise(const char *text, const GError *error) {
     if (error_details_advice(error))
-        return g_strdup_printf("%s, then go on.", text);
-    return g_strdup_printf("%s. %s, then go on.", text, stage_advice(error));
+        return g_strdup_printf("%s, then continue.", text);
+    return g_strdup_printf("%s. %s, then continue.", text, stage_advice(error));
 }
 
-/* The same about the device of a class and a name, which an error from a bus may not have. */
+/* Describes a device by its class and name, which an error from a bus may lack. */
 static char *stage_describe(const char *class_name, const char *name, const GError *error) {
     g_autofree char *device = g_strdup_printf("%s %s", class_name, name);
     const gboolean named = g_strcmp0(error_details_subject(error), device) == 0;
@@ -74,7 +74,7 @@ static void stage_fault(Stage *stage, const char *kind, const char *name, const 
         stage->hooks.fault(name, reason, stage->hooks.data);
 }
 
-/* A light that does not confirm "off" may still shine: always report that. */
+/* A light that does not confirm "off" may still be lit. This is always reported. */
 static void light_fault(Stage *stage, const char *kind, const char *name, gboolean on,
                         const GError *error) {
     if (on) {
@@ -112,7 +112,7 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     } else if (event == AXIS_FAULT) {
         axis_fault(track, error);
     } else if (!track->homed && !track->homing) {
-        start_homing(track); /* it was still stopping */
+        start_homing(track); /* it had not stopped yet */
     } else if (event == AXIS_HOMED) {
         track->homing = FALSE;
         track->homed = TRUE;
@@ -122,7 +122,8 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
         track->at_deg = track->target_deg;
         stage_changed(track->stage);
     } else {
-        /* A stop without a command: a limit switch, or somebody at the drive's own panel. */
+        /* The axis stopped without a command: a limit switch, or somebody at the drive's own
+         * panel. */
         g_autoptr(GError) stalled = NULL;
         device_error_set(&stalled, DEVICE_ERROR_STALLED, axis->device.who,
                          "it was stopped on its way to %g°", track->target_deg);
@@ -180,7 +181,7 @@ static struct track *find_track(Stage *stage, Axis *axis) {
 
 static void add_track(Stage *stage, Axis *axis) {
     if (!axis || find_track(stage, axis))
-        return; /* a rig without it; two lasers on one sweep */
+        return; /* the rig has no such axis, or two lasers share one sweep axis */
     struct track *track = &stage->axes[stage->n_axes++];
     *track = (struct track){.stage = stage, .axis = axis, .at_deg = NAN};
     axis_listen(axis, on_axis, track);
@@ -231,7 +232,7 @@ const Interlock *stage_open_interlock(const Stage *stage) {
     return NULL;
 }
 
-/* Switches off again the lights that did not confirm it when the rig was made safe. */
+/* Commands those lights off again that did not confirm it when the rig was made safe. */
 static void darken(Stage *stage) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps && stage->active; i++) {
@@ -273,7 +274,8 @@ static gboolean lasers_are(const Stage *stage, int lit) {
 static gboolean lamps_are(const Stage *stage, int lit) {
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
         gboolean wanted = i == lit;
-        /* One that is switched off and on again has not answered the first when it is asked. */
+        /* A lamp that is switched off and on again has not answered the first command when its
+         * state is read. */
         if (stage->lamps[i].on != wanted || stage->lamps[i].asked != wanted ||
             stage->lamps[i].pending > 0)
             return FALSE;
@@ -352,7 +354,7 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
 
 static gboolean stands_at(const Stage *stage, Axis *axis, double deg) {
     const struct track *track = find_track((Stage *)stage, axis);
-    if (!track) /* an axis that is not there */
+    if (!track) /* the rig has no such axis */
         return deg == 0;
     return track->at_deg == deg && !axis_is_moving(axis);
 }

@@ -1,26 +1,26 @@
-/*
- * Positions of the axes and states of the lights. The sequencer sets a goal; the stage moves every
- * axis there and switches the lights that differ, as soon as each device is free.
- * Main loop's thread.
- */
+/* Positions of the axes and states of the lights. The sequencer sets a goal. The stage moves every
+ * axis to its goal and switches the lights that differ from the goal, as soon as each device is
+ * free. Main loop's thread. */
 #pragma once
 
 #include "rig/devices.h"
 
 struct stage_goal {
     double turntable_deg, arc_deg, arm_deg, probe_deg;
-    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit; of a
-                        lamp on the probe, its first stop */
-    int sweep;       /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
+    /* the lamp and laser that are lit; −1 for none. A laser that is mounted by hand is given by its
+     * unit, a lamp on the probe by its first stop. */
+    int lamp, laser;
+    int sweep; /* the laser whose sweep axis must stand at sweep_deg; −1 if none */
     double sweep_deg;
 };
 
 struct stage_hooks {
-    void (*changed)(gpointer data); /* something has arrived, was switched or is homed */
-    /* reason: what happened, on which device, and what to do. May be called within stage_home() and
-     * stage_pursue(). */
+    /* called when something has arrived, was switched or is homed */
+    void (*changed)(gpointer data);
+    /* Called on a fault. reason says what happened, on which device, and what to do. May be called
+     * from within stage_home() and stage_pursue(). */
     void (*fault)(const char *source, const char *reason, gpointer data);
-    /* While the stage is inactive: a light that was commanded off has not confirmed it. */
+    /* Called while the stage is inactive: a light that was commanded off has not confirmed it. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
@@ -28,32 +28,34 @@ struct stage_hooks {
 typedef struct Stage Stage;
 
 Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks);
-void stage_free(Stage *stage); /* NULL is ignored; switches and moves nothing */
+void stage_free(Stage *stage); /* switches and moves nothing; NULL is ignored */
 
-/* NULL if every interlock is closed, else one that is open. */
+/* Returns an interlock that is open, or NULL if every interlock is closed. */
 const Interlock *stage_open_interlock(const Stage *stage);
 
-/* Homes all axes at once, each as soon as it stands. Switches off again all lights that may be on;
- * the stage is homed only when all are off. */
+/* Homes all axes together, each as soon as it stands still. Commands all lights off that may be on.
+ * The stage is homed only when all of them are off. */
 void stage_home(Stage *stage);
 gboolean stage_is_homed(const Stage *stage);
 
-/* Does what can be done now towards a goal; to be called again whenever something has changed. What
- * must go dark is switched off first. */
+/* Takes the steps towards a goal that are possible now. To be called again whenever something has
+ * changed. Lights that must be dark are switched off first. */
 void stage_pursue(Stage *stage, const struct stage_goal *goal);
 
-/* The turntable, which stands, turns by an angle at a speed (axis_turn()); its reports and its
- * arrival are changes. Where it stands then is not known as that of a goal. */
+/* Turns the turntable, which must stand still, by an angle at a speed (axis_turn()). Its reports
+ * and its arrival are reported as changes. Afterwards its position is not known to be that of any
+ * goal. */
 void stage_turn(Stage *stage, double by_deg, double speed_deg_s);
 
-/* Whether everything is as the goal says; ret_at_us: from when its light is stable. */
+/* Returns whether everything is as the goal says. ret_at_us is the time from which its light is
+ * stable. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
-/* The safe state, now. Positions are unknown afterwards, and no hook but unsafe is called until
- * stage_home(). */
+/* Brings the rig into the safe state immediately. Positions are unknown afterwards. Until
+ * stage_home() no hook except unsafe is called. */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* A text about a device's error, followed by what to do if the text does not say it already;
- * g_free(). text: the error's message, or error_details_text() where the reader knows the device.
- */
+/* Returns the text of a device's error, followed by advice if the text does not contain it already;
+ * g_free(). text is the message of the error, or error_details_text() if the reader knows the
+ * device. */
 char *stage_advise(const char *text, const GError *error);

@@ -19,7 +19,8 @@ static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb
     }
 }
 
-/* The value that sorting would put at k: only the part that holds it is divided further. */
+/* Returns the value that sorting would put at index k. Only the part that contains it is divided
+ * further. */
 static float select_value(float *values, gsize n, gsize k) {
     gssize low = 0, high = (gssize)n - 1, at = (gssize)k;
     while (low < high) {

@@ -6,13 +6,13 @@ static char *board_option;
 static double margin_mm, pixels_a_mm = 10;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
-     "Squares across and down, their size and their markers', in mm; without marker a chessboard; "
-     "mesorig(1) has more",
+     "Numbers of squares across and down, size of squares and markers in mm. Without marker the "
+     "board is a chessboard. See mesorig(1)",
      "8x8,square=9,marker=6.75,dictionary=4x4_50"},
-    {"margin", 0, 0, G_OPTION_ARG_DOUBLE, &margin_mm, "White around the board, 0 if not given",
-     "MM"},
+    {"margin", 0, 0, G_OPTION_ARG_DOUBLE, &margin_mm,
+     "White margin around the board (0 if not given)", "MM"},
     {"pixels", 0, 0, G_OPTION_ARG_DOUBLE, &pixels_a_mm,
-     "Pixels a millimetre of a PNG, 10 if not given", "N"},
+     "Pixels per millimetre of a PNG (10 if not given)", "N"},
     {NULL},
 };
 
@@ -43,7 +43,7 @@ static int cli_board_run(const struct call *call, GError **error) {
     record_int(call->record, "corners", corners);
     record_say(call->record,
                "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
-               "measure it, and give what you measured:\n  --board %s\n",
+               "measure it, and give the measured sizes:\n  --board %s\n",
                path, size[0], size[1], corners, spec);
     cli_tell_output(call->record, to);
     return CLI_DONE;

@@ -17,16 +17,18 @@ static gboolean process, yes;
 #define YES_ENTRY                                                                                  \
     {                                                                                              \
         "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
-            "Go on whatever test shots say; on a simulated rig, answer every question about "      \
+            "Continue regardless of the test shots; on a simulated rig, answer every question "    \
+            "about "                                                                               \
             "manual steps with yes",                                                               \
             NULL                                                                                   \
     }
 
 static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Use this calibration, not the one that the rig file names", "FILE"},
+     "Use this calibration instead of the one that the rig file names", "FILE"},
     YES_ENTRY,
     {NULL},
 };
@@ -34,13 +36,14 @@ static const GOptionEntry capture_entries[] = {
 static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
      "Rig file, if it has been moved since the session was begun", "RIG"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     NULL},
     YES_ENTRY,
     {NULL},
 };
 
-/* session: NULL to resume. chosen: the exposures in place of "auto" in the session file; may be
- * NULL. Returns NULL if a file that the options name cannot be read. */
+/* session is NULL to resume. chosen contains the exposures that replace "auto" in the session file;
+ * it may be NULL. Returns NULL if a file that the options name cannot be read. */
 static GVariant *start_options(Link *link, const char *session, const char *chosen,
                                GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
@@ -58,7 +61,7 @@ static GVariant *start_options(Link *link, const char *session, const char *chos
     return g_variant_dict_end(&options);
 }
 
-/* With --json all states have been printed already; only an error is missing. */
+/* With --json all states have already been printed; only an error is missing. */
 static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
                                 const char *directory, GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
@@ -80,8 +83,8 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     if (end == MONITOR_DONE)
         g_print("done: %s\n", summary);
     else if (end == MONITOR_DETACHED)
-        g_print("the capture goes on in mesorigd: mesorig watch, pause or abort %s%s\n", directory,
-                again);
+        g_print("the capture continues in mesorigd: mesorig watch, pause or abort %s%s\n",
+                directory, again);
     else if (end == MONITOR_FAULT)
         g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s%s\n",
                    strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
@@ -92,7 +95,7 @@ static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end e
     return done ? CLI_DONE : CLI_FAILED;
 }
 
-/* session: NULL to resume. */
+/* session is NULL to resume. */
 static int cli_capture_run(const struct call *call, const char *rig, const char *session,
                            const char *directory, GError **error) {
     gboolean simulated = FALSE;
@@ -111,7 +114,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
         return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     if (uncalibrated)
-        monitor_leave_out(monitor, "calibration"); /* which would say it again */
+        monitor_leave_out(monitor, "calibration"); /* the monitor would repeat it */
     GVariant *options = start_options(link, session, chosen, error);
     const gboolean ok =
         options &&
@@ -126,8 +129,8 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     const int code = cli_capture_tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
-    /* A private daemon's child, which makes the products, has ended with the daemon; this makes
-     * those that the child has not finished. */
+    /* The child of a private daemon, which makes the products, ends with the daemon. The remaining
+     * products are made here. */
     return code == CLI_DONE && process && private
                ? process_session(directory, session != NULL, call->record, error)
                : code;
@@ -155,8 +158,7 @@ static char *rig_of_session(const char *directory, GError **error) {
         return g_steal_pointer(&path);
     if (path)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "%s was begun with the rig file %s, which is not there any more: give --rig "
-                    "RIG",
+                    "%s was begun with the rig file %s, which no longer exists: give --rig RIG",
                     directory, path);
     else
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
@@ -187,7 +189,7 @@ const struct command cli_resume = {.name = "resume",
                                    .arguments = "DIR",
                                    .examples = "  mesorig resume weave.session\n",
                                    .help =
-                                       "Go on with a session: exactly what is missing is taken.",
+                                       "Continue a session: exactly the missing frames are taken.",
                                    .options = resume_entries,
                                    .daemon = TRUE,
                                    .streams = TRUE,

@@ -1,4 +1,4 @@
-/* The table of commands, and how one of them is found. */
+/* The table of commands, and the search for a command. */
 #include "commands.h"
 
 #include "base/nearest.h"
@@ -10,7 +10,7 @@
 
 #include <string.h>
 
-/* A row a line, in the order of --help. */
+/* One row per line, in the order of --help. */
 // clang-format off
 static const struct command *const commands[] = {
     &cli_plan,
@@ -50,7 +50,7 @@ static const struct command *const commands[] = {
     NULL,
 };
 
-/* The heads of --help, each above the first command of its group. */
+/* The headings of --help, each above the first command of its group. */
 static const struct {
     const struct command *first;
     const char *head;
@@ -76,8 +76,8 @@ static void cli_print_help(void) {
                 g_print("\n%s:\n", groups[k].head);
         g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
     }
-    g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
-            "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
+    g_print("\n“mesorig COMMAND --help” describes a command. Every command takes --json.\nExit "
+            "codes: 0 done, 1 failed, 2 bad usage.\n");
 }
 
 int cli_main(int argc, char **argv) {

@@ -10,15 +10,15 @@
 
 #include <math.h>
 
-#define WORST  5  /* number of worst views and lights that are printed as text */
-#define SERIES 24 /* characters of the longest name of a model */
-#define LABEL  14 /* and of the label of each size */
+#define WORST  5  /* number of worst views and lights in the text */
+#define SERIES 24 /* maximum length of a model's name */
+#define LABEL  14 /* maximum length of the label of a size */
 
 static char *plot_option, *curve_option;
 
 struct compare {
     const char *a, *b;
-    OutputFile *plot; /* NULL: none */
+    OutputFile *plot; /* NULL if none */
     /* found */
     Material *of_a, *of_b;
     struct comparison *comparison;
@@ -82,7 +82,7 @@ static int cli_compare_by_error(gconstpointer a, gconstpointer b, gpointer data)
     return (x < y) - (x > y);
 }
 
-/* Adds all of them to the record; the text names the worst and the best. */
+/* Adds all of them to the record. The text names the worst and the best. */
 static void cli_compare_tell_directions(Record *to, const char *what, const float *theta_deg,
                                         const float *phi_deg, struct compare_sums *sums, int n) {
     g_autofree char *key = g_strconcat(what, "s", NULL);
@@ -112,7 +112,7 @@ static void cli_compare_tell_directions(Record *to, const char *what, const floa
 }
 
 /* Reports the difference that the error bars predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its share of
- * the squared difference. B has error bars only if it is a session, too. */
+ * the squared difference. B has error bars only if it is also a session. */
 static void cli_compare_tell_sigma(Record *to, const struct compare *compare) {
     const struct material_info *infos[] = {material_info(compare->of_a),
                                            material_info(compare->of_b)};
@@ -180,7 +180,7 @@ static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
     record_begin_list(to, "points");
     for (guint i = 0; i < compare->points->len; i++) {
         const struct plot_point *point = &g_array_index(compare->points, struct plot_point, i);
-        /* In columns of characters, not of bytes. */
+        /* The width counts characters, not bytes. */
         const int series = SERIES - (int)g_utf8_strlen(point->series, -1);
         const int label = LABEL - (int)g_utf8_strlen(point->label, -1);
         record_begin(to, NULL);
@@ -199,7 +199,7 @@ static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
     cli_tell_output(to, compare->plot);
 }
 
-/* Renderings of two materials. */
+/* Compares renderings of two materials. */
 static int cli_compare_run_pictures(Record *to, const char *a, const char *b, GError **error) {
     struct picture_comparison found;
     if (!compare_pictures(a, b, &found, error))

@@ -1,9 +1,7 @@
-/*
- * What may follow on a command line, for shells, from the table of commands. The name of a value or
- * of an argument tells what it may be: "a|b|c" are words, DIR is a folder, FILE.exr a file of that
- * suffix, FILE any file, RIG and SESSION are configuration files or folders. Of other names nothing
- * is known.
- */
+/* Candidates for the next word of a command line, for shells, from the table of commands. The name
+ * of a value or of an argument defines its candidates: "a|b|c" are words, DIR is a folder, FILE.exr
+ * is a file of that suffix, FILE is any file, RIG and SESSION are configuration files or folders.
+ * Other names have no candidates. */
 #include <stdio.h>
 #include <string.h>
 
@@ -11,7 +9,7 @@
 
 #define LONGEST_HELP 76
 
-/* What may stand in a place. */
+/* The candidates for a word. */
 struct value {
     GPtrArray *words, *suffixes; /* of char *; the suffixes are those of files */
     gboolean any_file, folder;
@@ -32,7 +30,7 @@ static gboolean is_word(const char *text) {
     return *text && strspn(text, letters) == strlen(text);
 }
 
-/* name: "FILE", "DIR", "a|b|FILE.exr". filename: the option's type says that it is one. */
+/* name is "FILE", "DIR", "a|b|FILE.exr". filename is TRUE if the option's type is a file name. */
 static void value_add(struct value *value, const char *name, gboolean filename) {
     g_auto(GStrv) parts = g_strsplit(name, "|", -1);
     for (char **part = parts; *part; part++) {
@@ -52,7 +50,8 @@ static void value_add(struct value *value, const char *name, gboolean filename) 
     }
 }
 
-/* The n-th argument of a command, from 0; the last one may stand for all further ones ("DIR…"). */
+/* Adds the candidates for the n-th argument of a command, counted from 0. The last argument may be
+ * repeated ("DIR…"). */
 static void value_add_argument(struct value *value, const struct command *command, int n) {
     g_auto(GStrv) ways = g_strsplit(command->arguments, " | ", -1);
     for (char **way = ways; n < command->max && *way; way++) {
@@ -74,7 +73,8 @@ static gboolean takes_value(const GOptionEntry *entry) {
     return entry->arg != G_OPTION_ARG_NONE;
 }
 
-/* The option that a word begins, "-o", "--output" or "--output=…"; NULL: there is none. */
+/* Returns the option with which a word begins, "-o", "--output" or "--output=…", or NULL if there
+ * is none. */
 static const GOptionEntry *find_option(const struct command *command, const char *word) {
     const GOptionEntry *tables[CLI_TABLES];
     const gsize n = strcspn(word, "=");
@@ -88,8 +88,8 @@ static const GOptionEntry *find_option(const struct command *command, const char
     return NULL;
 }
 
-/* Prints a line if the word begins with what was typed: the word, and what it means behind a tab.
- * before: what stands before the word in its argument ("--output="). */
+/* Prints a line if the word begins with the typed text: the word, a tab and its description. before
+ * is the beginning of the argument before the word ("--output="). */
 static void offer(const char *before, const char *word, const char *typed, const char *help) {
     if (!g_str_has_prefix(word, typed))
         return;
@@ -105,7 +105,7 @@ static void offer(const char *before, const char *word, const char *typed, const
         printf("%s%s\t%s\n", before, word, line);
 }
 
-/* Files and folders whose path begins with what was typed. */
+/* Prints files and folders whose path begins with the typed text. */
 static void offer_files(const char *before, const struct value *value, const char *typed) {
     const char *slash = strrchr(typed, '/');
     g_autofree char *place = g_strndup(typed, slash ? (gsize)(slash + 1 - typed) : 0);
@@ -145,7 +145,7 @@ static void offer_option_value(const char *before, const GOptionEntry *entry, co
 static void offer_options(const struct command *command, const char *typed) {
     const GOptionEntry *tables[CLI_TABLES];
     if (typed[1] && typed[1] != '-')
-        return; /* a letter is complete */
+        return; /* an option of one letter is complete */
     const char *name = typed[1] ? typed + 2 : "";
     cli_tables(command, tables);
     for (const GOptionEntry *const *table = tables; *table; table++)
@@ -154,10 +154,10 @@ static void offer_options(const struct command *command, const char *typed) {
     offer("--", "help", name, "What it does and takes");
 }
 
-/* The last of n words is the one to complete. Bash makes words of their own of "=". */
+/* The last of n words is to be completed. Bash treats "=" as a separate word. */
 static void complete_arguments(const struct command *command, char *const *words, int n) {
     const char *typed = words[n - 1];
-    const GOptionEntry *open = NULL; /* an option whose value comes next */
+    const GOptionEntry *open = NULL; /* an option whose value is the next word */
     int number = 0;
     for (int i = 0; i < n - 1; i++) {
         if (strcmp(words[i], "=") == 0)

@@ -1,4 +1,4 @@
-/* compress: a BTF, encoded by one of the codecs. */
+/* compress: encodes a BTF with one of the codecs. */
 #include "compress.h"
 
 #include "btf/btf_checkpoint.h"
@@ -45,10 +45,10 @@ static gboolean cli_compress_encode(struct compress *compress, const struct btf_
            session_add_product_file(compress->written, asked->made_by, error);
 }
 
-/* The result, its figures and its file. */
+/* Makes the result, its figures and its file. */
 static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     const struct compress_asked *asked = compress->asked;
-    /* The rest of the limit is for the work. */
+    /* The rest of the limit is for the computation. */
     struct btf_matrix *btf = btf_matrix_read_within(asked->memory / 2, asked->path, work, error);
     if (!btf)
         return FALSE;
@@ -77,7 +77,7 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     return ok;
 }
 
-/* The file to write; NULL with an error if that cannot be written. */
+/* Returns the file to write, or NULL with an error if it cannot be written. */
 static char *cli_compress_output(const struct compress_asked *asked, GError **error) {
     if (asked->output)
         return g_strdup(asked->output);
@@ -144,13 +144,12 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
     if (compress->holes > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
-                   " values of the BTF are holes and were filled from what is around them\n",
+                   " values of the BTF are holes and were filled from their neighbours\n",
                    compress->holes, compress->raw_bytes / 6);
     if (compress->bounds > 0)
         record_say(to,
                    "%" G_GINT64_FORMAT
-                   " are lower bounds, since the camera was saturated, and were taken as they "
-                   "are\n",
+                   " are lower bounds, because the camera was saturated, and are used unchanged\n",
                    compress->bounds);
 }
 

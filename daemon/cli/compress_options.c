@@ -1,4 +1,4 @@
-/* compress: its options and their help are those of the tables of all codecs. */
+/* compress: its options and their help texts come from the tables of all codecs. */
 #include "compress.h"
 
 #include <string.h>
@@ -10,7 +10,7 @@
 struct given {
     const char *name;
     enum option_type type;
-    char *text;    /* NULL: not given */
+    char *text;    /* NULL if not given */
     gboolean flag; /* of OPTION_BOOL */
 };
 
@@ -23,7 +23,7 @@ static char *method_option, *output_option;
 static const struct option memory = {
     .name = "memory",
     .type = OPTION_BYTES,
-    .help = "take no more than this; a BTF that is larger stays in a temporary file"};
+    .help = "maximum memory; a larger BTF is kept in a temporary file"};
 
 static const struct option *compress_find(const struct compress_method *method, const char *name) {
     if (g_str_equal(name, memory.name))
@@ -46,7 +46,8 @@ static void compress_list_method(struct compress_method method) {
         compress_list_option(option);
 }
 
-/* The names of all methods that take an option; option NULL: of all methods. g_free() */
+/* Returns the names of all methods that take an option. If option is NULL, returns the names of all
+ * methods. g_free() */
 static char *compress_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
@@ -55,7 +56,8 @@ static char *compress_names(const char *option, const char *separator) {
     return g_string_free(names, FALSE);
 }
 
-/* "lpca: its help there; fields, ptm: their help there". Methods with the same help share it. */
+/* Returns a help text such as "lpca: its help there; fields, ptm: their help there". Methods with
+ * the same help share it. */
 static const char *compress_help(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;
@@ -80,7 +82,7 @@ static const char *compress_help(const char *name) {
     return g_intern_string(text->str);
 }
 
-/* All choices that some method has. */
+/* Returns all choices that any method has. */
 static const char *compress_choices(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);
@@ -153,13 +155,14 @@ const GOptionEntry *compress_entries(void) {
                                   0,
                                   G_OPTION_ARG_FILENAME,
                                   &output_option,
-                                  "Write this file, not products/METHOD.exr of the session",
+                                  "Write this file instead of products/METHOD.exr of the session",
                                   "FILE"};
     entries[n] = (GOptionEntry){NULL};
     return entries;
 }
 
-/* The arguments of the command as they were given, so that the same command can run again. */
+/* Returns the arguments of the command as they were given, so that the same command can be run
+ * again. */
 static char *compress_made_by(void) {
     g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {
@@ -226,8 +229,8 @@ gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
         cli_usage(call->command, "%s", what);
     else if (!ret->output && (!codec || codec->from_process))
         cli_usage(call->command,
-                  "--method=%s: give -o FILE, for the session's own file of this method is "
-                  "written by “mesorig process” and must not be replaced",
+                  "--method=%s: give -o FILE, because “mesorig process” writes the session's own "
+                  "file of this method, which must not be replaced",
                   methods[m].name);
     else
         return TRUE;

@@ -1,5 +1,4 @@
-/* status, watch, pause, continue, abort, safe, release, close: the commands about a daemon's work.
- */
+/* status, watch, pause, continue, abort, safe, release, close: commands that control a daemon. */
 #include "bus/bus_errors.h"
 #include "command/link.h"
 #include "command/monitor.h"
@@ -9,11 +8,12 @@
 #include "info.h"
 #include "unattended/unattended.h"
 
-/* Time for which “safe” asks devices that have not confirmed, and between two questions. */
+/* The time for which “safe” asks devices that have not confirmed, and the time between two
+ * requests. */
 #define SAFE_WAIT_US  (3 * G_USEC_PER_SEC)
 #define SAFE_PAUSE_US (100 * 1000)
 
-/* NULL: none was given. g_free(). */
+/* NULL if none was given. g_free() */
 static char *directory_of(const struct call *call) {
     return call->n_arguments > 0 ? g_canonicalize_filename(call->arguments[0], NULL) : NULL;
 }
@@ -47,7 +47,7 @@ static void tell_status(Record *to, BusRig1 *rig) {
 
 static int run_status(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
-    /* Without a daemon, what is in the directory is shown. */
+    /* Without a daemon, the contents of the directory are shown. */
     const gboolean readable = directory && !cli_address && !cli_bus;
     g_autoptr(Link) link = link_find(directory, readable ? NULL : error);
     if (!link)
@@ -86,7 +86,7 @@ static int run_watch(const struct call *call, GError **error) {
     return end == MONITOR_DONE || end == MONITOR_DETACHED ? CLI_DONE : CLI_FAILED;
 }
 
-/* Reports what a command has done, on which rig and to which session: the one that is being
+/* Reports the effect of a command, its rig and its session. session is the one that is being
  * captured, or "". */
 static void tell_whose(Record *to, const char *done, const char *rig, const char *session) {
     record_string(to, "done", done);
@@ -94,8 +94,9 @@ static void tell_whose(Record *to, const char *done, const char *rig, const char
     record_string(to, "session", session);
 }
 
-/* Commands that send one request to the daemon. They print done, session and rig; then, unless they
- * are NULL, how, which says how it is done, and next, the command to go on with. */
+/* Commands that send one request to the daemon. They print done, session and rig. If how is not
+ * NULL, they also print how the request is carried out, and if next is not NULL, the command with
+ * which to continue. */
 static const struct request {
     const char *name;
     gboolean (*call)(BusRig1 *rig, GCancellable *cancellable, GError **error);
@@ -127,8 +128,8 @@ static int run_request(const struct call *call, GError **error) {
     else if (!request->next)
         record_say(call->record, "%s %s (rig %s)\n", request->done, session, path);
     else
-        record_say(call->record, "%s %s (rig %s): %s; “mesorig %s %s%s” goes on\n", request->done,
-                   session, path, request->how, request->next, session, again);
+        record_say(call->record, "%s %s (rig %s): %s; “mesorig %s %s%s” continues it\n",
+                   request->done, session, path, request->how, request->next, session, again);
     return CLI_DONE;
 }
 
@@ -154,8 +155,9 @@ static int run_close(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-/* SafeState answers within a quarter of a second. A slow device may confirm later, so the command
- * asks again until all have, or until the drivers of lasers and lamps have given up. */
+/* SafeState answers within a quarter of a second. A slow device may confirm later. The command
+ * therefore asks again until all devices have confirmed, or until the drivers of lasers and lamps
+ * have given up. */
 static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devices,
                           GError **error) {
     const gint64 until_us = g_get_monotonic_time() + SAFE_WAIT_US;
@@ -169,7 +171,7 @@ static gboolean make_safe(BusRig1 *rig, gboolean *ret_safe, GVariant **ret_devic
     }
 }
 
-/* Prints the answer of each device. A state that was not read back is a failure. */
+/* Prints the answer of each device. A state that was not read back counts as a failure. */
 static int run_safe(const struct call *call, GError **error) {
     g_autofree char *directory = directory_of(call);
     g_autoptr(Link) link = link_find(directory, error);
@@ -223,7 +225,7 @@ static int run_release(const struct call *call, GError **error) {
     tell_whose(call->record, "release", path, "");
     record_boolean(call->record, "latched", latched);
     record_say(call->record,
-               latched ? "the rig %s may shine and move again; nothing goes on by itself\n"
+               latched ? "the rig %s may use light and move again; nothing continues by itself\n"
                        : "the rig %s was not held in its safe state\n",
                path);
     return CLI_DONE;
@@ -240,7 +242,7 @@ const struct command cli_watch =
     CONTROL("watch", run_watch, "Follow a capture until it ends.", .options = watch_entries);
 const struct command cli_pause = CONTROL("pause", run_request, "Pause after the shot under way.");
 const struct command cli_continue =
-    CONTROL("continue", run_request, "Go on after a pause or a fault.");
+    CONTROL("continue", run_request, "Continue after a pause or a fault.");
 const struct command cli_abort =
     CONTROL("abort", run_request, "End a capture now; it can be resumed.");
 const struct command cli_close = {
@@ -250,13 +252,12 @@ const struct command cli_close = {
     .help = "Make the daemon close its rig, so that another may be opened.",
     .daemon = TRUE,
     .run = run_close};
-const struct command cli_safe =
-    CONTROL("safe", run_safe,
-            "End what is under way; lamps and lasers off, axes stopped, until “release”.");
+const struct command cli_safe = CONTROL(
+    "safe", run_safe, "Stop immediately: lamps and lasers off, axes stopped, until “release”.");
 const struct command cli_release = {
     .name = "release",
     .arguments = "",
     .examples = "  mesorig release\n",
-    .help = "Let the rig shine and move again after “safe”. Look at the rig first.",
+    .help = "Allow light and movement again after “safe”. Look at the rig first.",
     .daemon = TRUE,
     .run = run_release};

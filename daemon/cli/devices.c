@@ -1,4 +1,4 @@
-/* devices: what is on the buses, and which section of a rig file would use it. */
+/* devices: the devices on the buses, and the rig file sections that would use them. */
 #include "command/cli.h"
 #include "rig/finder.h"
 
@@ -42,7 +42,7 @@ static void say_one(Record *to, const struct found *found) {
         record_say(to, "\n");
 }
 
-/* Prints the devices of each bus, and at the end one line about devices without a driver. */
+/* Prints the devices of each bus, and finally one line about devices without a driver. */
 static void say_all(Record *to, const GPtrArray *all) {
     g_autoptr(GString) others = g_string_new(NULL);
     int n = 0;
@@ -115,8 +115,7 @@ static int run_devices(const struct call *call, GError **error) {
                          units_option);
     if (baud_option < 0 || (!modbus_option && (units_option || baud_option || parity_option)))
         return cli_usage(
-            command,
-            "--units, --baud and --parity describe the line of --modbus LINE; give that, too");
+            command, "--units, --baud and --parity describe the line of --modbus LINE: give both");
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;

@@ -21,7 +21,7 @@ static const struct colour kinds[] = {[SHOT_DARK] = {0.35, 0.36, 0.40},
                                       [SHOT_SWEEP] = {0.80, 0.20, 0.27}};
 static const struct colour rest = {0.72, 0.73, 0.75};
 
-struct take { /* of one shot, when its last picture came */
+struct take { /* a picture set of one shot, with the time of its last picture */
     double end_s;
     const struct session_shot *shot;
 };
@@ -39,7 +39,7 @@ static int by_time(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Frames come by shot, so those of a shot are neighbours. */
+/* Frames are sorted by shot, so that the frames of a shot are adjacent. */
 static void collect_takes(struct history *h) {
     guint s = 0;
     h->takes = g_array_new(FALSE, FALSE, sizeof(struct take));
@@ -136,8 +136,8 @@ static void draw_progress(const struct history *h, double top, double bottom) {
     cairo_set_line_width(h->cr, 1);
 }
 
-/* Marks warnings and errors at the times at which they happened; their texts are in the list that
- * `mesorig info` prints. */
+/* Marks warnings and errors at their times. Their texts are in the list that `mesorig info`
+ * prints. */
 static void draw_events(const struct history *h, double top, double bottom) {
     for (guint i = 0; i < h->events->len; i++) {
         const struct session_event *event = h->events->pdata[i];
@@ -171,8 +171,8 @@ static void draw_angles(const struct history *h, double top, double bottom) {
     }
 }
 
-/* Returns when the axes were last homed between two takes; from_s: they were not. The time between
- * from_s and that homing was lost on a shot that a fault or an abort has interrupted. */
+/* Returns the time when the axes were last homed between two takes, or from_s if they were not. The
+ * time between from_s and that homing was lost on a shot that a fault or an abort interrupted. */
 static double homed_s(const struct history *h, double from_s, double to_s) {
     double at_s = from_s;
     for (guint i = 0; i < h->events->len; i++) {

@@ -1,10 +1,8 @@
-/*
- * A picture of how a capture went: shots over time, the axes' angles, what each shot was, and what
- * happened. For an operator who comes back in the morning.
- */
+/* A picture of the course of a capture: shots over time, the angles of the axes, the kind of each
+ * shot, and events. It is for an operator who returns in the morning. */
 #pragma once
 
 #include "session/session.h"
 
-/* Writes a PNG or SVG. A session of which nothing was captured yet is an error. */
+/* Writes a PNG or SVG. Fails for a session of which nothing was captured yet. */
 gboolean history_draw(Session *session, const char *path, GError **error);

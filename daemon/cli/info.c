@@ -1,4 +1,4 @@
-/* info: what is in a session directory or an EXR. */
+/* info: the contents of a session directory or an EXR. */
 #include "info.h"
 
 #include "adaptive/adaptive.h"
@@ -17,7 +17,7 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
-#define SHOWN_PARTS  8 /* of a file, to people */
+#define SHOWN_PARTS  8 /* maximum number of parts of a file in the text */
 #define SHOWN_EVENTS 10
 
 struct counts {
@@ -91,7 +91,7 @@ static struct btf_flag_counts count_marks(const char *directory, const GPtrArray
     return marks;
 }
 
-/* Pictures that the capture left out, and how well the others predict them. */
+/* Tells which pictures the capture left out, and how well the others predict them. */
 static void tell_prediction(Record *to, Session *session) {
     struct prediction_known known;
     prediction_product_read(session, &known);
@@ -147,12 +147,12 @@ static void tell_products(Record *to, const char *directory) {
         record_say(to,
                    "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                    " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
-                   " from shorter exposures alone, %" G_GINT64_FORMAT
+                   " from shorter exposures only, %" G_GINT64_FORMAT
                    " of pictures that were not taken, predicted from other lights\n",
                    marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
-/* Tells medians alone; `mesorig check` tells which pictures are worse. */
+/* Tells only medians; `mesorig check` tells which pictures are worse. */
 static void tell_sigma(Record *to, const char *directory) {
     struct btf_sigma_sums sigma;
     btf_sigma_sum(directory, &sigma);
@@ -164,7 +164,7 @@ static void tell_sigma(Record *to, const char *directory) {
                    sigma.median, 100 * sigma.relative, sigma.known, sigma.lights);
 }
 
-/* Which calibration its products were made with, or would be. */
+/* Tells the calibration of the products, or the calibration that they would be made with. */
 static gboolean tell_calibration(Record *to, Session *session, GError **error) {
     struct archive_calibration with;
     g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
@@ -252,7 +252,7 @@ static gboolean tell_session(Record *to, Session *session, const char *state,
     const int shots = counts->planned + counts->done + counts->skipped;
     const char *directory = session_path(session);
     g_autofree char *size = g_format_size((guint64)counts->bytes);
-    /* The message that explains why the session rests. */
+    /* The message that explains why the session is not running. */
     g_autofree char *reason =
         strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
     g_autofree char *imported = session_value(session, "imported");
@@ -315,7 +315,8 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
         return FALSE;
-    /* No process captures into it: a session whose state is "running" was cut off. */
+    /* No process captures into the session, so that a session whose state is "running" was
+     * interrupted. */
     g_autofree char *stored = session_value(session, "state");
     const char *state = counts.planned == 0                         ? "done"
                         : !stored || g_str_equal(stored, "running") ? "unfinished"
@@ -336,7 +337,7 @@ static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     }
 }
 
-/* shown: to people, too. */
+/* With shown, the part is also in the text for people. */
 static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
     const char *type = part->type == EXR_HALF ? "half" : "float";
     g_autoptr(GString) channels = g_string_new(NULL);
@@ -366,7 +367,7 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
 }
 
 /* Describes an index map of `mesorig synthesize` (synthesis/index_map.h): its size, the size of its
- * sample, and the method. NULL: the file lacks these attributes. g_free() */
+ * sample, and the method. Returns NULL if the file lacks these attributes. g_free() */
 static char *info_index_map(const struct exr_file *file) {
     const struct exr_part *part = file->parts->pdata[0];
     const char *method = NULL;
@@ -388,8 +389,8 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
-    /* Parts are stored one after the other, so that a truncated file lacks data of the last part.
-     */
+    /* Parts are stored one after the other, so that a truncated file lacks data of its last
+     * part. */
     const guint n = file->parts->len;
     const struct exr_part *last = file->parts->pdata[n - 1];
     struct exr_part *part = exr_read_part(path, last->name, error);
@@ -425,7 +426,7 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
 static char *history_option;
 static const GOptionEntry entries[] = {
     {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
-     "Also draw how the capture of DIR went, over time", "FILE.svg|FILE.png"},
+     "Also draw the course of the capture of DIR over time", "FILE.svg|FILE.png"},
     {NULL},
 };
 
@@ -439,7 +440,7 @@ static int cli_info_run(const struct call *call, GError **error) {
     g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
     if (history_option && !session)
-        return cli_usage(call->command, "--history draws a session, and %s is none",
+        return cli_usage(call->command, "--history needs a session, and %s is not one",
                          call->arguments[0]);
     g_autoptr(OutputFile) drawing = NULL;
     if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||

@@ -1,4 +1,4 @@
-/* plan and drivers: what would be done, and with what. */
+/* plan and drivers: show a plan, and the available drivers. */
 #include "adaptive/expected.h"
 #include "base/nearest.h"
 #include "capture/capture.h"
@@ -13,23 +13,23 @@ static char *output, *calibration, *curve, *like;
 static gboolean offline;
 static const GOptionEntry entries[] = {
     {"offline", 0, 0, G_OPTION_ARG_NONE, &offline,
-     "Use the options in the rig file only: no device need be connected", NULL},
+     "Use only the options in the rig file; no device has to be connected", NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Show this calibration in place of the one that the rig file names", "FILE"},
+     "Show this calibration instead of the one that the rig file names", "FILE"},
     {"curve", 0, 0, G_OPTION_ARG_FILENAME, &curve,
-     "Draw the expected error of the BTF against the time of the lamps' shots, as [lights] "
-     "sampling "
-     "= adaptive would take them (.svg or .png); speeds are those in the rig file",
+     "Draw the expected error of the BTF against the time of the lamps' shots with [lights] "
+     "sampling = adaptive (.svg or .png). Speeds are those in the rig file",
      "FILE"},
     {"like", 0, 0, G_OPTION_ARG_FILENAME, &like,
-     "With --curve: an earlier session of such a material; without it, of no particular material",
+     "With --curve: assume a material like that of this earlier session. Without it, no particular "
+     "material is assumed",
      "DIR"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory that it would be captured into; checks that, too", "DIR"},
+     "Session directory of the capture, which is checked as well", "DIR"},
     {NULL},
 };
 
-/* Has the daemon that has the rig open make the plan. */
+/* Lets the daemon that has the rig open make the plan. */
 static GVariant *plan_remotely(Link *link, const char *session, const char *directory,
                                GError **error) {
     gboolean ok = FALSE;
@@ -46,7 +46,7 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
     return ok ? g_steal_pointer(&plan) : NULL;
 }
 
-/* Joins the errors of both files, so that one run reports all mistakes. NULL: no error there. */
+/* Joins the errors of both files, so that one run reports all mistakes. An error may be NULL. */
 static void plan_join_errors(GError *of_rig, GError *of_session, GError **error) {
     if (of_rig && of_session) {
         g_prefix_error(&of_session, "%s\n", of_rig->message);
@@ -159,12 +159,12 @@ static int run_plan(const struct call *call, GError **error) {
     g_autofree char *directory = output ? g_canonicalize_filename(output, NULL) : g_strdup("");
     if (offline && output) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "--offline looks at the rig file alone: leave out --output %s", output);
+                    "--offline uses only the rig file: leave out --output %s", output);
         return CLI_FAILED;
     }
     if (like && !curve) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "--like %s has an effect with --curve FILE only: give that, too", like);
+                    "--like %s needs --curve FILE: give both", like);
         return CLI_FAILED;
     }
     g_autoptr(OutputFile) drawing = NULL;

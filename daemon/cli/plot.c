@@ -45,7 +45,8 @@ void plot_ink(cairo_t *cr) {
     cairo_set_source_rgb(cr, 0.13, 0.14, 0.16);
 }
 
-/* Okabe and Ito's, without yellow, which is lost on white, and with darker ones. */
+/* The colours of Okabe and Ito, without yellow, which is not visible on white, and with darker
+ * ones. */
 void plot_colour(cairo_t *cr, int i) {
     static const double colours[][3] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
                                         {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
@@ -60,7 +61,7 @@ void plot_text(cairo_t *cr, double x, double y, double align, const char *text) 
     cairo_text_extents(cr, text, &size);
     cairo_move_to(cr, x - align * size.x_advance, y);
     cairo_show_text(cr, text);
-    cairo_new_path(cr); /* so that no line leads to the next element */
+    cairo_new_path(cr); /* starts a new path, so that no line connects to the next element */
 }
 
 void plot_title(cairo_t *cr, double x, double y, const char *title, const char *text) {
@@ -77,7 +78,7 @@ void plot_title(cairo_t *cr, double x, double y, const char *title, const char *
 #define BAR_Y       760.0
 #define BAR_WIDTH   500.0
 
-/* From dark blue to yellow, even in lightness. */
+/* A scale from dark blue to yellow, uniform in lightness. */
 static void set_heat(cairo_t *cr, double t) {
     static const double stops[6][3] = {{0.27, 0.00, 0.33}, {0.25, 0.27, 0.53}, {0.16, 0.47, 0.56},
                                        {0.13, 0.66, 0.52}, {0.48, 0.82, 0.32}, {0.99, 0.91, 0.14}};
@@ -89,7 +90,8 @@ static void set_heat(cairo_t *cr, double t) {
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
-/* The hemisphere seen from above, with a dot a direction, as large as there is room. */
+/* Draws the hemisphere seen from above, with a dot for each direction. The dots are as large as the
+ * space allows. */
 static void draw_disc(cairo_t *cr, double centre, const char *title, const float *theta_deg,
                       const float *phi_deg, const struct compare_sums *sums, int n, double most) {
     const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);

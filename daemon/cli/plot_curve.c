@@ -7,7 +7,7 @@
 #define TOP    110.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
 #define LINE   (PLOT_TEXT + 2)
-#define LEAST  1e-4 /* smaller errors are those of rounding, and are drawn here */
+#define LEAST  1e-4 /* smaller errors are only rounding errors, and are drawn at this value */
 
 /* Both axes are logarithmic. */
 struct axes {
@@ -72,7 +72,7 @@ static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, doubl
 struct series {
     const struct plot_point *points; /* in order of size */
     int n, colour;
-    double x, y; /* of the smallest */
+    double x, y; /* position of the smallest point */
     double name; /* height of its name's base line */
 };
 
@@ -87,7 +87,7 @@ static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, dou
     for (int i = 0; i < series->n; i++) {
         const double x = cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes);
         const double y = y_of(axes, series->points[i].error);
-        /* Round, square or pointed, so that not only colours distinguish series. */
+        /* Markers are round, square or pointed, so that series differ not only in colour. */
         if (series->colour % 3 == 0) {
             cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
         } else if (series->colour % 3 == 1) {
@@ -108,7 +108,7 @@ static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
     return (p->x < q->x) - (p->x > q->x);
 }
 
-/* Names stand in the order of their points, one below the other, so that few lines cross. */
+/* Names are placed in the order of their points, one below the other, so that few lines cross. */
 static void place_names(GArray *list) {
     g_array_sort(list, cli_plot_curve_by_height);
     for (guint i = 0; i < list->len; i++) {
@@ -154,7 +154,7 @@ gboolean plot_curve(const char *path, const char *name, double raw_bytes,
             draw_tick(cr, &axes, FALSE, steps[i] * pow(10, power));
         }
     plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5,
-              "size against the BTF in half floats: in a renderer, of what is packed on disk");
+              "size relative to the BTF in half floats: in a renderer, or on disk if packed");
     place_names(list);
     for (guint i = 0; i < list->len; i++) {
         const struct series *series = &g_array_index(list, struct series, i);

@@ -7,7 +7,7 @@
 #define TOP    120.0
 #define BOTTOM (PLOT_HEIGHT - 90.0)
 
-/* Minutes from 0 on; errors in %, logarithmic. */
+/* Minutes from 0 on, and errors in %, on a logarithmic axis. */
 struct plot_times_axes {
     double most_min, error_pct[2];
 };

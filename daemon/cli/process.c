@@ -16,23 +16,22 @@ static void tell_lines(Record *to, const struct pipeline_result *result, gboolea
         return;
     if (result->lines_found == 0)
         record_say(to,
-                   "laser planes: %s; no line was seen beside the sample ([sample] flat_radius_mm "
-                   "and flat_hole_mm say where one could be)\n",
-                   calibrated ? "by the calibration alone"
-                              : "nominal, as the rig file has them, for no laser is calibrated");
+                   "laser planes: %s; no line was seen around the sample ([sample] flat_radius_mm "
+                   "and flat_hole_mm give the face on which it is looked for)\n",
+                   calibrated ? "by the calibration only"
+                              : "nominal as in the rig file, because no laser is calibrated");
     else if (result->lines_disagree == 0)
         record_say(to,
-                   "laser planes: lines beside the sample in %d of %d sweeps agree with the "
+                   "laser planes: lines around the sample in %d of %d sweeps agree with the "
                    "calibration, %.4f° RMS\n",
                    result->lines_found, result->line_sweeps, result->lines_rms_deg);
     else
-        record_say(
-            to,
-            "laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
-            "calibration, by %+.3f° in laser position %d; where they differ the line was used. Has "
-            "a sweep slipped, or is the calibration old?\n",
-            result->lines_disagree, result->lines_found, result->lines_worst_deg,
-            result->line_worst_position);
+        record_say(to,
+                   "laser planes: in %d of %d sweeps with a line around the sample, the line "
+                   "contradicts the calibration, by %+.3f° in laser position %d. The line was used "
+                   "for these sweeps. Has a sweep slipped, or is the calibration old?\n",
+                   result->lines_disagree, result->lines_found, result->lines_worst_deg,
+                   result->line_worst_position);
     g_autofree char *warning = mdf_lines_warning(result->line_width, result->line_scatter);
     if (warning)
         record_say(to, "laser light: %s\n", warning);
@@ -94,8 +93,8 @@ static void tell_result(Record *to, const struct pipeline_result *result,
     tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
 }
 
-/* Tells people which calibration the products were made with, and returns it. told: people have
- * already read about the session's own calibration, which is not told again. NULL: an error. */
+/* Tells people the calibration that the products were made with, and returns it. With told, the
+ * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
 static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
                                             GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
@@ -110,10 +109,10 @@ static struct calibration *tell_calibration(Record *to, const char *directory, g
 
 struct process {
     const char *directory;
-    const char *calibration, *path; /* its text, and where it is from; NULL: the session's own */
+    const char *calibration, *path; /* its text, and its origin; NULL for the session's own */
     gboolean follow, lines_in_pictures, told;
     struct pipeline_result result;
-    GPtrArray *causes; /* char *: why little was measured */
+    GPtrArray *causes; /* of char *: why little was measured */
 };
 
 static gboolean run_pipeline(const struct work *work, gpointer data, GError **error) {
@@ -160,8 +159,8 @@ int process_session(const char *directory, gboolean told, Record *to, GError **e
     return run_process(&process, to, error);
 }
 
-/* The text of a calibration file, or “nominal”: the geometry and light of the rig file that the
- * session was captured with. */
+/* Returns the text of a calibration file. For “nominal”, returns the geometry and light of the rig
+ * file with which the session was captured. */
 static char *read_calibration(const char *directory, const char *path, GError **error) {
     if (!g_str_equal(path, "nominal")) {
         g_autoptr(Calibration) calibration = calibration_read(path, error);
@@ -180,11 +179,12 @@ static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
      NULL},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Process with this calibration, not the session's own; “nominal”: with none", "FILE"},
+     "Process with this calibration instead of the session's own; “nominal” means without a "
+     "calibration",
+     "FILE"},
     {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
-     "How the laser's line beside the sample is found: by the pixels' peak times (the default), or "
-     "in each "
-     "picture, to compare; that takes a session with keep_laser_frames",
+     "Find the laser's line by the pixels' peak times (the default), or in each picture for "
+     "comparison. The latter needs a session with keep_laser_frames",
      "peaks|pictures"},
     {NULL},
 };

@@ -1,4 +1,5 @@
-/* report: a session as a page for people, and as a research object for repositories of data. */
+/* report: a page about a session, and its description as a research object for data
+ * repositories. */
 #include "archive/archive.h"
 #include "base/data_error.h"
 #include "check.h"
@@ -10,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define ASYMMETRY_WARN 0.05 /* RMS, of the mean over texels */
+#define ASYMMETRY_WARN 0.05 /* RMS, relative to the mean over texels */
 #define REFUTED_WARN   0.01 /* share of the points that views see */
 
 static char *output_option;
@@ -18,7 +19,7 @@ static gboolean crate_option, no_verify_option;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
     {"crate", 0, 0, G_OPTION_ARG_NONE, &crate_option,
-     "Write DIR/ro-crate-metadata.json, with which repositories take the session as it is", NULL},
+     "Write DIR/ro-crate-metadata.json, which repositories of data read", NULL},
     {"no-verify", 0, 0, G_OPTION_ARG_NONE, &no_verify_option,
      "Do not read all files to compare their checksums", NULL},
     {NULL},
@@ -26,11 +27,11 @@ static const GOptionEntry entries[] = {
 
 struct report {
     const char *path;
-    OutputFile *page, *crate; /* NULL: not asked for */
+    OutputFile *page, *crate; /* NULL if not requested */
     struct archive *archive;  /* found */
 };
 
-/* What `mesorig check` finds. */
+/* Adds the findings of `mesorig check`. */
 static gboolean add_measurement(struct archive *archive, const struct work *work, GError **error) {
     struct check check = {
         .path = archive->path, .texel = -1, .suspicions = g_ptr_array_new_with_free_func(g_free)};
@@ -80,7 +81,7 @@ static gboolean cli_report_work(const struct work *work, gpointer data, GError *
     return TRUE;
 }
 
-/* The drawing of `mesorig info --history`; NULL where nothing was captured. */
+/* Returns the drawing of `mesorig info --history`, or NULL if nothing was captured. */
 static char *history(const char *path, GError **error) {
     g_autofree char *file = NULL;
     char *svg = NULL;
@@ -98,7 +99,7 @@ static char *history(const char *path, GError **error) {
     return ret;
 }
 
-/* Refuses outputs before the work. */
+/* Checks the outputs before the work begins. */
 static gboolean choose_files(struct report *report, GError **error) {
     g_autofree char *path = g_build_filename(report->path, "ro-crate-metadata.json", NULL);
     if (output_option && !(report->page = cli_output(output_option, "report", error)))
@@ -154,7 +155,7 @@ static int cli_report_run(const struct call *call, GError **error) {
     record_say(to, "%s: %u checks, all together: %s\n", archive->name, archive->checks->len,
                verdict);
     if (page_file) {
-        record_say(to, "%s: look at it in a browser\n", output_option);
+        record_say(to, "%s: open it in a browser\n", output_option);
         cli_tell_output(to, page_file);
     }
     if (crate_file)
@@ -167,7 +168,7 @@ const struct command cli_report = {
     .name = "report",
     .arguments = "DIR -o FILE.html",
     .examples = "  mesorig report weave.session -o weave.html\n",
-    .help = "Write a session's report: a page to read, metadata for an archive.",
+    .help = "Write a report of a session as a page, and metadata for an archive.",
     .options = entries,
     .writes = TRUE,
     .min = 1,

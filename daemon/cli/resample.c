@@ -1,4 +1,4 @@
-/* resample: a BTF in directions that are the same for all texels. */
+/* resample: converts a BTF to directions that are the same for all texels. */
 #include "base/plural.h"
 #include "command/cli.h"
 #include "command/work.h"
@@ -8,7 +8,8 @@
 
 #include <string.h>
 
-#define MEMORY (G_GINT64_CONSTANT(2) << 30) /* of the values read with --along-surface */
+/* maximum memory for the values with --along-surface */
+#define MEMORY (G_GINT64_CONSTANT(2) << 30)
 
 static char *output, *directions;
 static gboolean along_surface;
@@ -17,20 +18,20 @@ static int threads;
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
     {"directions", 'd', 0, G_OPTION_ARG_FILENAME, &directions,
-     "own: the planned directions (default); 81: those of the papers; or a file with a table of "
-     "directions",
+     "own: the planned directions (default); 81: the directions of the papers; or a file with a "
+     "table of directions",
      "own|81|FILE"},
     {"along-surface", 0, 0, G_OPTION_ARG_NONE, &along_surface,
-     "Move the views along the surface of the MDF before they are mixed: for views far apart of a "
-     "material with relief",
+     "Move the views along the surface of the MDF before mixing them. For materials with relief "
+     "whose views are far apart",
      NULL},
-    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "How many at a time (one a processor)", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Number of threads (one per processor)", "N"},
     {NULL},
 };
 
 struct job {
     const char *session;
-    struct btf_directions *to; /* NULL: its own */
+    struct btf_directions *to; /* NULL for the session's own */
     struct near_field_correction_result result;
     struct along_surface_result along;
 };
@@ -84,7 +85,7 @@ static void add_values(Record *to, const struct near_field_correction_result *re
     add_moved(to, &result->all);
 }
 
-/* For names with a sign of two bytes. */
+/* Returns the width in bytes for names with a character of two bytes. */
 static int padded(const char *name, int width) {
     return width + (int)strlen(name) - (int)g_utf8_strlen(name, -1);
 }
@@ -102,7 +103,7 @@ static void say_to(Record *to, const char *name, const struct near_field_correct
     record_say(to, "\n");
 }
 
-/* A table of all bands, and of all of them together. */
+/* Adds a table of all bands, and the values of all bands together. */
 static void tell_bands(Record *to, const char *key, const GArray *bands,
                        const struct near_field_correction_band *all,
                        void (*add)(Record *, const struct near_field_correction_band *),
@@ -132,7 +133,7 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
                result->made.width, result->made.height, PLURAL(result->made.n_views, "view"),
                PLURAL(result->made.n_lights, "light"), result->n_views, result->n_lights, time);
     if (!result->exact)
-        record_say(to, "where cameras and lamps were is not known: all texels had the same "
+        record_say(to, "the positions of cameras and lamps are not known: all texels had the same "
                        "directions\n");
     if (result->mdf)
         record_say(to, "its MDF is copied unchanged, with the views from which it was measured\n");
@@ -170,7 +171,8 @@ static void cli_resample_tell_along(Record *to, const struct along_surface_resul
                output, result->made.width, result->made.height,
                PLURAL(result->made.n_views, "view"), PLURAL(result->made.n_lights, "light"),
                result->n_views, result->n_lights, time);
-    record_say(to, "its MDF is predicted, too; of %.3f %% of its texels no view sees the surface\n",
+    record_say(to,
+               "its MDF is predicted as well; no view sees the surface at %.3f %% of its texels\n",
                100 * unseen);
 }
 

@@ -1,4 +1,5 @@
-/* verify: whether every file of a session is still as committed, and which command repairs it. */
+/* verify: compares every file of a session with its checksum, and shows the command that repairs
+ * it. */
 #include "command/cli.h"
 #include "command/work.h"
 #include "session/session.h"
@@ -13,7 +14,7 @@ struct verify {
     int n_frames, n_products;
     GPtrArray *frames, *products; /* of struct session_damage */
     GPtrArray *unknown;           /* relative paths */
-    GError *not_noted;            /* why damaged frames could not be noted for resume; or NULL */
+    GError *not_noted;            /* why damaged frames could not be recorded for resume; or NULL */
 };
 
 static int cli_verify_by_name(gconstpointer a, gconstpointer b) {
@@ -22,8 +23,8 @@ static int cli_verify_by_name(gconstpointer a, gconstpointer b) {
 
 static const char *const folders[] = {"frames", "laser", "products", "products/btf", NULL};
 
-/* Files that belong to a session without a row of their own: the database, locks, unfinished work,
- * and the raw pictures of a frame, in a folder of its name. */
+/* Returns whether a file belongs to a session although it has no row: the database, locks,
+ * unfinished work, and the raw pictures of a frame in a folder of its name. */
 static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
     static const char *const files[] = {"session.db",   "session.db-wal",         "session.db-shm",
                                         "capture.lock", "ro-crate-metadata.json", NULL};
@@ -64,7 +65,7 @@ static gboolean cli_verify_work(const struct work *work, gpointer data, GError *
         session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
     if (!verify->frames)
         return FALSE;
-    /* Resume hashes only frames that are noted. */
+    /* Resume only hashes frames that are recorded as damaged. */
     for (guint i = 0; i < verify->frames->len && !verify->not_noted; i++) {
         const struct session_damage *damage = verify->frames->pdata[i];
         session_note_damage(session, damage->path, damage->what, &verify->not_noted);
@@ -160,7 +161,8 @@ const struct command cli_verify = {
     .name = "verify",
     .arguments = "DIR",
     .examples = "  mesorig verify weave.session\n",
-    .help = "Compare every file of a session with its checksum; say what repairs it.",
+    .help =
+        "Compare every file of a session with its checksum, and show the command that repairs it.",
     .min = 1,
     .max = 1,
     .run = cli_verify_run};

@@ -22,7 +22,7 @@ static const GOptionEntry json_entries[] = {
 
 static const GOptionEntry force_entries[] = {
     {"force", 0, 0, G_OPTION_ARG_NONE, &cli_force,
-     "Replace an output that exists, whatever it is; other files of a folder stay", NULL},
+     "Replace an existing output of any kind; other files of a folder are kept", NULL},
     {NULL},
 };
 
@@ -57,8 +57,8 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
     ret[n] = NULL;
 }
 
-/* Parses the command's own options, those of the daemon if it talks to one, and --json. What stays
- * in argv are arguments. FALSE: bad usage, which has been reported. */
+/* Parses the command's own options, those of the daemon if the command uses one, and --json. The
+ * rest of argv are arguments. Returns FALSE on bad usage, which has then been reported. */
 static gboolean cli_parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;
@@ -124,7 +124,7 @@ int cli_run(const struct command *command, int argc, char **argv) {
     return CLI_FAILED;
 }
 
-/* The last word of a child's name. */
+/* Returns the last word of a child's name. */
 static const char *cli_child_word(const struct command *parent, const struct command *child) {
     return child->name + strlen(parent->name) + 1;
 }
@@ -137,7 +137,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
                                                  parent->children[i]->help);
             g_print("%s", row);
         }
-        g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” tells more.\n", parent->examples,
+        g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” describes one.\n", parent->examples,
                 parent->name);
         return argc < 2 ? CLI_USAGE : CLI_DONE;
     }
@@ -151,7 +151,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
     return nearest.name
                ? cli_usage(parent, "there is no “%s %s”; did you mean “%s”?", parent->name, argv[1],
                            nearest.name)
-               : cli_usage(parent, "there is no “%s %s”; “mesorig %s --help” lists what there is",
+               : cli_usage(parent, "there is no “%s %s”; “mesorig %s --help” lists the choices",
                            parent->name, argv[1], parent->name);
 }
 
@@ -160,7 +160,7 @@ static void cli_put(FILE *to, const char *text) {
     g_autoptr(GString) clean = g_string_new(NULL);
     for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
         const gunichar c = g_utf8_get_char(at);
-        /* A terminal would act on these rather than show them. */
+        /* A terminal would interpret these characters instead of showing them. */
         const gboolean control = (g_unichar_iscntrl(c) && c != '\n' && c != '\t') ||
                                  (c >= 0x202a && c <= 0x202e) || (c >= 0x2066 && c <= 0x2069);
         g_string_append_unichar(clean, control ? 0xfffd : c);
@@ -216,7 +216,7 @@ void cli_print_readably(void) {
     g_set_printerr_handler(put_err);
 }
 
-/* stdout remembers that a write has failed, but not why. */
+/* stdout records that a write has failed, but not the reason. */
 static void cli_check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))

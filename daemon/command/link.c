@@ -12,8 +12,8 @@
 
 #define START_WAIT_MS   15000
 #define ASK_WAIT_MS     5000
-#define MOST_TEXT       (1 << 20) /* bytes, as of every configuration file */
-#define CALL_TIMEOUT_MS 600000    /* opening a rig may take its time */
+#define MOST_TEXT       (1 << 20) /* bytes, the limit of every configuration file */
+#define CALL_TIMEOUT_MS 600000    /* opening a rig may take a long time */
 
 static gboolean make_proxy(Link *link, const char *name, GError **error) {
     link->rig = bus_rig1_proxy_new_sync(link->connection, G_DBUS_PROXY_FLAGS_DO_NOT_AUTO_START,
@@ -28,8 +28,8 @@ static gboolean connect_to(Link *link, const char *address, GError **error) {
     return link->connection && make_proxy(link, NULL, error);
 }
 
-/* Asks the daemon for its state: GDBus also makes a proxy for a user who may not call the daemon,
- * or if the daemon hangs. where: "on the system bus". */
+/* Asks the daemon for its state, because GDBus also makes a proxy if the user may not call the
+ * daemon, or if the daemon does not respond. where is a text such as "on the system bus". */
 static gboolean may_ask(BusRig1 *rig, const char *where, GError **error) {
     g_autoptr(GError) why = NULL;
     if (bus_rig1_get_state(rig))
@@ -78,7 +78,7 @@ Link *link_on_bus(const char *bus, GError **error) {
     return NULL;
 }
 
-/* Runs between fork and exec. Ctrl-C must reach only this process, not the daemon: the daemon gets
+/* Runs between fork and exec. Ctrl-C must only reach this process, not the daemon. The daemon gets
  * its requests over the bus and notices when this process ends. */
 static void prepare_daemon(gpointer parent) {
     setsid();

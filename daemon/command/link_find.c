@@ -1,5 +1,5 @@
-/* Finds the daemon that a command means. Where that is not clear, the command is refused, and the
- * daemons are listed: it could otherwise act on somebody else's capture. */
+/* Finds the daemon that a command means. If this is not clear, the command fails and lists the
+ * daemons, because it could otherwise act on somebody else's capture. */
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 #include "cli.h"
@@ -11,7 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define MOST_CONTROL  1024 /* bytes of a control file */
+#define MOST_CONTROL  1024 /* maximum size of a control file in bytes */
 #define STALE_AFTER_S 60
 
 static const char *const buses[] = {"system", "session"};
@@ -26,7 +26,8 @@ static const char *rig_of(Link *link) {
     return rig ? rig : "";
 }
 
-/* Adds a link, unless its daemon is in the list already. Takes link, which may be NULL. */
+/* Adds a link, unless its daemon is already in the list. Takes ownership of link, which may be
+ * NULL. */
 static void add(GPtrArray *links, Link *link) {
     if (!link)
         return;
@@ -61,7 +62,8 @@ static Link *link_in_folder(const char *folder) {
     return link;
 }
 
-/* Every daemon that this user may ask: those that listen for this user, then those on buses. */
+/* Returns every daemon that this user may ask: those that listen for this user, then those on
+ * buses. */
 static GPtrArray *find_all(void) {
     GPtrArray *links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
     g_autoptr(GDir) dir = g_dir_open(bus_client_folder(), 0, NULL);
@@ -91,7 +93,7 @@ static char *list(const GPtrArray *links) {
     return g_string_free(text, FALSE);
 }
 
-/* The only one, taken from the list; NULL without an error: there is none. */
+/* Takes the only link from the list. Returns NULL without an error if the list is empty. */
 static Link *the_only(GPtrArray *links, GError **error) {
     if (links->len == 1)
         return g_ptr_array_steal_index(links, 0);
@@ -106,8 +108,9 @@ static Link *the_only(GPtrArray *links, GError **error) {
     return NULL;
 }
 
-/* The address in a session's control file. The directory may belong to others: a link, a file of
- * another user, or something that is not a regular file, is ignored. NULL: nothing. */
+/* Returns the address in a session's control file, or NULL if there is none. The directory may
+ * belong to other users. A link, a file of another user, or a file that is not regular is therefore
+ * ignored. */
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
@@ -122,7 +125,8 @@ static char *read_control(const char *directory) {
     g_strstrip(text);
     if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
         return g_strdup(text);
-    /* A single address of a local socket: others may name a host, and a file to send to it. */
+    /* Accepts only a single address of a local socket. Others may name a host, and a file to send
+     * to it. */
     return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
 }
 
@@ -136,13 +140,13 @@ static Link *link_by_directory(const char *directory, GError **error) {
         link_free(link);
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                "no daemon captures into %s at present; “mesorig resume %s” goes on with it",
+                "no daemon captures into %s at present; “mesorig resume %s” continues it",
                 directory, directory);
     return NULL;
 }
 
-/* Sets the error if no daemon was found. This user runs none; a daemon that runs on a bus but
- * refuses is the one that was meant. */
+/* Sets the error for the case that no daemon was found. This user runs none. If a daemon on a bus
+ * refuses this user, it is the one that was meant. */
 static Link *none_at_all(GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++) {
         g_autoptr(GError) why = NULL;
@@ -163,7 +167,7 @@ static Link *none_at_all(GError **error) {
     return NULL;
 }
 
-/* By --address or --bus; NULL without an error: neither was given. */
+/* Connects according to --address or --bus. Returns NULL without an error if neither was given. */
 static Link *link_named(GError **error) {
     return cli_address ? link_to(cli_address, error) : cli_bus ? link_on_bus(cli_bus, error) : NULL;
 }
@@ -196,7 +200,8 @@ Link *link_find(const char *directory, GError **error) {
     return link;
 }
 
-/* Leaves those that have this rig open; "" is none. Other terminals' own daemons do not count. */
+/* Keeps only the links whose daemon has this rig open; "" means no rig. Private daemons of other
+ * terminals are removed. */
 static void keep_rig(GPtrArray *links, const char *rig_path) {
     for (guint i = links->len; i-- > 0;) {
         Link *link = links->pdata[i];

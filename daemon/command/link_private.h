@@ -6,13 +6,14 @@
 struct Link {
     GDBusConnection *connection;
     BusRig1 *rig;
-    GSubprocess *daemon; /* private: ours */
+    GSubprocess *daemon; /* the process of a private daemon */
     char *folder;        /* of its socket and log */
-    char *option;     /* with which commands name it: "--address unix:path=…", "--bus system" */
-    gboolean passing; /* it ends with the program that has started it */
+    /* the option with which commands name it: "--address unix:path=…", "--bus system" */
+    char *option;
+    gboolean passing; /* the daemon ends with the program that has started it */
 };
 
-/* Connects to this daemon; an error if it does not answer, or this user may not call it. bus:
- * "system" or "session". */
+/* Connects to this daemon. Fails if the daemon does not answer, or if this user may not call it.
+ * bus is "system" or "session". */
 Link *link_to(const char *address, GError **error);
 Link *link_on_bus(const char *bus, GError **error);

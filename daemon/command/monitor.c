@@ -18,18 +18,18 @@ struct Monitor {
     gboolean control, patient;
     GMainLoop *loop;
     Progress *progress;
-    Watching *watching; /* NULL: the bar alone */
+    Watching *watching; /* NULL to show only the bar */
     enum monitor_end end;
     gboolean ended;
     int interrupts;
-    gboolean faulty; /* an error was printed since it last ran */
+    gboolean faulty; /* an error was printed since the capture last ran */
     char *shown_state, *reason;
-    char *left_out; /* monitor_leave_out() */
+    char *left_out; /* set by monitor_leave_out() */
     enum monitor_answer answer;
-    char *prompt;   /* as it was printed last; empty: there is none */
-    guint enter_id; /* waits for the Enter key */
+    char *prompt;   /* the last printed prompt; empty if there is none */
+    guint enter_id; /* source that waits for the Enter key */
     gint64 begun_us, json_us;
-    gint64 frames_before; /* since when frames per second are counted */
+    gint64 frames_before; /* start of the interval for frames per second */
     guint signal_ids[3], check_id;
 };
 
@@ -97,7 +97,7 @@ static char *progress_text(const Monitor *monitor) {
     if (strcmp(state, "paused") == 0) {
         g_string_append_printf(text, ", paused: %s", reason);
     } else {
-        /* What matters most comes first: a narrow terminal cuts the end. */
+        /* The most important parts come first, because a narrow terminal cuts off the end. */
         if (strcmp(state, "homing") == 0)
             g_string_append_printf(text, ", %s", bus_rig1_get_doing(rig));
         else if (strcmp(state, "running") != 0)
@@ -162,7 +162,7 @@ static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The event has said what is to be done by hand; this prints, once, how to answer it. */
+/* The event has described the manual step. This function prints, once, how to confirm it. */
 static void check_prompt(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     const char *prompt = bus_rig1_get_prompt(rig);
@@ -173,7 +173,7 @@ static void check_prompt(Monitor *monitor) {
     monitor->prompt = g_strdup(prompt);
     if (!prompt || !*prompt)
         return;
-    /* A job in the background would be stopped when it touches its terminal. */
+    /* A background job would be stopped if it used its terminal. */
     const gboolean has_enter = isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
     if (monitor->answer == ANSWER_AT_ONCE) {
         cli_monitor_answer(monitor);
@@ -196,8 +196,8 @@ static void cli_monitor_check(Monitor *monitor) {
         return;
     }
     const char *state = bus_rig1_get_state(rig);
-    /* Another property may change after the event of a fault and before the state that follows it.
-     * Therefore "running" ends the fault only if another state was shown before. */
+    /* Another property may change between the event of a fault and the state that follows it.
+     * "running" therefore ends the fault only if another state was shown in between. */
     if (strcmp(state, "running") == 0 && g_strcmp0(monitor->shown_state, state) != 0)
         monitor->faulty = FALSE;
     cli_monitor_show(monitor);
@@ -261,9 +261,9 @@ static gboolean cli_monitor_check_idle(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The first Ctrl-C pauses after the shot under way, the second aborts at once. Changes that the
- * daemon sent before it answered may still be queued, even the change to "running": an idle source
- * reads the state after them. */
+/* The first Ctrl-C pauses after the shot under way, the second aborts immediately. Changes that the
+ * daemon sent before its answer may still be queued, even the change to "running". An idle source
+ * therefore reads the state after them. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
@@ -273,7 +273,7 @@ static gboolean on_interrupt(gpointer data) {
     }
     if (monitor->interrupts++ == 0) {
         progress_line(monitor->progress,
-                      "pausing after the shot under way; Ctrl-C once more stops at once");
+                      "pausing after the shot under way; Ctrl-C once more stops immediately");
         if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
             cli_monitor_finish(monitor, MONITOR_PAUSED);
         else if (!monitor->check_id)
@@ -339,7 +339,7 @@ void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     monitor->patient = patient;
     monitor->begun_us = g_get_monotonic_time();
-    /* Changes that the daemon sent before it answered our last call are still queued. */
+    /* Changes that the daemon sent before its answer to our last call are still queued. */
     while (g_main_context_iteration(NULL, FALSE))
         ;
     monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));

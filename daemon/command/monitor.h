@@ -1,4 +1,4 @@
-/* Follows what a daemon does until it ends, and shows it. */
+/* Follows the activity of a daemon until it ends, and shows it. */
 #pragma once
 
 #include "link.h"
@@ -7,42 +7,44 @@
 enum monitor_end {
     MONITOR_DONE,
     MONITOR_FAULT,    /* paused by a fault; the rig is safe */
-    MONITOR_PAUSED,   /* by our Ctrl-C */
-    MONITOR_ABORTED,  /* by our second Ctrl-C, or by somebody else */
-    MONITOR_DETACHED, /* Ctrl-C; the capture continues without this program */
+    MONITOR_PAUSED,   /* paused by Ctrl-C in this program */
+    MONITOR_ABORTED,  /* aborted by a second Ctrl-C in this program, or by somebody else */
+    MONITOR_DETACHED, /* Ctrl-C was pressed; the capture continues without this program */
     MONITOR_LOST,     /* the daemon has exited or cannot be reached */
 };
 
 typedef struct Monitor Monitor;
 
-/* control: Ctrl-C pauses the capture; else it only ends the watching. Borrows link. To be made
- * before a capture is started, so that no event is missed. */
+/* With control, Ctrl-C pauses the capture; otherwise it only ends the watching. Borrows link. To be
+ * created before a capture is started, so that no event is missed. */
 Monitor *monitor_new(Link *link, gboolean control);
 void monitor_free(Monitor *monitor);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
 
-/* Shows the pose, too, and on request the cameras' last pictures (watching.h). */
+/* Shows the pose as well, and on request the cameras' last pictures (watching.h). */
 void monitor_watch(Monitor *monitor, gboolean pictures);
 
-/* Does not show people events of level "info" from this source, which they know already. */
+/* Hides events of level "info" from this source, because the user knows them already. */
 void monitor_leave_out(Monitor *monitor, const char *source);
 
 enum monitor_answer {
-    ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
-    ANSWER_ENTER,     /* that, or the Enter key of this terminal, if there is one */
-    ANSWER_AT_ONCE,   /* for simulated rigs: nobody has to do anything */
+    ANSWER_ELSEWHERE, /* “mesorig continue” in another terminal */
+    ANSWER_ENTER,   /* “mesorig continue”, or the Enter key of this terminal, if there is one */
+    ANSWER_AT_ONCE, /* immediately, for simulated rigs: nobody has to do anything */
 };
 
-/* The reaction when the rig asks for a manual step; ANSWER_ELSEWHERE at first. */
+/* Sets who answers when the rig asks for a manual step. The default is ANSWER_ELSEWHERE. */
 void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
 
-/* Runs the main loop. patient: a fault does not end it, since somebody may mend it and go on. */
+/* Runs the main loop. With patient, a fault does not end it, since somebody may fix the fault and
+ * continue the capture. */
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
 
-/* Why it is paused; owned by the monitor. */
+/* Returns the reason for the pause; owned by the monitor. */
 const char *monitor_reason(const Monitor *monitor);
 
-/* "3340 shots, 51234 frames, no retakes, 2 h 48 min simulated in 3 min 02 s"; g_free(). */
+/* Returns a text such as "3340 shots, 51234 frames, no retakes, 2 h 48 min simulated in 3 min 02
+ * s"; g_free(). */
 char *monitor_summary(const Monitor *monitor);
 
 /* Adds the daemon's state as values, without a text. */

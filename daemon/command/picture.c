@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #define ASK_WAIT_MS 200
-/* Size of a terminal's cell if it does not report one: for the size of a sixel picture. */
+/* Size of a terminal's cell if the terminal does not report it, for the size of a sixel picture. */
 #define CELL_WIDTH  8
 #define CELL_HEIGHT 16
 

@@ -16,9 +16,9 @@
 struct Progress {
     char *what;
     gboolean tty, utf8, drawn;
-    gint64 begun_us, shown_us;    /* 0: not yet */
-    char *above;                  /* what is to stand above the bar */
-    int above_lines, above_drawn; /* lines of it; and of those on the terminal */
+    gint64 begun_us, shown_us;    /* 0 if not yet */
+    char *above;                  /* text above the bar */
+    int above_lines, above_drawn; /* number of its lines, and of those on the terminal */
 };
 
 Progress *progress_new(const char *what) {
@@ -36,7 +36,7 @@ void progress_end(Progress *progress) {
     progress->above_drawn = 0;
 }
 
-/* Of the bar, and of what stands above it. */
+/* Erases the bar and the text above it. */
 static void progress_erase(Progress *progress) {
     if (progress->drawn)
         fputs("\r\033[K", stderr);
@@ -79,8 +79,8 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes the room that the text leaves. A text that is too long loses its last parts, which
- * commas separate, so that the line never wraps and can be drawn over. */
+/* The bar takes the width that the text leaves. A text that is too long loses its last parts, which
+ * commas separate, so that the line never wraps and can be overwritten. */
 static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =
@@ -97,7 +97,7 @@ static void cli_progress_draw(Progress *progress, double fraction, const char *t
     g_string_append(line, fits);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
-    /* Past g_printerr(), which replaces control characters. */
+    /* Does not use g_printerr(), which replaces control characters. */
     if (progress->above_drawn == 0 && progress->above_lines > 0) {
         progress_erase(progress);
         fputs(progress->above, stderr);
@@ -121,7 +121,8 @@ void progress_show(Progress *progress, double fraction, const char *text, gboole
         cli_progress_draw(progress, fraction, text);
         return;
     }
-    /* Off a terminal: a line for a stage of a second or more, then one every ten seconds. */
+    /* If the output is not a terminal, prints a line for each stage of a second or more, then one
+     * every ten seconds. */
     if (progress->begun_us == 0)
         progress->begun_us = now_us;
     const gboolean first = progress->shown_us == 0;

@@ -1,5 +1,6 @@
-/* Shows progress on standard error, so that standard output has results alone: a progress bar on a
- * terminal; elsewhere a line after a second, then one every ten seconds; nothing with --json. */
+/* Shows progress on standard error, so that standard output contains only results. On a terminal,
+ * progress is a bar. Elsewhere it is a line after one second, then a line every ten seconds. With
+ * --json nothing is shown. */
 #pragma once
 
 #include <glib.h>
@@ -7,18 +8,18 @@
 typedef struct Progress Progress;
 
 Progress *progress_new(const char *what);
-void progress_free(Progress *progress); /* leaves the bar as it is; NULL is ignored */
+void progress_free(Progress *progress); /* leaves the bar on the screen; NULL is ignored */
 
-/* Ends the line, so that others may print. */
+/* Ends the line of the bar, so that other text may be printed. */
 void progress_end(Progress *progress);
 
-/* fraction 0 … 1. Drawn at most ten times per second, unless now is set. text is printed beside the
- * bar. */
+/* Shows a fraction of 0 … 1, and text to the right of the bar. The bar is drawn at most ten times
+ * per second, unless now is set. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 
-/* Sets the text that is drawn above the bar from the next drawing on, on a terminal alone: whole
- * lines, each no longer than the terminal is wide. */
+/* Sets the text that is drawn above the bar from the next drawing on, on terminals only. The text
+ * consists of whole lines, none longer than the width of the terminal. */
 void progress_set_above(Progress *progress, const char *text, int lines);
 
-/* A line of its own on standard output, above the bar. Not printed with --json. */
+/* Prints a line to standard output, above the bar. Not printed with --json. */
 void progress_line(Progress *progress, const char *format, ...) G_GNUC_PRINTF(2, 3);

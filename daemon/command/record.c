@@ -10,7 +10,7 @@ struct Record {
     GVariantBuilder values;
     gboolean filled;
     GString *text;
-    int depth, levels[DEEPEST]; /* how many containers each record_end() closes */
+    int depth, levels[DEEPEST]; /* number of containers that each record_end() closes */
 };
 
 Record *record_new(void) {

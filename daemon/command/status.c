@@ -38,8 +38,8 @@ void status_say_sentences(Record *to, const char *key, const char *text) {
     record_say(to, "%-10s %s\n", key, lines->str);
 }
 
-/* The text of a device that is unsafe or has a fault, which is told below the table unless the
- * reason tells it; or NULL. */
+/* Returns the text of a device that is unsafe or has a fault. The text is printed below the table
+ * unless the reason contains it. Returns NULL for other devices. */
 static const char *text_of(const char *health) {
     if (g_str_has_prefix(health, "unsafe: "))
         return health + strlen("unsafe: ");

@@ -6,23 +6,23 @@
 #include <string.h>
 #include <unistd.h>
 
-#define WIDEST      32 /* columns of a picture */
+#define WIDEST      32 /* maximum width of a picture in columns */
 #define NARROWEST   12
-#define OTHER_LINES 6 /* of a terminal, for what is no picture */
+#define OTHER_LINES 6 /* lines of a terminal that are not used for pictures */
 
 struct shown {
     Watching *watching;
     char *name;
-    guint8 *rgb; /* NULL: none has come yet */
+    guint8 *rgb; /* NULL before the first picture */
     int width, height;
-    gboolean asked, stale; /* a call is under way; a newer picture has come since */
+    gboolean asked, stale; /* a call is under way; a newer picture has appeared since */
 };
 
 struct Watching {
     BusRig1 *rig;
     Progress *progress;
     gboolean pictures;
-    GPtrArray *cameras; /* of struct shown, as they came */
+    GPtrArray *cameras; /* of struct shown, in order of arrival */
     GCancellable *cancellable;
 };
 
@@ -60,7 +60,8 @@ char *watching_pose(BusRig1 *rig) {
     return g_string_free(text, FALSE);
 }
 
-/* The cameras' names and pictures side by side; those that have no room are left out. */
+/* Adds the names and pictures of the cameras next to each other. Pictures for which there is no
+ * space are left out. */
 static void add_pictures(const Watching *watching, GString *to, int *lines) {
     int columns, rows, tallest = 0;
     picture_terminal_size(STDERR_FILENO, &columns, &rows);
@@ -119,7 +120,7 @@ static void on_answer(GObject *proxy, GAsyncResult *result, gpointer data) {
     double time_s;
     gsize length;
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
-        return; /* the watching is gone */
+        return; /* the object has been freed */
     shown->asked = FALSE;
     if (answer) {
         g_autoptr(GVariant) bytes = NULL;
@@ -180,7 +181,7 @@ void watching_free(Watching *watching) {
         return;
     g_signal_handlers_disconnect_by_data(watching->rig, watching);
     g_cancellable_cancel(watching->cancellable);
-    while (g_main_context_iteration(NULL, FALSE)) /* lets cancelled calls end */
+    while (g_main_context_iteration(NULL, FALSE)) /* lets cancelled calls finish */
         ;
     g_object_unref(watching->cancellable);
     g_ptr_array_unref(watching->cameras);

@@ -30,7 +30,7 @@ static void bar_show(struct bar *bar, double left_s, gboolean now) {
     progress_show(bar->progress, (double)bar->done / bar->total, text, now);
 }
 
-/* Ends the bar; the line that stays on the terminal does not show the time left. */
+/* Ends the bar. The line that stays on the terminal does not show the time left. */
 static void bar_end(struct bar *bar) {
     if (bar->progress)
         bar_show(bar, -1, TRUE);
@@ -41,7 +41,8 @@ static void bar_end(struct bar *bar) {
 static void on_progress(const struct work_progress *progress, gpointer data) {
     struct bar *bar = data;
     const gboolean next = g_strcmp0(progress->stage, bar->stage) != 0;
-    /* Told at once, but only once: some work is told again while what follows it goes on. */
+    /* Reported immediately, but only once, because some work is reported again while the following
+     * work is running. */
     const gboolean ended =
         progress->done == progress->total && (next || progress->done != bar->done);
     if (cli_json) {
@@ -75,7 +76,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
     bar_show(bar, progress->left_s, ended);
 }
 
-/* Cancels the work. The work has no main loop, so that a thread with one handles the signals. */
+/* Cancels the work. The work has no main loop, so that a separate thread handles the signals. */
 static gboolean cli_work_on_signal(gpointer cancellable) {
     g_cancellable_cancel(cancellable);
     return G_SOURCE_CONTINUE;

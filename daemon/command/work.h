@@ -1,10 +1,10 @@
-/* Long work of the command line's own process: progress, and Ctrl-C that cancels it. */
+/* Long work in the process of the command line, with progress, and with Ctrl-C to cancel it. */
 #pragma once
 
 #include "base/work.h"
 
 typedef gboolean (*CliWork)(const struct work *work, gpointer data, GError **error);
 
-/* Runs func in the calling thread, and shows a bar or lines of JSON. ret_seconds (may be NULL): how
- * long func took. */
+/* Runs func in the calling thread, and shows a bar or lines of JSON. ret_seconds (may be NULL) is
+ * the time that func took. */
 gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error);

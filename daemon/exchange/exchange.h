@@ -1,5 +1,5 @@
-/* The commands `mesorig import …` and `mesorig export …`: a file for each kind, or for kinds that
- * are alike, and a row of the table in import.c or exports.c. */
+/* The commands `mesorig import …` and `mesorig export …`. Each kind, or group of similar kinds, has
+ * a file, and a row of the table in import.c or exports.c. */
 #pragma once
 
 #include "command/cli.h"
@@ -17,33 +17,35 @@ extern const struct command exchange_btf, exchange_points, exchange_height, exch
     exchange_web, exchange_maps, exchange_gltf, exchange_materialx, exchange_blender, exchange_bsdf,
     exchange_merl, exchange_ptm, exchange_relight;
 
-/* What an export writes. */
+/* The format that an export writes. */
 struct exchange_format {
     const char *what;   /* the plural of the product, for instance "BTFs" */
     const char *format; /* as in "Bonn's format" */
-    const char *end;    /* of the file's name, with the dot; NULL: any */
-    const char *kind;   /* of output_file.h; NULL: the format has no room for it */
+    /* the ending of the file's name, with the dot; NULL if any name is accepted */
+    const char *end;
+    const char *kind; /* of output_file.h; NULL if the format has no place for it */
 };
 
-/* Checks -o: NULL if it is missing, does not end as files of its format do, or exists and may not
+/* Checks -o. Returns NULL if it is missing, lacks the ending of its format, or exists and may not
  * be replaced (output_file.h). */
 OutputFile *exchange_output(const char *output, const struct exchange_format *format,
                             GError **error);
 /* The same for a folder of several files; see cli_check_folder(). */
 gboolean exchange_check_folder(const char *output, GError **error);
 
-/* Reads --region: FALSE if the text is not X,Y,WIDTH,HEIGHT. */
+/* Reads --region. Returns FALSE if the text is not X,Y,WIDTH,HEIGHT. */
 gboolean exchange_parse_region(const char *text, struct import_region *ret);
 
-/* Reads --transfer: FALSE if the text is neither NULL, linear nor srgb. */
+/* Reads --transfer. Returns FALSE unless the text is NULL, linear or srgb. */
 gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
 #define EXCHANGE_TRANSFER_HELP                                                                     \
     "Tone curve of the pictures (as their files say; else sRGB of 8 bits, linear of others)"
 #define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
 
-/* Says what was assumed and noticed. notes: of char *. */
+/* Adds the assumptions and observations of an import or export to the record. notes is an array of
+ * char *. */
 void exchange_tell_notes(Record *to, const GPtrArray *notes);
 
-/* Says what an import has made. */
+/* Adds the result of an import to the record. */
 void exchange_tell_import(Record *to, const char *session, const struct import_result *result,
                           double seconds);

@@ -1,4 +1,4 @@
-/* export bsdf, merl: the mean BRDF of a material's texels. */
+/* export bsdf, merl: write the mean BRDF of a material's texels. */
 #include "reflectance/export_brdf.h"
 #include "base/plural.h"
 #include "command/work.h"
@@ -12,17 +12,17 @@ static gboolean isotropic;
 
 static const GOptionEntry bsdf_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.bsdf"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "The mean of these texels only",
+    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Use only the mean of these texels",
      "X,Y,WIDTH,HEIGHT"},
     {"texel", 0, 0, G_OPTION_ARG_STRING, &texel, "This texel only", "X,Y"},
     {"isotropic", 0, 0, G_OPTION_ARG_NONE, &isotropic,
-     "Write the mean over turns about the normal, a thirtieth of the size", NULL},
+     "Write the mean over rotations about the normal, in a thirtieth of the size", NULL},
     {NULL},
 };
 
 static const GOptionEntry merl_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.binary"},
-    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "The mean of these texels only",
+    {"region", 0, 0, G_OPTION_ARG_STRING, &region, "Use only the mean of these texels",
      "X,Y,WIDTH,HEIGHT"},
     {"texel", 0, 0, G_OPTION_ARG_STRING, &texel, "This texel only", "X,Y"},
     {NULL},
@@ -93,11 +93,12 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
                100 * result->error, result->lowest_deg);
     if (kind == BRDF_MERL)
         record_say(to,
-                   "the file is isotropic and reciprocal; turned or exchanged directions of the "
-                   "material differ from it by %.1f %%\n",
+                   "the file is isotropic and reciprocal; the material's values under rotated or "
+                   "exchanged directions differ from it by %.1f %%\n",
                    100 * result->spread);
     if (result->filled > 0)
-        record_say(to, "%d pairs of view and light have no value and got the nearest light's\n",
+        record_say(to,
+                   "%d pairs of view and light have no value and get that of the nearest light\n",
                    result->filled);
     cli_tell_output(to, file);
     return CLI_DONE;
@@ -114,7 +115,7 @@ const struct command exchange_bsdf = {
     .name = "export bsdf",
     .arguments = "DIR|FILE -o FILE.bsdf",
     .examples = "  mesorig export bsdf weave.session -o weave.bsdf\n",
-    .help = "Write the mean BRDF of a material's texels as a file of RGL's.",
+    .help = "Write the mean BRDF of a material's texels in RGL's format.",
     .options = bsdf_entries,
     .min = 1,
     .max = 1,
@@ -124,7 +125,7 @@ const struct command exchange_merl = {
     .name = "export merl",
     .arguments = "DIR|FILE -o FILE.binary",
     .examples = "  mesorig export merl weave.session -o weave.binary\n",
-    .help = "Write the mean BRDF of a material's texels, isotropic, as a file of MERL's.",
+    .help = "Write the mean BRDF of a material's texels, isotropic, in MERL's format.",
     .options = merl_entries,
     .min = 1,
     .max = 1,

@@ -1,4 +1,4 @@
-/* export btf: the BTF of a session as a file of Bonn's. */
+/* export btf: writes the BTF of a session in Bonn's format. */
 #include "base/plural.h"
 #include "command/work.h"
 #include "exchange.h"
@@ -74,7 +74,7 @@ const struct command exchange_btf = {.name = "export btf",
                                      .arguments = "DIR -o FILE.btf",
                                      .examples =
                                          "  mesorig export btf weave.session -o weave.btf\n",
-                                     .help = "Write the BTF of a session as a file of Bonn's.",
+                                     .help = "Write the BTF of a session in Bonn's format.",
                                      .options = entries,
                                      .min = 1,
                                      .max = 1,

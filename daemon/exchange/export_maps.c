@@ -15,28 +15,28 @@ static const GOptionEntry map_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "FOLDER"},
     {"format", 0, 0, G_OPTION_ARG_STRING, &format, "How the maps are stored (png)", "png|exr"},
     {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
-     "Memory for the BTF; more of it is kept in a file (4096)", "MB"},
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
     {NULL},
 };
 
 static const GOptionEntry gltf_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "The file to write: .glb, or .gltf with textures beside it", "FILE.glb"},
-    {"shape", 0, 0, G_OPTION_ARG_STRING, &shape, "What has the material (both)",
+     "The file to write: .glb, or .gltf with textures in the same folder", "FILE.glb"},
+    {"shape", 0, 0, G_OPTION_ARG_STRING, &shape, "Shape that has the material (both)",
      "plane|sphere|both"},
     {"core", 0, 0, G_OPTION_ARG_NONE, &core,
-     "Fit and write base colour, metallic, roughness and normal alone, for renderers that know no "
-     "extensions of glTF",
+     "Fit and write only base colour, metallic, roughness and normal, for renderers without glTF "
+     "extensions",
      NULL},
     {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
-     "Memory for the BTF; more of it is kept in a file (4096)", "MB"},
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
     {NULL},
 };
 
 static const GOptionEntry folder_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "FOLDER"},
     {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
-     "Memory for the BTF; more of it is kept in a file (4096)", "MB"},
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
     {NULL},
 };
 
@@ -78,7 +78,7 @@ static gboolean work_maps(const struct work *work, gpointer data, GError **error
                                     : maps_files_write_folder(files, output, cli_force, error);
 }
 
-/* The pair of directions under which the maps are worst. */
+/* Returns the pair of directions for which the maps have the largest error. */
 static int export_maps_worst(const struct maps_errors *errors) {
     int ret = 0;
     for (int i = 1; i < errors->n_views * errors->n_lights; i++)
@@ -126,9 +126,9 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
                errors->delta_e, 100 * errors->relative_error, (double)errors->pairs[worst],
                worst / errors->n_lights, worst % errors->n_lights);
     record_say(to, "  heights of %.3g mm from %s", maps->relief_mm,
-               mdf ? "the MDF" : "the normals, for lack of an MDF that has most of them");
+               mdf ? "the MDF" : "the normals, because no MDF has most of them");
     if (maps->height_holes > 0)
-        record_say(to, ", %d texels of them filled from those around", maps->height_holes);
+        record_say(to, ", %d texels are filled from their neighbours", maps->height_holes);
     record_say(to, "%s%s%s\n", maps->anisotropic ? "; anisotropic" : "",
                maps->fit->layers.sheen_roughness > 0 ? "; with sheen" : "",
                maps->fit->layers.coat_roughness > 0 ? "; with a clear coat" : "");
@@ -136,8 +136,9 @@ static void export_maps_tell(const struct job *job, double seconds, Record *to) 
         record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
                    maps->depth_mm);
     if (maps->n_views == 1)
-        record_say(to, "  one view tells little of how it shines: roughness and metallic are "
-                       "uncertain\n");
+        record_say(
+            to,
+            "  one view shows little of the highlights: roughness and metallic are uncertain\n");
 }
 
 static int export_maps_job(const struct call *call, struct job *job, GError **error) {

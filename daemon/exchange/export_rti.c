@@ -28,7 +28,7 @@ static const GOptionEntry relight_entries[] = {
 
 struct job {
     const char *session;
-    OutputFile *to; /* NULL: a folder */
+    OutputFile *to; /* NULL for a folder */
     struct export_rti_options options;
     struct export_rti_result result;
 };

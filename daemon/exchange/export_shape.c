@@ -13,7 +13,8 @@ static gboolean layered, maximum;
 
 static const GOptionEntry point_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
-    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "Least number of views that saw each (2)", "N"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views,
+     "Minimum number of views that saw each point (2)", "N"},
     {NULL},
 };
 
@@ -21,8 +22,7 @@ static const GOptionEntry map_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.exr"},
     {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
      "Write the upper layer if the surface is not a height field", NULL},
-    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum, "Of a PTM: the light of its greatest value",
-     NULL},
+    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum, "For a PTM: use the light of its maximum", NULL},
     {NULL},
 };
 
@@ -65,7 +65,7 @@ static gboolean work_lights(const struct work *work, gpointer data, GError **err
                            error);
 }
 
-/* Exports normals or heights from the pictures, at the lights where they were taken. */
+/* Exports normals or heights from the pictures under the measured lights. */
 static int export_by_lights(const struct call *call, struct job *job, GError **error) {
     static const char *const names[PHOTOMETRIC_CAUSES] = {
         [PHOTOMETRIC_DARK] = "dark",
@@ -104,7 +104,7 @@ static int export_by_lights(const struct call *call, struct job *job, GError **e
     return CLI_DONE;
 }
 
-/* Exports the surface from a PTM or HSH, which says how brightness depends on the light. */
+/* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
 static int export_by_fit(const struct call *call, struct job *job, GError **error) {
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;
@@ -218,9 +218,8 @@ const struct command exchange_height = {
     .name = "export height",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export height weave.session -o height.exr\n",
-    .help =
-        "Write heights as a map (EXR); of a session without MDF from its pictures, or of the file "
-        "of a PTM or HSH.",
+    .help = "Write heights as a map (EXR), from an MDF, or from the pictures of a session without "
+            "MDF, a PTM or an HSH.",
     .options = map_entries,
     .min = 1,
     .max = 1,
@@ -230,8 +229,8 @@ const struct command exchange_normals = {
     .name = "export normals",
     .arguments = "DIR|FILE -o FILE.exr",
     .examples = "  mesorig export normals weave.session -o normals.exr\n",
-    .help = "Write normals as a map (EXR); of a session without MDF from its pictures, with error "
-            "bars and albedo, or of the file of a PTM or HSH.",
+    .help = "Write normals as a map (EXR), from an MDF, from a PTM or HSH, or from pictures (with "
+            "error bars and albedo).",
     .options = map_entries,
     .min = 1,
     .max = 1,

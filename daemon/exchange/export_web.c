@@ -12,8 +12,8 @@ static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write: a page, or the material",
      "FILE.html"},
     {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &mdf,
-     "Distances for silhouettes, if not the mdf.exr beside the material", "FILE.exr"},
-    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "What the file may take at most (20MB)", "BYTES"},
+     "Distances for silhouettes (default: mdf.exr in the material's folder)", "FILE.exr"},
+    {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Maximum size of the file (20MB)", "BYTES"},
     {NULL},
 };
 
@@ -69,7 +69,7 @@ static int export_web_run(const struct call *call, GError **error) {
                result->width, result->height, PLURAL(result->clusters, "cluster"),
                PLURAL(result->components, "component"), result->grid, taken, time);
     if (result->mdf_terms == 0)
-        record_say(to, "There is no mdf.exr: the page is without silhouettes of the structure.\n");
+        record_say(to, "There is no mdf.exr: the page shows no silhouettes of the structure.\n");
     cli_tell_output(to, file);
     return CLI_DONE;
 }
@@ -78,7 +78,7 @@ const struct command exchange_web = {
     .name = "export web",
     .arguments = "DIR|FILE -o FILE.html",
     .examples = "  mesorig export web weave.session -o weave.html\n",
-    .help = "Write a material as a page that any browser with WebGL 2 shows, from a disk, too.",
+    .help = "Write a material as a page for any browser with WebGL 2; the page needs no server.",
     .options = entries,
     .min = 1,
     .max = 1,

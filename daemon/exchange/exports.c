@@ -39,6 +39,6 @@ const struct command exchange_export = {
     .examples = "  mesorig export btf weave.session -o weave.btf\n"
                 "  mesorig export normals weave.session -o normals.exr\n"
                 "  mesorig export gltf weave.session -o weave.glb\n",
-    .help = "Write what a session has become for other programs.",
+    .help = "Write the products of a session for other programs.",
     .run_arguments = cli_run_child,
     .children = commands};

@@ -2,9 +2,9 @@
 
 #include <math.h>
 
-/* By which the daemon itself may be late with a trigger or a report. */
+/* Maximum delay that the daemon itself adds to a trigger or a report. */
 #define HOST_S 0.005
-/* Angles of the table in which passes begin and end are multiples of it. */
+/* The angles of the table at which passes begin and end are multiples of this. */
 #define STEP_DEG 1e-3
 
 #define RAD(deg) ((deg) * (G_PI / 180))
@@ -22,12 +22,12 @@ char *passes_refused(const struct session_conf *conf, const struct rig *rig,
     if (!table->wraps && !(table->min_deg < table->max_deg))
         return g_strdup("there is no [axis turntable]: leave it out");
     if (table->report_ms <= 0)
-        return g_strdup("the driver of [axis turntable] does not tell where it is at which time: "
-                        "set motion = standing");
+        return g_strdup("the driver of [axis turntable] does not report positions with their "
+                        "times: set motion = standing");
     for (int c = 0; c < rig->n_cameras; c++)
         if (cameras & 1u << c && timing->stamp_us[c] < 0)
-            return g_strdup_printf("camera %s does not tell when its frames were exposed, or "
-                                   "exposes one row after the other: set motion = standing",
+            return g_strdup_printf("camera %s does not report when its frames were exposed, or has "
+                                   "a rolling shutter: set motion = standing",
                                    rig->cameras[c].name);
     if (conf->order == ORDER_VIEWS)
         return g_strdup("order = views takes all lamps at one angle of the turntable, but the "
@@ -39,7 +39,7 @@ static double passes_exposure_s(const struct session_conf *conf) {
     return conf->exposures_us[conf->n_exposures - 1] * 1e-6;
 }
 
-/* Down to two digits. */
+/* Rounds down to two digits. */
 static double passes_round(double deg_s) {
     const double unit = pow(10, floor(log10(deg_s)) - 1);
     return floor(deg_s / unit + 1e-9) * unit;
@@ -90,13 +90,13 @@ double passes_exit_s(const struct session_shot *shot, double exposure_s,
     return left / v - exposure_s / 2 + v / table->accel_deg_s2 + table->settle_ms / 1000;
 }
 
-/* Shots that may be in one pass, in the order in which the table passes them. */
+/* Shots that may share a pass, in the order in which the table passes them. */
 struct group {
     struct session_shot *const *shots;
     int n;
-    double *at_deg; /* of the table, increasing */
+    double *at_deg; /* angles of the table, increasing */
     double speed_deg_s, frame_s, exposure_s, readout_s;
-    double lead_deg, behind_deg; /* of a pass, before its first shot and behind its last */
+    double lead_deg, behind_deg; /* angles of a pass before its first shot and after its last one */
     const struct axis_motion *table;
 };
 
@@ -119,7 +119,8 @@ static void passes_measure(struct group *group, const struct session_conf *conf,
     group->exposure_s = passes_exposure_s(conf);
     group->frame_s = passes_slowest_s(timing->trigger_us, cameras) + group->exposure_s;
     group->readout_s = passes_slowest_s(timing->readout_us, cameras);
-    /* Two reports at the speed before the first trigger, and one after the last exposure. */
+    /* Before the first trigger, the table makes two reports at its final speed. After the last
+     * exposure it makes one. */
     group->lead_deg =
         ramp + v * (1e-3 * (table->settle_ms + 3 * table->report_ms) + HOST_S + group->frame_s);
     group->behind_deg = ramp + v * (2e-3 * table->report_ms + HOST_S + group->exposure_s);
@@ -132,7 +133,7 @@ static struct session_pass passes_pass(const struct group *group, int first, int
         .from_deg = from, .by_deg = to - from, .speed_deg_s = group->speed_deg_s};
 }
 
-/* Whether these shots can be in a pass at all. */
+/* Returns whether shots first … last fit into one pass. */
 static gboolean passes_fit(const struct group *group, int first, int last) {
     const double least_deg = group->speed_deg_s * (group->frame_s + group->readout_s + HOST_S);
     const struct session_pass pass = passes_pass(group, first, last);
@@ -148,9 +149,9 @@ static double passes_pass_s(const struct group *group, const struct session_pass
     return pass->by_deg / v + v / group->table->accel_deg_s2 + group->table->settle_ms / 1000;
 }
 
-/* Which way the shots of a group are taken: by the shortest time, from how the shots before each
- * were taken (dynamic programming). ret_first: of each shot that ends a pass, the first of it; of
- * one for which the table stands, itself. */
+/* Divides the shots of a group into passes and stops so that they take the shortest time (dynamic
+ * programming over the shots in order). ret_first gives, for each shot that ends a pass, the first
+ * shot of the pass. For a shot for which the table stands still, it gives the shot itself. */
 static void passes_divide(const struct group *group, int *ret_first) {
     const int n = group->n;
     g_autofree double *best_s = g_new0(double, n + 1), *end_deg = g_new0(double, n + 1);
@@ -190,7 +191,7 @@ static gboolean passes_may(const struct session_shot *shot) {
     return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
 }
 
-/* Whether they differ in the angle of the turntable alone. */
+/* Returns whether two shots differ only in the angle of the turntable. */
 static gboolean passes_alike(const struct session_shot *a, const struct session_shot *b,
                              const struct rig *rig) {
     return passes_may(a) && passes_may(b) && a->device == b->device && a->arc_deg == b->arc_deg &&
@@ -240,7 +241,8 @@ static int passes_compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts alike shots as the table passes them, the first one behind the widest gap. */
+/* Sorts alike shots in the order in which the table passes them. The shot after the widest gap is
+ * the first. */
 static void passes_sort(GArray *alike, gboolean wraps) {
     const guint n = alike->len;
     guint first = 0;
@@ -262,13 +264,13 @@ static void passes_sort(GArray *alike, gboolean wraps) {
         g_array_index(alike, struct session_shot, i) = sorted[(first + i) % n];
 }
 
-/* The same for shots that are alike; g_free(). */
+/* Returns a key that is the same for alike shots; g_free(). */
 static char *passes_key(const struct session_shot *shot, const struct rig *rig) {
     return g_strdup_printf("%d %.17g %.17g", shot->device, shot->arc_deg,
                            rig_arm_deg(rig, shot->cameras));
 }
 
-/* Lists of alike shots, by their keys. */
+/* Returns lists of alike shots by their keys. */
 static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
     GHashTable *table =
         g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_array_unref);
@@ -287,8 +289,9 @@ static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
     return table;
 }
 
-/* The list that a shot is the first of that was asked for; it is the caller's, and no longer the
- * table's. NULL: it is in none, in an empty one, or not the first, which ret_later says. */
+/* Takes the list of a shot out of the table and returns it; the caller then owns it. Returns NULL
+ * if the shot has no key, if its list is empty, or if the table does not have the list (any more),
+ * which sets *ret_later. The caller therefore gets each list once, with the first of its shots. */
 static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
                             const struct rig *rig, gboolean *ret_later) {
     g_autofree char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;
@@ -301,7 +304,7 @@ static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
     return alike;
 }
 
-/* Whether sorted shots would be in passes, at least some. */
+/* Returns whether at least some of the sorted shots would be in passes. */
 static gboolean passes_pay(GArray *alike, const struct session_conf *conf, const struct rig *rig,
                            const struct rig_timing *timing) {
     g_autofree struct session_shot *copies =
@@ -312,7 +315,7 @@ static gboolean passes_pay(GArray *alike, const struct session_conf *conf, const
     return passes_set(list, (int)alike->len, conf, rig, timing, 0) > 0;
 }
 
-/* Forgets the lists of shots of which none would be in a pass; sorts the others. */
+/* Empties the lists in which no shot would be in a pass. Sorts the other lists. */
 static void passes_keep_paying(GHashTable *table, const struct session_conf *conf,
                                const struct rig *rig, const struct rig_timing *timing) {
     GHashTableIter iter;
@@ -344,7 +347,8 @@ GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, co
         }
         g_array_index(shots, struct session_shot, n++) = shot;
     }
-    shots->len = n; /* what the shots own stays theirs: not g_array_set_size() */
+    /* the followers own the strings of these shots: g_array_set_size() would free them */
+    shots->len = n;
     return followers;
 }
 

@@ -1,10 +1,10 @@
-/* Notices a rig file and a session file that were exchanged. */
+/* Detects that a rig file and a session file were exchanged. */
 #include "plan.h"
 
 #include "base/config.h"
 
-/* Whether the file has one section and lacks the other. What cannot be read is reported by those
- * who need it. */
+/* Returns whether the file has one section and lacks the other. A file that cannot be read is
+ * reported later, where it is needed. */
 static gboolean has_only(const char *path, const char *one, const char *other) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(Config) config = config_load_checked(path, mistakes);

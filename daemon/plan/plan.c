@@ -49,7 +49,7 @@ static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot,
 struct pose_plan { /* shots of some cameras in one pose */
     gint64 turn_udeg, arc_udeg;
     guint32 cameras;
-    gint64 probe_udeg; /* lamps of other stops of the probe have a pose of their own */
+    gint64 probe_udeg; /* each stop of the probe has separate poses */
     int azimuth;       /* index into azimuths */
     enum session_shot_state state;
     const char *note;
@@ -112,9 +112,9 @@ static char *plan_camera_names(const struct plan_build *b, guint32 cameras) {
     return g_string_free(names, FALSE);
 }
 
-/* A shot with the lamp or laser that stands by itself in a direction: another one at each angle of
- * the turntable. Without one the shot is skipped, as it is for cameras that cannot see the
- * light. */
+/* Adds a shot with the lamp or laser that stands by itself in a direction. At each angle of the
+ * turntable this is another device. If there is none, the shot is skipped, as it is for cameras
+ * that cannot see the light. */
 static gboolean add_fixed_shot(struct plan_build *b, const struct pose_plan *from,
                                enum session_shot_kind kind, const struct session_direction *source,
                                GError **error) {
@@ -182,8 +182,8 @@ static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GErro
     return TRUE;
 }
 
-/* Positions (struct vec3), with the arc at 0, of the lights on the arc that shine at one azimuth
- * with the probe at an angle. */
+/* Returns the positions (struct vec3), with the arc at 0, of the lights on the arc that shine at
+ * one azimuth with the probe at an angle. */
 static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) {
     GArray *positions = g_array_new(FALSE, FALSE, sizeof(struct vec3));
 
@@ -204,7 +204,7 @@ static GArray *lights_at(const struct plan_build *b, int azimuth, gint64 probe) 
     return positions;
 }
 
-/* Gives cameras in whose picture the arc stands a pose of their own, or none. */
+/* Gives cameras in whose picture the arc stands another pose with a shifted arc, or none. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const GArray *lights,
                             GError **error) {
     g_autofree char *names = plan_camera_names(b, p.cameras);
@@ -260,7 +260,8 @@ static gboolean add_pose(struct plan_build *b, const struct plan_angle *turn, in
     return !blocked || add_blocked(b, p, lights, error);
 }
 
-/* The angles (gint64) of the probe at which the session's lights shine, and that of sweeps. */
+/* Returns the angles (gint64) of the probe at which the session's lights shine, and the angle for
+ * sweeps. */
 static GArray *probe_angles(const struct plan_build *b) {
     GArray *angles = g_array_new(FALSE, FALSE, sizeof(gint64));
 
@@ -279,7 +280,7 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
     g_autoptr(GArray) probes = probe_angles(b);
 
-    /* One dark frame serves all stops of a camera. */
+    /* One dark frame is used for all stops of a camera. */
     for (guint i = 0; i < b->views->len; i++)
         dark.cameras |= 1u << rig_camera_unit(
                             b->rig, g_array_index(b->views, struct session_direction, i).device);
@@ -323,7 +324,7 @@ static gboolean plan_check_exposure(const struct plan_build *b, int camera, doub
     if (llround(exposure_us) >= min && llround(exposure_us) <= max)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", name,
-                   "%g us is outside what camera %s can do, %" G_GINT64_FORMAT
+                   "%g us is outside the range of camera %s, %" G_GINT64_FORMAT
                    " to %" G_GINT64_FORMAT " us",
                    exposure_us, b->rig->cameras[camera].name, min, max);
     return FALSE;
@@ -334,7 +335,7 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
 
     for (guint v = 0; v < b->views->len; v++) {
         int camera = g_array_index(b->views, struct session_direction, v).device;
-        /* Of what is not chosen yet the longest alone is known. */
+        /* If the exposures are not chosen yet, only the longest one is known. */
         for (int i = conf->is_auto[AUTO_EXPOSURES] ? conf->n_exposures - 1 : 0;
              i < conf->n_exposures; i++)
             if (!plan_check_exposure(b, camera, conf->exposures_us[i], AUTO_EXPOSURES, error))
@@ -347,7 +348,8 @@ static gboolean check_exposures(const struct plan_build *b, GError **error) {
     return TRUE;
 }
 
-/* The first laser unit that is mounted by hand at several places; NULL: none is. */
+/* Returns the first laser unit that is mounted by hand at several places, or NULL if there is
+ * none. */
 static const char *plan_mounted_by_hand(const struct plan_build *b) {
     for (int i = 0; i < b->rig->n_lasers; i++)
         if (b->timing->mounts[i] != 0)
@@ -355,7 +357,7 @@ static const char *plan_mounted_by_hand(const struct plan_build *b) {
     return NULL;
 }
 
-/* A further round would have the operator mount the units again. */
+/* A further round would require the operator to mount the units again. */
 static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     const char *unit = b->conf->laser_stop == STOP_COVERED ? plan_mounted_by_hand(b) : NULL;
     if (unit)
@@ -366,7 +368,8 @@ static gboolean plan_check_stop(const struct plan_build *b, GError **error) {
     return unit == NULL;
 }
 
-/* [lights] sampling = adaptive: what is not taken is predicted from other views and lights. */
+/* With [lights] sampling = adaptive, pictures that are not taken are predicted from other views and
+ * lights. */
 static gboolean plan_check_sampling(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
     if (conf->light_sampling == SAMPLING_ALL)
@@ -379,12 +382,11 @@ static gboolean plan_check_sampling(const struct plan_build *b, GError **error) 
     }
     const char *unit = b->lasers->len > 0 ? plan_mounted_by_hand(b) : NULL;
     if (unit)
-        plan_set_error(
-            error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
-            "adaptive takes the lamps' shots in rounds, and the laser unit %s is mounted "
-            "by hand at several places, for which somebody has to be there: set "
-            "sampling = all, or capture [lasers] in a session of their own",
-            unit);
+        plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "sampling",
+                       "adaptive takes the lamps' shots in rounds, and the laser unit %s is "
+                       "mounted by hand at several places, for which somebody has to be present: "
+                       "set sampling = all, or capture [lasers] in a separate session",
+                       unit);
     return unit == NULL;
 }
 
@@ -399,7 +401,7 @@ static void plan_find_first(struct plan_build *b) {
     plan_first_lamps(b->conf, b->rig, b->timing, list, n, b->is_first);
 }
 
-/* The budget of lamps must suffice for their first round. */
+/* The budget of lamps must be sufficient for their first round. */
 static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
     if (conf->light_sampling == SAMPLING_ALL || conf->light_budget_min <= 0)
@@ -416,8 +418,8 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
     if (least_s <= 60 * conf->light_budget_min)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "budget_min",
-                   "%g min are too few for the first round, whose %d shots take %.2f min: give as "
-                   "many, or a smaller first, which is %d",
+                   "%g min are too few for the first round, whose %d shots take %.2f min: give at "
+                   "least that many, or reduce first, which is %d",
                    conf->light_budget_min, n, ceil(least_s / 0.6) / 100, conf->light_first);
     return FALSE;
 }
@@ -436,7 +438,7 @@ static int plan_later(const struct plan *plan) {
     return plan->n_later_sweeps + plan->n_later_lamps;
 }
 
-/* Orders the shots: those of the first round, then those that may follow. Sets the plan's poses,
+/* Orders the shots: the first round, then the shots that may follow. Sets the plan's poses,
  * n_first, n_later_sweeps and n_later_lamps. */
 static void plan_order_rounds(struct plan_build *b, const struct plan_pose *poses, int n_poses,
                               struct plan *plan) {
@@ -464,12 +466,13 @@ static void plan_order_rounds(struct plan_build *b, const struct plan_pose *pose
     for (guint i = 0; i < later->len; i++)
         g_array_index(later, struct session_shot, i).pose += plan->n_poses;
     plan->n_poses += n_later;
-    /* The same shots in another order; what they own stays theirs. */
+    /* The same shots in another order. The shots keep their strings, which are not copied. */
     g_array_append_vals(first, later->data, later->len);
     memcpy(b->shots->data, first->data, first->len * sizeof(struct session_shot));
 }
 
-/* The lower bound without homing; with passes as they would be if all shots were of one round. */
+/* Returns the lower bound without homing, with the passes that there would be if all shots were of
+ * one round. */
 static double plan_bound_s(const struct plan_build *b, const struct plan_pose *poses, int n_poses) {
     g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
@@ -482,7 +485,8 @@ static double plan_bound_s(const struct plan_build *b, const struct plan_pose *p
     return plan_lower_bound_s(shots, poses, n_poses, b->conf, b->rig, b->timing);
 }
 
-/* With the turntable standing for all shots, from the pose of the first one on. */
+/* Returns the time from the pose of the first shot on, with the turntable standing still for all
+ * shots. */
 static double plan_standing_s(const struct plan_build *b, const struct plan_pose *poses,
                               int n_poses) {
     g_autoptr(GArray) shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -536,7 +540,8 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
         plan->first_s =
             plan_total_s(round, b->conf, b->rig, b->timing, &first_s) + homing_s + first_s;
     }
-    /* Orders are chosen by what follows their first pose: this begins with the same move. */
+    /* The order does not include the move into its first pose. The other orders begin with the same
+     * move. */
     plan->nested_s += homing_s + first_s;
     plan->standing_s += plan->standing_s > 0 ? homing_s + first_s : 0;
     for (guint i = 0; i < b->shots->len; i++)
@@ -554,7 +559,7 @@ static gboolean plan_check_motion(const struct plan_build *b, GError **error) {
     return why == NULL;
 }
 
-/* How often a laser must be mounted by hand in this order. */
+/* Returns how often a laser must be mounted by hand in this order. */
 static int count_mounts(const struct plan_build *b) {
     int in_place[RIG_MAX_LASERS], n = 0;
 
@@ -606,8 +611,8 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
     return array;
 }
 
-/* The time that planning takes grows with the square of the poses, the memory with that of the
- * arc's angles. */
+/* The planning time grows with the square of the number of poses, the memory with that of the arc's
+ * angles. */
 static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most, const char *what,
                                 GError **error) {
     if (n <= (guint64)most)
@@ -628,7 +633,7 @@ static gboolean plan_check_directions(const struct plan_build *b, GError **error
                            error);
 }
 
-/* Checks the size again with the extra poses of cameras in whose pictures the arc stands. */
+/* Checks the size again, with the additional poses of cameras in whose pictures the arc stands. */
 static gboolean check_poses(const struct plan_build *b, GError **error) {
     g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
     for (guint i = 0; i < b->poses->len; i++)

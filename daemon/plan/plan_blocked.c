@@ -5,8 +5,8 @@
 #define LARGEST_SHIFT_DEG 20
 #define SHIFT_STEP_UDEG   (UDEG / 10)
 
-/* Free width between a body and the cone from an eye to the disc of radius_mm around the origin;
- * the body stands nearer to the origin than the eye. */
+/* Returns the free width between a body and the cone from an eye to the disc of radius_mm around
+ * the origin. The body is nearer to the origin than the eye. */
 static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius_mm,
                                 double body_mm) {
     double distance = vec3_length(eye);
@@ -19,8 +19,8 @@ static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius
     return apart - body_mm - radius_mm * (1 - along / distance);
 }
 
-/* Whether a light stands in a camera's picture, or the camera in its light. Lamps, lasers and
- * cameras are taken to be as wide as the arc that carries the lights. */
+/* Returns whether a light is in a camera's picture, or the camera is in its light. Lamps, lasers
+ * and cameras are assumed to be as wide as the arc that carries the lights. */
 static gboolean hides(const struct rig *rig, struct vec3 eye, struct vec3 light, double radius_mm) {
     gboolean nearer = vec3_length(light) < vec3_length(eye);
 
@@ -98,10 +98,10 @@ char *plan_missing(const struct session_plan *plan) {
             pictures += n;
     }
     if (views > 0)
-        return g_strdup_printf("%d of %d views miss more than %g %% of their lights: there will be "
-                               "no BTF of them, which a session for calibration does not "
-                               "need; another offset_deg of [lights] may help",
-                               views, plan->n_views, 100 * BTF_MOST_MISSING);
+        return g_strdup_printf(
+            "%d of %d views miss more than %g %% of their lights: these views will have no BTF (a "
+            "session for calibration needs none); another offset_deg of [lights] may help",
+            views, plan->n_views, 100 * BTF_MOST_MISSING);
     return pictures > 0
                ? g_strdup_printf("%d pictures of the BTF will be predicted from those of other "
                                  "lights; another offset_deg of [lights] may help",

@@ -1,17 +1,17 @@
-/* How much a session takes on disk, file by file, as intake_write.c writes them. */
+/* Predicts the disk space of a session, file by file as intake_write.c writes them. */
 #include "plan_private.h"
 #include "shot_frames.h"
 
 #include <math.h>
 
-/* Of an uncompressed scan line: its row in the table of offsets, its number and size, and in a file
- * of several parts the number of its part. */
+/* Overhead of an uncompressed scan line: its entry in the table of offsets, its number and its
+ * size. In a file of several parts also the number of its part. */
 #define LINE_BYTES      16
 #define PART_LINE_BYTES 20
-/* File systems give space in blocks of this size (ext4, XFS, Btrfs, tmpfs). */
+/* File systems allocate space in blocks of this size (ext4, XFS, Btrfs, tmpfs). */
 #define BLOCK_BYTES 4096
-/* Of session.db: the tables and texts of a session without shots; a shot, a direction, and a frame
- * with its path and its checksum. */
+/* Bytes in session.db: the tables and texts of a session without shots; a shot; a direction; a
+ * frame with its path and its checksum. */
 #define EMPTY_BYTES     (56 << 10)
 #define SHOT_BYTES      120
 #define DIRECTION_BYTES 50
@@ -21,13 +21,14 @@
 
 #define HALF_BITS 11 /* integers that a half holds exactly */
 
-/* Files of more pixels are compressed (intake_write.c), as PIZ does it: each block of 32 rows has a
- * table of codes of its own, and its values take what their noise needs. So a file takes
+/* Files with more pixels are compressed with PIZ (intake_write.c). Each block of 32 rows has a
+ * separate table of codes, and the size of its values depends on their noise. The size of a file is
  *     values · (surroundings + (lit − surroundings) · share) + blocks · table
- * bytes, where share is the part of the pixels that shows the sample (lamp) or that the laser's
- * line passes (sweep): what is not lit holds little. The constants are least squares over captures
- * of five simulated materials (woven, brick, brushed, peanuts, ridges) at 384² to 1280² pixels;
- * docs/lab/speed.md has the errors, also of what was left out. */
+ * bytes. Here share is the part of the pixels that shows the sample (lamp) or that the laser's line
+ * passes (sweep); pixels that are not lit take little space. The constants are a least-squares fit
+ * over captures of five simulated materials (woven, brick, brushed, peanuts, ridges) at 384² to
+ * 1280² pixels. docs/lab/speed.md has the errors, including those of captures that were left out of
+ * the fit. */
 #define SMALL_PIXELS (256 * 256)
 #define BLOCK_ROWS   32
 #define NOISE_BITS   12 /* of the cameras of those captures */
@@ -35,30 +36,31 @@
 struct packing {              /* of a pixel of a part */
     double surroundings, lit; /* bytes */
     double table;             /* bytes of a block */
-    double bit;               /* bytes less for each bit that a camera has fewer */
+    double bit;               /* reduction of the bytes for each bit that a camera has fewer */
 };
 static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
                             packed_sweep = {0.60, 10.14, 2430, 0},
                             packed_dark = {0.87, 0.87, 2540, 0.22},
                             packed_raw = {0.96, 0.96, 4900, 0.115};
-/* Dark pixels of a lamp's frame take more the finer the level is that was subtracted from them:
- * bytes for each doubling of the dark frames' number, to eight, after which a half holds no more.
- */
+/* Dark pixels of a lamp's frame take more space the finer the subtracted dark level is: this many
+ * bytes for each doubling of the number of dark frames, up to eight. Beyond eight, a half cannot
+ * store a finer level. */
 #define DARK_DIGITS 0.13
-#define DARK_FRAMES 4 /* of those captures */
+#define DARK_FRAMES 4 /* in those captures */
 #define MOST_DIGITS 8
-/* A sweep whose line no pixel shows holds zeros only. */
+/* If no pixel shows the line of a sweep, the file contains only zeros. */
 static const struct packing packed_nothing = {0, 0, 100, 0};
-/* The mean of one or two dark frames has no digits that a float keeps in its lower half. */
+/* The mean of one or two dark frames has no digits in the lower half of a float. */
 static const struct packing packed_short_dark = {0.49, 0.49, 1500, 0.11};
 
 struct kind {
     int parts, channels, value_bytes;
     int head_bytes;                /* attributes of a part */
-    const struct packing *packing; /* NULL: never compressed */
+    const struct packing *packing; /* NULL if never compressed */
 };
 
-/* The points of the reference plane that pixels show; beyond the horizon there are none. */
+/* Returns the points of the reference plane that the pixels show. Above the horizon there are
+ * none. */
 struct plan_footprint plan_footprint(const struct session_conf *conf,
                                      const struct rig_camera *camera) {
     const struct vec3 eye = rig_camera_centre_mm(camera);
@@ -75,8 +77,9 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
     return ret;
 }
 
-/* Part of the picture that shows the sample with its margin; of a sweep, what the line passes of
- * that, and of the face around it where the session says that the line is seen there. */
+/* Returns the part of the picture that shows the sample with its margin. For a sweep, it is the
+ * part of this region that the line passes, and also of the face around the sample if the session
+ * says that the line is visible there. */
 static double plan_lit_share(const struct session_conf *conf, const struct rig *rig,
                              const struct session_shot *shot,
                              const struct plan_footprint *footprint) {
@@ -129,7 +132,8 @@ static guint64 file_bytes(const struct rig_camera *camera, int bits, double shar
     return (bytes + BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
 }
 
-/* seen: the camera sees the laser's line wherever it passes the sample; else nowhere. */
+/* seen is TRUE if the camera sees the laser's line wherever it passes the sample, and FALSE if it
+ * sees no line. */
 static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig,
                           const struct session_shot *shot, int camera, int bits,
                           const struct plan_footprint *footprint, gboolean seen) {

@@ -4,9 +4,10 @@
 #define RAD(deg)    ((deg) * (G_PI / 180))
 #define MOST_LISTED 12
 
-/* A device for some directions: where a camera stands, or a lamp or laser with the arc at 0. fixed:
- * of lamps and lasers, that stand by themselves. on_arm: of cameras, that the arm stands at
- * arm_udeg. axis_deg: where the axis that carries it stands, if axis is not NULL. */
+/* A device for some directions: the position of a camera, or of a lamp or laser with the arc at 0.
+ * fixed is set for lamps and lasers that stand by themselves. on_arm is set for a camera with the
+ * arm at arm_udeg. axis_deg is the position of the axis that carries the device, if axis is not
+ * NULL. */
 struct candidate {
     const char *name;
     double theta_deg;
@@ -48,7 +49,7 @@ static struct candidate candidate_of(const char *name, struct vec3 position_mm, 
     double theta, phi;
 
     rig_angles(position_mm, &theta, &phi);
-    if (sin(theta) < 1e-6) /* overhead, every azimuth is as good */
+    if (sin(theta) < 1e-6) /* at the pole every azimuth is equally good */
         phi = 0;
     return (struct candidate){.name = name,
                               .theta_deg = DEG(theta),
@@ -59,13 +60,14 @@ static struct candidate candidate_of(const char *name, struct vec3 position_mm, 
 struct candidates {                  /* of one kind */
     const struct session_conf *conf; /* for messages, as kind and section */
     const char *kind, *section;
-    char **of; /* the devices whose directions are wanted; NULL: rings */
+    char **of; /* the devices whose directions are wanted; NULL for rings */
     const struct ring *rings;
     int n_rings;
     enum session_shot_kind shot; /* lamps and lasers */
     enum plan_error missing;
     int sign; /* angle = sign · (φ of the device − φ of the direction) */
-    const struct axis_motion *limits; /* of the turntable, which turns to the angle; NULL: none */
+    /* limits of the turntable, which turns to the angle; NULL if there are none */
+    const struct axis_motion *limits;
     struct candidate list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
     int n;
 };
@@ -104,7 +106,8 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
     return FALSE;
 }
 
-/* The angle of a value with which a candidate goes: one on the arm needs it at its own stop. */
+/* Returns the index of an angle that a candidate can use. A camera on the arm can only use an angle
+ * for its stop. */
 static int find_angle(const GArray *angles, gint64 udeg, const struct candidate *candidate) {
     for (guint i = 0; i < angles->len; i++) {
         const struct plan_angle *angle = &g_array_index(angles, struct plan_angle, i);
@@ -115,16 +118,17 @@ static int find_angle(const GArray *angles, gint64 udeg, const struct candidate 
     return -1;
 }
 
-/* Whether a device stands close enough to a direction, by the angle between them. */
+/* Returns whether the angle between a device and a direction is small enough. */
 static gboolean is_near(gint64 udeg, double theta_deg) {
     const double off_deg = (double)MIN(udeg, PLAN_FULL_TURN - udeg) / UDEG;
 
     return off_deg * sin(RAD(theta_deg)) <= PLAN_TOLERANCE_DEG;
 }
 
-/* The device for one direction: of those at its elevation, one that the axis can bring there, if
- * possible by an angle that is needed anyway, so that no pose is added. Where there is no
- * turntable, one that stands there, nearly. */
+/* Chooses the device for one direction among the devices at its elevation. The axis must be able to
+ * bring the device there. Devices are preferred for which an angle that is already needed is
+ * sufficient, so that no pose is added. If the rig has no turntable, the device must already stand
+ * near the direction. */
 static int plan_directions_choose(const struct candidates *candidates, double theta_deg,
                                   gint64 phi_udeg, const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;
@@ -170,8 +174,8 @@ int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double
     return nearest;
 }
 
-/* The first lamp or laser that gives a light by itself, at an angle of the turntable that a view
- * needs; −1: there is none. */
+/* Returns the first lamp or laser that stands by itself and gives a light at an angle of the
+ * turntable that a view needs; −1 if there is none. */
 static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kind, double theta_deg,
                           double phi_deg) {
     for (guint t = 0; t < b->turns->len; t++) {
@@ -184,8 +188,8 @@ static int fixed_anywhere(const struct plan_build *b, enum session_shot_kind kin
     return -1;
 }
 
-/* Index of the angle that represents all devices that stand by themselves; it is added if missing.
- */
+/* Returns the index of the angle that represents all devices that stand by themselves. The angle is
+ * added if it is missing. */
 static int fixed_angle(GArray *angles) {
     const struct plan_angle angle = {.fixed = TRUE};
 
@@ -203,7 +207,7 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-/* Whether the axis that carries a device can stop where it must. */
+/* Returns whether the axis that carries a device can reach the necessary position. */
 static gboolean check_axis(const struct candidates *candidates, const struct candidate *c,
                            GError **error) {
     if (!c->axis || c->axis->wraps ||
@@ -218,8 +222,8 @@ static gboolean check_axis(const struct candidates *candidates, const struct can
 }
 
 /* Adds a direction and the angle that shows it. A camera at azimuth φ_c sees the sample from φ_c −
- * τ: the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its own
- * azimuth at α = 0: the angle is α − τ. */
+ * τ, so that the angle is the turntable's τ. The sample sees a lamp or laser at φ = α − τ plus its
+ * own azimuth at α = 0, so that the angle is α − τ. */
 static gboolean add_direction(const struct plan_build *b, const struct candidates *candidates,
                               double theta_deg, double phi_deg, GArray *angles, GArray *directions,
                               GArray *angle_of, GError **error) {
@@ -284,7 +288,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
     return TRUE;
 }
 
-/* The directions in which the named devices stand. */
+/* Adds the directions of the named devices. */
 static gboolean add_devices(const struct plan_build *b, const struct candidates *candidates,
                             GArray *angles, GArray *directions, GArray *angle_of, GError **error) {
     const gboolean all =

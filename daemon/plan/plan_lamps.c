@@ -1,33 +1,34 @@
-/*
- * Which shots of lamps come first ([lights] sampling = adaptive): a sparse set, spread over all
- * pairs of directions, that depends on the rig and the session's directions alone, so that it is
- * the same for every material.
+/* Chooses the shots of lamps that come first ([lights] sampling = adaptive). They are a sparse set,
+ * spread over all pairs of directions. The set depends only on the rig and the session's
+ * directions, so that it is the same for every material.
  *
  * The distance of two pairs of a view v and a light l is d² = |v − v'|² + |l − l'|², of unit
- * vectors in the sample's frame. One after the other, that shot is added which lowers the sum of
- * d² from every pair to the nearest one taken (the greedy solution of the k-medoids problem) by
- * most for each second that it takes. The first shots of a longer list are those of a shorter one.
- */
+ * vectors in the sample's frame. Shots are added one after the other. Each time, the function adds
+ * the shot that reduces the sum of d² from every pair to the nearest taken pair most for each
+ * second that it takes (the greedy solution of the k-medoids problem). The first shots of a longer
+ * list are those of a shorter one. */
 #include "plan_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))
-/* More pairs than this are thinned out evenly before distances are summed over them. */
+/* If there are more pairs than this, they are thinned out evenly before distances are summed over
+ * them. */
 #define MOST_TARGETS 4096
-#define FARTHEST     16.0f /* d² while nothing is taken; no two pairs are farther apart than 8 */
+#define FARTHEST     16.0f /* d² before any shot is taken; the maximum between two pairs is 8 */
 
 struct spread {
     const struct rig *rig;
     const struct session_shot *const *shots;
     int n_shots;
     GArray *views, *lights; /* of struct vec3; views: of turntable angle and camera */
-    int *view_of;           /* n_shots × cameras; −1: the camera takes no part */
+    int *view_of;           /* n_shots × cameras; −1 if the camera takes no part */
     float *view_d2, *light_d2;
-    int step;       /* every so many-th pair is a target */
-    float *nearest; /* views × lights: d² to the nearest pair that is taken; −1: no target */
-    float *widest;  /* views: the largest of these */
+    int step; /* every step-th pair is a target */
+    /* views × lights: d² to the nearest pair that is taken; −1 if the pair is not a target */
+    float *nearest;
+    float *widest; /* views: the maximum of these */
 };
 
 static gboolean plan_lamps_wanted(const struct session_shot *shot) {
@@ -60,8 +61,8 @@ static int plan_lamps_view(struct spread *s, GHashTable *known, const struct ses
     return at;
 }
 
-/* Directions of all views and lights of the shots. A light has the direction that it has in the
- * first shot with it: another one differs by what the arc was shifted, if at all. */
+/* Adds the directions of all views and lights of the shots. A light has its direction in the first
+ * shot with this light. Its directions in other shots differ at most by the shift of the arc. */
 static void plan_lamps_add_directions(struct spread *s) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
     s->view_of = g_new0(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
@@ -113,7 +114,7 @@ static void plan_lamps_clear(struct spread *s) {
     g_free(s->widest);
 }
 
-/* By how much a pair lowers the sum of d² over the targets. */
+/* Returns the reduction of the sum of d² over the targets by a pair. */
 static double plan_lamps_pair_gain(const struct spread *s, int view, int light) {
     const guint n_views = s->views->len, n_lights = s->lights->len;
     const float *to_light = s->light_d2 + (gsize)light * n_lights;
@@ -168,7 +169,7 @@ static gboolean plan_lamps_same_pose(const struct session_shot *a, const struct 
 void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, const struct session_shot *const *shots,
                         int n, double *ret_s) {
-    g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(int)); /* a shot of each */
+    g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(int)); /* one shot of each pose */
     g_autofree int *pose_of = g_new0(int, n + 1);
     for (int i = 0; i < n; i++) {
         pose_of[i] = -1;
@@ -196,8 +197,8 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
                              MAX(plan_lead_s(NULL, shots[i], rig, timing), move_s[pose_of[i]]);
 }
 
-/* Time of a shot after another one of a lamp: the lamp may be on already, the move be short, or the
- * table pass by. */
+/* Returns the time of a shot after another shot of a lamp. The lamp may already be on, the move may
+ * be short, or the table may pass without a stop. */
 static double plan_lamps_after_s(const struct session_conf *conf, const struct rig *rig,
                                  const struct rig_timing *timing, const struct session_shot *before,
                                  const struct session_shot *shot) {
@@ -235,9 +236,10 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
     return length;
 }
 
-/* The shot of the largest gain for its price, among equals the first; −1: none is left. Gains fall
- * with each shot that is taken (submodularity), so that one computed earlier is an upper bound, and
- * only the largest bound is computed again (Minoux 1978). */
+/* Returns the shot of the largest gain for its price, or the first of several such shots; −1 if
+ * none is left. Gains decrease with each shot that is taken (submodularity). A gain that was
+ * computed earlier is therefore an upper bound, and only the largest bound is computed again
+ * (Minoux 1978). */
 static int plan_lamps_best(const struct spread *s, const gboolean *taken, const double *price_s,
                            double *gains) {
     int fresh = -1;
@@ -258,7 +260,7 @@ static int plan_lamps_best(const struct spread *s, const gboolean *taken, const 
     }
 }
 
-/* A shot that follows one that is taken already costs no more than that. */
+/* The price of a shot that follows a taken shot is at most the time after that shot. */
 static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
                               const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);

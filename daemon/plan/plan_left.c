@@ -1,4 +1,4 @@
-/* A part of a session's shots, put into a quick order of its own: what a further round has. */
+/* Puts some of a session's shots, those of a further round, into a quick order. */
 #include "plan_private.h"
 
 #include <string.h>
@@ -32,7 +32,7 @@ void plan_order_left(struct session_shot **shots, int n, const struct session_co
     g_autoptr(GArray) poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
     g_autofree struct session_shot **before = g_memdup2(shots, sizeof(gpointer) * (gsize)n);
 
-    /* plan_order() sorts copies, whose ids are their places in the list. */
+    /* plan_order() sorts copies. The ids of the copies are their indices in the list. */
     for (int i = 0; i < n; i++) {
         struct session_shot shot = *shots[i];
         shot.state = SHOT_PLANNED;

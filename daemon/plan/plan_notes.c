@@ -1,9 +1,10 @@
-/* What a plan tells its reader: what was re-planned or left out, and what the session's numbers
- * mean for its time, space and result. */
+/* The notes of a plan: what was planned again or left out, and how the session's numbers affect its
+ * time, space and result. */
 #include "plan_private.h"
 
-#define FINE_TEXEL      0.5 /* of a pixel of the finest camera: finer texels are noted */
-#define BTF_VALUE_BYTES 6   /* red, green and blue, as half floats */
+/* texels that are smaller than this part of a pixel of the finest camera get a note */
+#define FINE_TEXEL      0.5
+#define BTF_VALUE_BYTES 6 /* red, green and blue, as half floats */
 
 void plan_add_note(struct plan_build *b, const char *unit, const char *text) {
     for (guint i = 0; i < b->notes->len; i++) {
@@ -21,7 +22,7 @@ void plan_clear_note(gpointer note) {
     g_free(((struct plan_note *)note)->text);
 }
 
-/* What stands for exposures that are not chosen yet. */
+/* Notes the exposures that the plan assumes while the exposures are not chosen yet. */
 static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
     g_autoptr(GString) bounds = g_string_new(NULL);
 
@@ -47,11 +48,12 @@ static void plan_note_stop(const struct plan_build *b, const struct plan *plan, 
     if (b->conf->laser_stop == STOP_ALL)
         return;
     if (plan->n_later_sweeps > 0)
-        g_ptr_array_add(notes,
-                        g_strdup_printf("[lasers] stop = covered: %d of the sweeps are taken only "
-                                        "as far as those before them leave something unseen; the "
-                                        "predicted time and frames are for all of them",
-                                        plan->n_later_sweeps));
+        g_ptr_array_add(
+            notes,
+            g_strdup_printf(
+                "[lasers] stop = covered: %d of the sweeps are only taken if the sweeps before "
+                "them leave something unseen; the predicted time and frames are for all of them",
+                plan->n_later_sweeps));
     else
         g_ptr_array_add(notes,
                         g_strdup_printf("[lasers] stop = covered: the first round already has all "
@@ -65,12 +67,11 @@ static void plan_note_sampling(const struct plan_build *b, const struct plan *pl
     if (b->conf->light_sampling == SAMPLING_ALL)
         return;
     if (plan->n_later_lamps > 0)
-        g_ptr_array_add(notes,
-                        g_strdup_printf("[lights] sampling = adaptive: %d of the shots of lamps "
-                                        "are taken only as far as those before them do not tell "
-                                        "what they would show; the predicted time and frames are "
-                                        "for all of them",
-                                        plan->n_later_lamps));
+        g_ptr_array_add(
+            notes, g_strdup_printf("[lights] sampling = adaptive: %d of the shots of lamps are "
+                                   "only taken if they cannot be predicted from the shots before "
+                                   "them; the predicted time and frames are for all of them",
+                                   plan->n_later_lamps));
     else
         g_ptr_array_add(notes,
                         g_strdup_printf("[lights] sampling = adaptive: the first round already has "
@@ -85,8 +86,9 @@ static void plan_note_motion(const struct plan_build *b, const struct plan *plan
         return;
     const struct passes_speed *speed = &plan->passes;
     if (plan->n_passes == 0)
-        g_ptr_array_add(notes, g_strdup("motion = continuous: the turntable stands for all shots, "
-                                        "since a stop at each angle is quicker than any pass"));
+        g_ptr_array_add(notes,
+                        g_strdup("motion = continuous: the turntable stands still for all shots, "
+                                 "because a stop at each angle is quicker than any pass"));
     else
         g_ptr_array_add(
             notes, g_strdup_printf("motion = continuous: the speed of passes is that which %s",
@@ -113,15 +115,16 @@ static void plan_note_bytes(const struct plan_build *b, GPtrArray *notes) {
     if (vary)
         g_ptr_array_add(
             notes,
-            g_strdup_printf("frames of more than 256² pixels are compressed, and their size "
-                            "depends on what they show; %smesorig status tells what the session "
-                            "will take by the frames stored so far",
-                            sweeps ? "of a laser sweep, pixels that do not see its line take "
-                                     "next to nothing; "
-                                   : ""));
+            g_strdup_printf(
+                "frames of more than 256² pixels are compressed, and their size depends on their "
+                "content; %smesorig status tells what the session will take by the frames stored "
+                "so far",
+                sweeps ? "pixels that do not see the line of a laser sweep take almost no space; "
+                       : ""));
 }
 
-/* Texels much finer than the pixels of the finest camera show nothing more and cost space. */
+/* Texels that are much finer than the pixels of the finest camera show no more detail and take
+ * space. */
 static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
     const struct session_grid *grid = &b->conf->grid;
     const double texel_mm = grid->width_mm / grid->width;
@@ -150,17 +153,15 @@ static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
                                            ceil(grid->width_mm / finest_mm), size));
 }
 
-/* What there will be nothing of, without other views or between the cameras. */
+/* Notes which results are missing with one view, or between the cameras. */
 static void plan_note_views(const struct plan_build *b, GPtrArray *notes) {
     if (b->views->len == 1)
-        g_ptr_array_add(notes, g_strdup("one view: what is seen from there under each light (an "
-                                        "RTI set, for PTM and HSH); there will be nothing of "
-                                        "other views"));
+        g_ptr_array_add(notes, g_strdup("one view: the session will have its pictures under each "
+                                        "light (an RTI set, for PTM and HSH) and no other views"));
     else if (plan_is_absent(&b->timing->turntable))
-        g_ptr_array_add(
-            notes, g_strdup_printf("no turntable: %u views, where the cameras stand; there will be "
-                                   "nothing of directions between them but what is interpolated",
-                                   b->views->len));
+        g_ptr_array_add(notes, g_strdup_printf("no turntable: %u views, where the cameras stand; "
+                                               "directions between them will only be interpolated",
+                                               b->views->len));
 }
 
 GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan) {

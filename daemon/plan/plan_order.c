@@ -2,11 +2,11 @@
 
 #include <string.h>
 
-/* Cost evaluations before the search for a better order gives up. */
+/* Maximum number of cost evaluations in the search for a better order. */
 #define SEARCH_BUDGET 300000
-/* Sessions of more shots than this keep the order of their poses. */
+/* Sessions with more shots than this keep the order of their poses. */
 #define SEARCH_LARGEST 1500
-/* Up to this many shots, all candidates are improved, not the best alone. */
+/* Up to this number of shots, all candidates are improved instead of only the best. */
 #define SEARCH_ALL    40
 #define LONGEST_MOVED 8
 
@@ -20,26 +20,26 @@ static gboolean plan_order_is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
-/* The shots of each pose: lamps by number, then sweeps by how long they take to prepare. */
+/* The shots of each pose: lamps by number, then sweeps by the time that they take to prepare. */
 struct pose_shots {
     GArray *lamps, *sweeps; /* of guint */
 };
 
 struct orderer {
     GArray *shots;
-    const int *block_of;             /* of each shot */
-    int block;                       /* that is being ordered */
-    int before;                      /* the last shot of the block before, −1: none */
+    const int *block_of; /* of each shot */
+    int block;           /* the block that is being ordered */
+    int before;          /* the last shot of the previous block; −1 if there is none */
     const struct session_shot *dark; /* the shot before the first one, or NULL */
     const struct rig *rig;
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
     double readout_s;
-    int lit; /* lamp that the last shot of the order left on, −1: none */
+    int lit; /* the lamp that the last shot of the order left on; −1 if there is none */
 };
 
-/* Only shots with light in the block that is being ordered. */
+/* Returns whether a shot is lit and in the block that is being ordered. */
 static gboolean is_ours(const struct orderer *o, guint index) {
     return plan_order_is_lit(plan_order_shot_at(o->shots, index)) && o->block_of[index] == o->block;
 }
@@ -99,7 +99,7 @@ static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps)
         plan_order_append(o, order, g_array_index(sweeps, guint, i));
 }
 
-/* The time that the first of some shots takes to prepare; 0 if there is none. */
+/* Returns the time that the first of some shots takes to prepare, or 0 if there are no shots. */
 static double first_lead_s(const struct orderer *o, const GArray *indices) {
     return indices->len
                ? plan_lead_s(NULL, plan_order_shot_at(o->shots, g_array_index(indices, guint, 0)),
@@ -107,8 +107,9 @@ static double first_lead_s(const struct orderer *o, const GArray *indices) {
                : 0;
 }
 
-/* What takes longest to prepare comes first: it is prepared during the move. The lamps follow in
- * ascending or descending order, so that one that is still on from the pose before comes first. */
+/* The shot that takes longest to prepare comes first, because it is prepared during the move. The
+ * lamps follow in ascending or descending order, so that a lamp that is still on from the previous
+ * pose comes first. */
 static void append_pose(struct orderer *o, Order *order, const struct pose_shots *shots) {
     const GArray *lamps = shots->lamps;
     const gboolean sweeps_first = first_lead_s(o, shots->sweeps) >= first_lead_s(o, lamps);
@@ -124,7 +125,7 @@ static void append_pose(struct orderer *o, Order *order, const struct pose_shots
         append_sweeps(o, order, shots->sweeps);
 }
 
-/* Everything in a pose before the next one. */
+/* Takes everything in a pose before the next pose. */
 static void order_by_poses(struct orderer *o, Order *order) {
     g_autofree int *poses = g_new(int, o->moves->n);
     int n = 0;
@@ -148,7 +149,7 @@ static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
     return FALSE;
 }
 
-/* The lamp that is needed in most of the poses with sweeps; −1 if there is none. */
+/* Returns the lamp that is needed in most of the poses with sweeps, or −1 if there is none. */
 static int lamp_beside_sweeps(const struct orderer *o) {
     int best = -1, most = 0;
 
@@ -164,8 +165,9 @@ static int lamp_beside_sweeps(const struct orderer *o) {
     return best;
 }
 
-/* One lamp in all poses before the next one: what is quickest where lamps take longer to warm up
- * than axes to move. Sweeps are taken beside one lamp, or, if that is −1, at last. */
+/* Takes one lamp in all poses before the next lamp. This is the quickest order if lamps take longer
+ * to warm up than axes take to move. Sweeps are taken together with the lamp beside or, if that is
+ * −1, at the end. */
 static void order_by_lamps(struct orderer *o, Order *order, int beside) {
     g_autofree int *poses = g_new(int, o->moves->n);
 
@@ -218,8 +220,8 @@ static void order_nested(const struct orderer *o, Order *order) {
     g_array_sort_with_data(order, compare_nested, (gpointer)o);
 }
 
-/* The shots in an order, with the dark ones, which go where the first pose is, before them, and
- * those that are skipped after them. */
+/* Returns the shots in an order. The dark shots, which are taken in the first pose, come before
+ * them. Skipped shots come after them. */
 static GArray *arranged(GArray *shots, const Order *order) {
     GArray *result = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
@@ -244,9 +246,9 @@ static GArray *arranged(GArray *shots, const Order *order) {
     return result;
 }
 
-/* Cost: time between the end of one shot's exposures and the start of the next. The first shot
- * follows the previous block, or the dark frames, which are taken in its own pose; the last one is
- * followed by its read-out. */
+/* Cost: the time between the end of one shot's exposures and the start of the next. The first shot
+ * follows the previous block, or the dark frames, which are taken in its pose. After the last shot
+ * there is its read-out. */
 static double plan_order_between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
@@ -318,7 +320,7 @@ static Order *nested_of_block(struct orderer *o) {
     return order;
 }
 
-/* Blocks one after the other, each ordered for itself. */
+/* Concatenates the blocks. Each block is ordered separately. */
 static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
                         Order *(*order_block)(struct orderer *o)) {
     Order *whole = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -341,9 +343,10 @@ static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
     return whole;
 }
 
-/* Number of blocks: the largest number of needed places of any unit. Each sweep is in the block of
- * its place, counted from the unit's own, so that every unit is mounted once at each place, which
- * is the minimum. All other shots are in the first block. */
+/* Returns the number of blocks, which is the largest number of places that any unit needs. Each
+ * sweep is in the block of its place, counted from the unit's present place. Every unit is
+ * therefore mounted once at each place, which is the minimum. All other shots are in the first
+ * block. */
 static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *block_of) {
     int rank[RIG_MAX_LASERS] = {0}, n_blocks = 1;
     guint32 used = 0;
@@ -375,8 +378,8 @@ static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
         *best = order;
 }
 
-/* The quickest of: everything in blocks by mount, nested or not; and lamps, which go with any
- * block, spread over the blocks. */
+/* Returns the quickest of several orders: everything in blocks by mount, nested or not; and lamps,
+ * which may be in any block, distributed over the blocks. */
 static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     GArray *shots = o->shots;
     Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
@@ -385,7 +388,7 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
         return best;
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, nested_of_block));
 
-    /* Lamps where their pose is visited for a sweep anyway. */
+    /* Lamps are taken in a pose that a sweep needs. */
     g_autofree int *last = g_new0(int, o->moves->n);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = plan_order_shot_at(shots, i);
@@ -397,8 +400,8 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
             block_of[i] = last[plan_order_shot_at(shots, i)->pose];
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
 
-    /* A lamp at a time: where lamps take long to warm up, every block visits the poses anyway, with
-     * a lamp of its own. */
+    /* One lamp at a time: if lamps take long to warm up, every block visits the poses with another
+     * lamp. */
     for (guint i = 0; i < shots->len; i++)
         if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
             block_of[i] = plan_order_shot_at(shots, i)->device % n_blocks;
@@ -406,7 +409,7 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     return best;
 }
 
-/* passed: shots that follow others in this order; NULL: none. */
+/* passed contains shots that follow others in this order, or is NULL. */
 static int order_with(GArray *shots, GArray *passed, const struct plan_pose *poses, int n_poses,
                       const struct rig *rig, const struct rig_timing *timing,
                       enum session_order wanted) {
@@ -424,14 +427,14 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
                                   : best_order(&o, n_blocks, block_of);
     plan_moves_free(o.moves);
 
-    /* The same shots in another order; what they own stays theirs. */
+    /* The same shots in another order. The shots keep their strings, which are not copied. */
     g_autoptr(GArray) result = arranged(shots, order);
     g_assert(shots->len == result->len);
     memcpy(shots->data, result->data, result->len * sizeof(struct session_shot));
     if (passed)
         passes_put_back(shots, passed, rig);
 
-    /* Instead of indices of poses, numbers of visits. */
+    /* Replaces the indices of poses by the numbers of visits. */
     for (guint i = 0; i < shots->len; i++) {
         struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
         if (shot->pose != pose)
@@ -448,7 +451,7 @@ int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_pose
     return order_with(shots, NULL, poses, n_poses, rig, timing, wanted);
 }
 
-/* Predicted, with passes, which it sets. */
+/* Returns the predicted time with passes, and sets the passes. */
 static double passing_order_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                               const struct rig_timing *timing) {
     double first_s;
@@ -474,7 +477,7 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
     const int visits = order_with(shots, NULL, poses, n_poses, rig, timing, conf->order);
     if (passing_order_s(shots, conf, rig, timing) <= other_s)
         return visits;
-    /* The same shots in another order; what they own stays theirs. */
+    /* The same shots in another order. The shots keep their strings, which are not copied. */
     memcpy(shots->data, other->data, other->len * sizeof(struct session_shot));
     return other_visits;
 }

@@ -1,14 +1,12 @@
-/*
- * Shared by the parts of the planner: plan_directions.c finds the angles that show each direction,
- * plan.c makes shots of them, plan_blocked.c keeps the arc out of the pictures, plan_tour.c orders
- * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time,
- * plan_bytes.c disk space, plan_notes.c tells what was decided.
- */
+/* Shared by the parts of the planner. plan_directions.c finds the angles that show each direction.
+ * plan.c makes shots of them. plan_blocked.c keeps the arc out of the pictures. plan_tour.c orders
+ * poses, plan_order.c shots, and plan_search.c improves both. plan_time.c predicts time,
+ * plan_bytes.c disk space. plan_notes.c describes what was decided. */
 #pragma once
 
 #include "plan.h"
 
-/* Angles of poses are counted in millionths of a degree, so that equal ones are equal. */
+/* The angles of poses are counted in millionths of a degree, so that equal angles compare equal. */
 #define UDEG           1000000
 #define PLAN_FULL_TURN ((gint64)360 * UDEG)
 
@@ -16,10 +14,11 @@ struct plan_pose {
     gint64 turntable_udeg, arc_udeg, arm_udeg, probe_udeg;
 };
 
-/* An angle that some direction needs: of the turntable, with the cameras that show a view there, or
- * the light's azimuth α − τ (no cameras). All lamps and lasers that stand by themselves have one
- * together (fixed), at which the arc, if there is one, stands at 0. Where one of the cameras is on
- * the arm (on_arm), all of those on it are at one of its stops, arm_udeg. */
+/* An angle of an axis that some direction needs. It is either an angle of the turntable, with the
+ * cameras that show a view there, or the azimuth α − τ of a light (no cameras). All lamps and
+ * lasers that stand by themselves share one entry (fixed), for which the arc, if the rig has one,
+ * stands at 0. If one of the cameras is on the arm (on_arm), all cameras of the entry that are on
+ * the arm are at one of its stops, arm_udeg. */
 struct plan_angle {
     gint64 udeg;
     guint32 cameras;
@@ -35,82 +34,88 @@ struct plan_build {
     double radius_mm;                /* around the sample */
     GArray *views, *lights, *lasers; /* of struct session_direction */
     GArray *turns, *azimuths;        /* of struct plan_angle */
-    GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
-    GArray *poses;               /* of struct plan_pose */
-    GHashTable *pose_index;      /* of poses, number + 1 */
-    GArray *shots;               /* of struct session_shot; pose: index into poses */
-    gboolean *is_first;          /* of each shot, before they are ordered: of the first round */
-    GArray *notes;               /* of struct plan_note */
+    /* of int: the azimuth of each light and laser position, as an index into azimuths */
+    GArray *light_at, *laser_at;
+    GArray *poses;          /* of struct plan_pose */
+    GHashTable *pose_index; /* of poses, number + 1 */
+    GArray *shots;          /* of struct session_shot; pose: index into poses */
+    /* for each shot, before they are ordered: whether it is of the first round */
+    gboolean *is_first;
+    GArray *notes; /* of struct plan_note */
 };
 
-struct plan_note { /* what was re-planned or left out, how often */
+struct plan_note { /* a shot or pose that was planned again or left out, and how often */
     char *text;
     const char *unit; /* "pose", "shot" */
     int n;
 };
 
-/* Adds a note to b->notes, or counts it if there is one of the same text. */
+/* Adds a note to b->notes. If there is a note of the same text, its count is increased. */
 void plan_add_note(struct plan_build *b, const char *unit, const char *text);
 void plan_clear_note(gpointer note); /* a GDestroyNotify */
 
-/* The plan's notes, of char *, from b->notes and what the plan has come to: its times and
- * frames are set. */
+/* Returns the plan's notes (of char *) from b->notes and from the times and frames of the plan,
+ * which must be set. */
 GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan);
 
-/* Views, lights and laser positions of a session, with the angles of turntable and arc that show
- * them. Errors PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER, _LIMITS. */
+/* Adds the views, lights and laser positions of a session, with the angles of turntable and arc
+ * that show them. Errors are PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER and _LIMITS. */
 gboolean plan_add_directions(struct plan_build *b, GError **error);
 
-/* The lamp (SHOT_LAMP) or laser (SHOT_SWEEP) that stands by itself nearest to where a direction of
- * the sample points with the turntable at an angle, and how far from there; −1: none does. */
+/* Returns the lamp (SHOT_LAMP) or laser (SHOT_SWEEP) standing by itself that is nearest to a
+ * direction of the sample when the turntable is at an angle. ret_off_deg is its distance from that
+ * direction. Returns −1 if there is no such device. */
 int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
                       double phi_deg, double turntable_deg, double *ret_off_deg);
-/* How far that may be: and from a ring's elevation to a camera's, lamp's or laser's. */
+/* Maximum distance of such a device, and of a ring's elevation from the elevation of a camera, lamp
+ * or laser. */
 #define PLAN_TOLERANCE_DEG 0.5
 
 gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 
-/* An axis that the rig lacks. */
+/* Returns whether the rig lacks an axis. */
 gboolean plan_is_absent(const struct axis_motion *motion);
 
-/* The position of an axis for an angle: that in [0, 360) if the axis wraps, else the one within its
- * limits that is nearest to 0. FALSE if there is none. */
+/* Gives the position of an axis for an angle: the one in [0, 360) if the axis wraps, otherwise the
+ * one within its limits that is nearest to 0. Returns FALSE if there is none. */
 gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
 
-/* Which of the cameras (bits) cannot see the disc of radius_mm around the origin because the arc or
- * one of the lights (of struct vec3, positions at arc 0) is in the way, or shade one of the lights.
- */
+/* Returns those of the cameras (bits) that cannot see the whole disc of radius_mm around the origin
+ * because the arc or a light is in the way, and those that shade a light. lights contains struct
+ * vec3: positions at arc 0. */
 guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
                      const GArray *lights);
-/* The same for one light that stands by itself, the arc aside. */
+/* The same for one light that stands by itself, without the arc. */
 guint32 plan_blocked_by(const struct rig *rig, guint32 cameras, struct vec3 light_mm,
                         double radius_mm);
 
-/* The smallest turn of the arc, up to 20°, after which none of the cameras is blocked; FALSE if
- * there is none that the axis can reach. */
+/* Finds the smallest turn of the arc, up to 20°, after which none of the cameras is blocked.
+ * Returns FALSE if the axis can reach no such position. */
 gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
                     gint64 arc_udeg, double radius_mm, const GArray *lights,
                     gint64 *ret_shift_udeg);
 
-/* Disk space of the session's frames and database, in blocks of 4 KiB; without products. ret_least:
- * if only the first n_first shots are taken, and no camera sees a laser's line. */
+/* Returns the disk space of the session's frames and database in blocks of 4 KiB, without products.
+ * ret_least is the disk space if only the first n_first shots are taken and no camera sees a
+ * laser's line. */
 guint64 plan_bytes(const struct plan_build *b, guint n_first, guint64 *ret_least);
 
-/* Describes the effect of skipped shots on the BTF: pictures that it will interpolate, views that
- * it will lack. g_free(); NULL: none. */
+/* Describes the effect of skipped shots on the BTF: the pictures that it will interpolate, and the
+ * views that it will lack. Returns NULL if no shots are skipped. g_free() */
 char *plan_missing(const struct session_plan *plan);
 
-/* Steps of a sweep of span_deg by a laser: as fine as [lasers] line_mm asks for, sweep_steps at
- * most. */
+/* Returns the number of steps of a sweep of span_deg by a laser: enough for the line_mm of
+ * [lasers], at most sweep_steps. */
 int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
                      double span_deg);
 
-/* Times of moves between poses, all axes together; tables, so that orders are tried quickly. */
+/* Times of moves between poses with all axes moving together. They are stored in tables, so that
+ * orders can be compared quickly. */
 struct plan_axis_moves {
     gboolean wraps;
-    int *at;   /* row of each pose in the table */
-    int n;     /* different positions of the axis */
-    double *s; /* n × n: time from the position of the row to that of the column */
+    int *at;   /* row of each pose in the table s */
+    int n;     /* number of different positions of the axis */
+    double *s; /* n × n: time of the move from the position of the row to that of the column */
 };
 
 struct plan_moves {
@@ -137,15 +142,16 @@ static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
     return probe > longest ? probe : longest;
 }
 
-/* A path through numbered elements, with a cost for every step, also for that to the first (from
- * −1) and from the last (to −1). The search changes the order in place until no change reduces the
- * cost, the lower bound (least) is reached or the budget of cost evaluations is spent. */
+/* A path through numbered elements. Each step has a cost, including the step to the first element
+ * (from −1) and the step from the last (to −1). The search changes the order in place. It stops
+ * when no change reduces the cost, when the cost reaches the lower bound (least), or when the
+ * budget of cost evaluations is spent. */
 struct plan_path {
     int *order;
     int n;
     double (*cost)(gconstpointer data, int from, int to);
     gconstpointer data;
-    int longest_moved; /* Or-opt: longest segment that is moved at once */
+    int longest_moved; /* maximum length of a segment that is moved (Or-opt) */
     double least;
 };
 
@@ -153,57 +159,60 @@ double plan_path_cost(const struct plan_path *path);
 void plan_path_improve(struct plan_path *path, gint64 budget);
 
 /* Orders some of the poses (indices, permuted in place) so that the moves take little time. A move
- * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
+ * shorter than floor_s costs floor_s, because something else takes that long during the move. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
 
-/* Puts shots into an order, those of a group of lamps one after the other. shots[i].pose is an
- * index into poses; on return it is the number of the visit. Returns how many visits there are.
- * SHOT_DARK come first, skipped shots last, with visits of their own. Sweeps of a laser unit that
- * is mounted by hand come in blocks, one for each of its places.
+/* Orders the shots. Shots of a group of lamps follow each other. On entry shots[i].pose is an index
+ * into poses; on return it is the number of the visit. Returns the number of visits. SHOT_DARK come
+ * first. Skipped shots come last and have visits that contain no other shots. Sweeps of a laser
+ * unit that is mounted by hand come in blocks, one for each of its places.
  *
- * ORDER_QUICKEST: the quickest that is found. ORDER_VIEWS: that of a program that does not plan:
- * for τ, for the arm, for α, for the probe, for lamps, for lasers.
+ * ORDER_QUICKEST uses the quickest order that is found. ORDER_VIEWS uses the order of a program
+ * that does not plan: nested loops over τ, the arm, α, the probe, the lamps and the lasers.
  *
- * MOTION_CONTINUOUS: the quickest of two orders, with shots of lamps that differ in τ alone
- * following each other, as the table passes them, or not. Sets the passes; their numbers begin at
- * 1. */
+ * MOTION_CONTINUOUS compares two orders and uses the quicker one. In one of them, shots of lamps
+ * that differ only in τ follow each other, so that the turntable passes them in one movement. Sets
+ * the numbers of the passes, which begin at 1. */
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct session_conf *conf, const struct rig *rig,
                const struct rig_timing *timing);
-/* The same in an order of choice, with the turntable standing for all shots. */
+/* The same in the given order, with the turntable standing still for all shots. */
 int plan_order_standing(GArray *shots, const struct plan_pose *poses, int n_poses,
                         const struct rig *rig, const struct rig_timing *timing,
                         enum session_order wanted);
 
-/* passes_set() for an array of shots; the numbers begin behind number. Returns the last one. */
+/* Calls passes_set() for an array of shots. The numbers of the passes begin after number. Returns
+ * the last number used. */
 int plan_set_passes(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, int number);
 
-/* From the first exposure of a shot to the end of its last. */
+/* Returns the time from the start of the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing);
 
-/* Least time between the last exposure of a shot and the first of the next one in the same pose:
- * warm-up, the sweep's way back, read-out. previous may be NULL. */
+/* Returns the minimum time between the last exposure of a shot and the first exposure of the next
+ * shot in the same pose: warm-up, the way back of the sweep, read-out. previous may be NULL. */
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
                    const struct rig *rig, const struct rig_timing *timing);
 
-/* The angles of a shot's pose. */
+/* Returns the angles of a shot's pose. */
 struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig *rig);
 
-/* Time of the move from one shot's pose to that of another, all axes together. */
+/* Returns the time of the move from one shot's pose to that of another, with all axes moving
+ * together. */
 double plan_shots_move_s(const struct session_shot *from, const struct session_shot *to,
                          const struct rig *rig, const struct rig_timing *timing);
 
-/* Read-out of the slowest camera of a shot. */
+/* Returns the read-out time of the slowest camera of a shot. */
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
 
-/* From the pose of the first shot on. ret_first_s: what the move from where homing leaves the axes,
- * at 0, into that pose adds. */
+/* Returns the time from the pose of the first shot on. ret_first_s is the additional time of the
+ * move from 0, where homing leaves the axes, into that pose. */
 double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, double *ret_first_s);
 
-/* shots[i].pose is an index into poses; see plan.h and plan_time.c for the argument. */
+/* Returns a lower bound of the time. shots[i].pose is an index into poses. plan.h and plan_time.c
+ * give the argument. */
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
                           const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing);

@@ -8,7 +8,7 @@ static double plan_search_cost(const struct plan_path *t, int from, int to) {
     return t->cost(t->data, from, to);
 }
 
-/* The element at an index, −1 before the first and after the last. */
+/* Returns the element at an index, −1 before the first and after the last element. */
 static int at(const struct plan_path *t, int index) {
     return index < 0 || index >= t->n ? -1 : t->order[index];
 }
@@ -25,14 +25,14 @@ double plan_path_cost(const struct plan_path *path) {
     return sum;
 }
 
-/* Cost of both edges of a segment from a to b between two neighbours. */
+/* Returns the cost of both edges of a segment from a to b between two neighbours. */
 static double plan_search_join(const struct plan_path *t, int from_index, int a, int b,
                                int to_index) {
     return plan_search_cost(t, at(t, from_index), a) + plan_search_cost(t, b, at(t, to_index));
 }
 
-/* 2-opt: reverses the segment i … j where that reduces the cost. Moves have a direction (backlash),
- * so the segment itself has another cost backwards. */
+/* 2-opt: reverses the segment i … j if that reduces the cost. Moves have a direction (backlash), so
+ * that the cost of the segment itself also changes. */
 static gboolean improve_by_reversing(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 
@@ -69,7 +69,7 @@ static void move_segment(struct plan_path *t, int i, int k, int j) {
     }
 }
 
-/* Or-opt: moves a segment of a few elements to where it costs less. */
+/* Or-opt: moves a segment of a few elements to a place where it costs less. */
 static gboolean improve_by_moving(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 

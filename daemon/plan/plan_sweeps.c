@@ -1,13 +1,14 @@
-/* Which laser sweeps come first, and how fine they are. */
+/* Chooses the laser sweeps that come first, and their number of steps. */
 #include "plan_private.h"
 
 #include "mdf/mdf.h"
 
 #include <math.h>
 
-#define RAD(deg)         ((deg) * (G_PI / 180))
-#define ANGLES_PER_DEG   10000 /* turntable angles within 1/this degree are equal */
-#define FRAMES_PER_WIDTH 1.75  /* steps of a sweep per full width of the line */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* turntable angles are compared in steps of 1/ANGLES_PER_DEG degrees */
+#define ANGLES_PER_DEG   10000
+#define FRAMES_PER_WIDTH 1.75 /* steps of a sweep per full width of the line */
 #define LEAST_STEPS      24
 #define SHARPNESS        4 /* q = (w / max w)^SHARPNESS: see plan_sweep_model() */
 
@@ -18,8 +19,8 @@ static gint64 plan_sweeps_angle(const struct session_shot *shot) {
     return (angle % turn + turn) % turn;
 }
 
-/* By turntable angle, then laser position, then cameras: an order that does not depend on that of
- * the shots. */
+/* Sorts by turntable angle, then laser position, then cameras. The result does not depend on the
+ * order of the shots. */
 static int plan_sweeps_compare(gconstpointer a, gconstpointer b, gpointer data) {
     const struct session_shot *const *shots = data;
     const struct session_shot *s = shots[*(const int *)a], *t = shots[*(const int *)b];
@@ -72,7 +73,7 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
     return coverage_model_new(vec3_unit(eye), lasers, quality, (int)group->len);
 }
 
-/* The sweeps of one turntable angle: those that are skipped do not count. */
+/* Chooses among the sweeps of one turntable angle. Skipped sweeps do not count. */
 static void plan_sweeps_choose(const struct session_conf *conf, const struct rig *rig,
                                const struct session_shot *const *shots, const GArray *group,
                                gboolean *ret_first) {
@@ -121,8 +122,9 @@ void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
         plan_sweeps_choose(conf, rig, shots, groups->pdata[g], ret_first);
 }
 
-/* The line is line_mm wide where it crosses the beam's axis at the origin, so that its angle as
- * seen from the source is line_mm / distance; steps finer than a share of it tell nothing more. */
+/* The line is line_mm wide where it crosses the beam's axis at the origin, so that its angle seen
+ * from the source is line_mm / distance. Steps that are finer than a certain part of this angle
+ * give no more information. */
 int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *laser,
                      double span_deg) {
     const double distance_mm = vec3_length(laser->position_mm);

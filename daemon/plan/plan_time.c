@@ -2,16 +2,15 @@
 
 #include "shot_frames.h"
 
-/*
- * The sequencer's time, as it is predicted. Before each picture everything is prepared at once:
- * all axes of the pose move, the lamp or laser is switched on and warms up, the sweep axis goes to
- * its first step; frames of the previous picture are read out meanwhile. All of this begins when
- * the last exposure of the previous picture has ended. A lamp that is still on from the previous
- * shot stays on and is warm. Within a bracket only read-out is waited for, within a sweep read-out
- * and the step; a sweep ends with one picture from its middle, after the laser was switched off.
- */
+/* Prediction of the sequencer's time. Before each picture, everything is prepared together: all
+ * axes of the pose move, the lamp or laser is switched on and warms up, and the sweep axis moves to
+ * its first step. Frames of the previous picture are read out at the same time. All of this begins
+ * at the end of the last exposure of the previous picture. A lamp that is still on from the
+ * previous shot stays on and is warm. Within a bracket the sequencer only waits for read-out,
+ * within a sweep for read-out and the step. A sweep ends with one picture from its middle, after
+ * the laser was switched off. */
 
-/* All cameras of a shot are triggered together, so the slowest one counts. */
+/* All cameras of a shot are triggered together, so that the slowest camera determines the time. */
 static double slowest_s(const struct session_shot *shot, const gint64 *camera_us) {
     gint64 longest_us = 0;
 
@@ -51,7 +50,8 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     return sum_s;
 }
 
-/* The laser's own sweep is taken to have ended where this one does: the way back is the same. */
+/* The laser's previous sweep is assumed to have ended where this sweep ends. The way back is the
+ * same. */
 static double light_s(const struct session_shot *previous, const struct session_shot *shot,
                       const struct rig *rig, const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
@@ -80,7 +80,7 @@ struct plan_pose plan_pose_of(const struct session_shot *shot, const struct rig 
                               llround(rig_probe_deg(rig, lamp) * UDEG)};
 }
 
-/* All axes move at once. */
+/* All axes move together. */
 static double pose_move_s(const struct plan_pose *from, const struct plan_pose *to,
                           const struct rig_timing *timing) {
     const struct {
@@ -105,19 +105,20 @@ double plan_shots_move_s(const struct session_shot *from, const struct session_s
     return pose_move_s(&a, &b, timing);
 }
 
-/* Where the axes are, and how long the table goes on turning there after a pass. */
+/* The position of the axes, and the time for which the table continues to turn there after a
+ * pass. */
 struct place {
     struct plan_pose pose;
     double exit_s;
 };
 
-/* A shot's exposure; in a pass there is one. */
+/* Returns a shot's exposure. In a pass there is only one. */
 static double exposure_s(const struct session_shot *shot, const struct session_conf *conf) {
     return shot_exposure_us(conf, shot, 0) * 1e-6;
 }
 
-/* From the end of the last exposure at a place to the first trigger of a shot. ret_to: where that
- * leaves the axes. */
+/* Returns the time from the end of the last exposure at a place to the first trigger of a shot.
+ * ret_to is the place where that leaves the axes. */
 static double enter_s(const struct place *from, const struct session_shot *previous,
                       const struct session_shot *shot, const struct session_conf *conf,
                       const struct rig *rig, const struct rig_timing *timing,
@@ -186,7 +187,7 @@ double plan_homing_s(const struct rig *rig, const struct rig_timing *timing) {
     return longest_s;
 }
 
-/* ret_first_s: of the first move, from where homing leaves the axes. */
+/* ret_first_s is the time of the first move, from the position where homing leaves the axes. */
 double plan_total_s(GArray *shots, const struct session_conf *conf, const struct rig *rig,
                     const struct rig_timing *timing, double *ret_first_s) {
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, shots->len);
@@ -203,19 +204,18 @@ double plan_total_s(GArray *shots, const struct session_conf *conf, const struct
     return total_s;
 }
 
-/*
- * The lower bound. In whatever order, a shot s comes after another one in the same pose p, or it
+/* The lower bound. In any order, a shot s either follows another shot in the same pose p, or it
  * enters p by a move. Let R be the shortest read-out of any shot, M the quickest move into p from
- * any other pose of the plan, M' that from any other pose with the same lamp, W the time that its
- * light takes. Then before s there pass at least
+ * any other pose of the plan, M' that from any other pose with the same lamp, and W the time that
+ * its light takes. Then the time before s is at least
  *   l = max(W, R)                    if s is a sweep: its laser was off before;
  *   l = min(max(W, R), max(M', R))   if s has a lamp: it warms up, or it was left on in another
  *                                    pose, which a move then has to leave.
- * Every pose but the first is entered, and before the shot that enters it there pass at least
- * max(M, R, l). So pose p takes at least Σ l + min over its shots of max(0, max(M, R) − l), and the
- * first one at least that without its largest l and without the move: it may have no lead at all.
- * All exposures, and read-out and steps between them, come on top, as does the last read-out.
- */
+ * Every pose except the first is entered by a move, and the time before the shot that enters it is
+ * at least max(M, R, l). Pose p therefore takes at least Σ l + min over its shots of max(0, max(M,
+ * R) − l). The first pose takes at least this time without its largest l and without the move,
+ * because its first shot may have no lead. All exposures, the read-out and the steps between them,
+ * and the last read-out are added. */
 struct pose_bound {
     double sum_s;   /* Σ l */
     double extra_s; /* time that the move adds */
@@ -223,7 +223,7 @@ struct pose_bound {
     double into_s; /* M */
 };
 
-/* From those poses that have a count; none if there is no other. */
+/* Considers only poses with a count. Returns none if there is no other pose. */
 static double quickest_into(const struct plan_moves *moves, int pose, const int *counts,
                             double none) {
     double quickest = G_MAXDOUBLE;
@@ -243,7 +243,7 @@ static double least_lead(const struct session_shot *shot, const struct plan_move
     if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
         return MAX(warm_s, readout_s);
     // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): lamp shots have counts
-    if (with_lamp[shot->pose] > 1) /* another one in this pose may have left it on */
+    if (with_lamp[shot->pose] > 1) /* another shot in this pose may have left the lamp on */
         return readout_s;
     double from_same_s = quickest_into(moves, shot->pose, with_lamp, G_MAXDOUBLE);
     return MIN(MAX(warm_s, readout_s), MAX(from_same_s, readout_s));
@@ -277,8 +277,9 @@ static void bound_poses(GPtrArray *shots, const struct plan_moves *moves, const 
     }
 }
 
-/* Lower bound of the seconds that the i-th shot takes, which is in a pass: since the shot before it
- * in the same pass, or its exposure if it is the first. */
+/* Returns a lower bound of the seconds that the i-th shot takes, which is in a pass. The time
+ * counts from the previous shot in the same pass. For the first shot of a pass, it is only the
+ * exposure. */
 static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
                         const struct rig_timing *timing) {
     const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
@@ -294,7 +295,7 @@ static double passing_s(GArray *shots, guint i, const struct session_conf *conf,
 double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
                           const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing) {
-    g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots that have a pose of their own */
+    g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots with a separate pose */
     double total_s = 0, readout_s = G_MAXDOUBLE, spared_s = 0;
 
     for (guint i = 0; i < shots->len; i++) {

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Costs looked up before the local search gives up improving a tour. */
+/* Maximum number of cost lookups in the local search for a better tour. */
 #define SEARCH_BUDGET 300000
-/* More poses than this are left in the best order by rows. */
+/* Tours with more poses than this are left in the best order by rows. */
 #define SEARCH_LARGEST 3000
 #define LONGEST_MOVED  3
 #define GAIN_S         1e-9
@@ -31,7 +31,7 @@ static int compare_udeg(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Numbers the different positions of an axis and makes the table of times between them. */
+/* Numbers the different positions of an axis, and makes the table of times between them. */
 static struct plan_axis_moves axis_moves(const gint64 *udeg, int n,
                                          const struct axis_motion *motion) {
     g_autofree gint64 *sorted = g_memdup2(udeg, sizeof *udeg * (gsize)n);
@@ -88,7 +88,7 @@ void plan_moves_free(struct plan_moves *moves) {
     g_free(moves);
 }
 
-/* A pose sorted by the stops of arm and probe, by the row it is in, then by where it stands in the
+/* A pose, sorted by the stops of arm and probe, then by its row, then by its position in the
  * row. */
 struct cell {
     gint64 arm, probe, row, column;
@@ -113,7 +113,8 @@ static int compare_cells(gconstpointer a, gconstpointer b) {
     return x->pose - y->pose;
 }
 
-/* Appends a row, entered where it costs least in all, going up or down and once around. */
+/* Appends a row. It is entered at the pose where it costs least in total, and traversed up or down
+ * and once around. */
 static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) {
     int best_start = 0, best_step = 1;
     double best = G_MAXDOUBLE;
@@ -136,8 +137,8 @@ static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) 
         t->order[t->n++] = row[((best_start + i * best_step) % k + k) % k].pose;
 }
 
-/* ROWS_OF_LIGHT: along a row turntable and arc turn together, so that the light stands still as the
- * sample sees it. */
+/* With ROWS_OF_LIGHT, turntable and arc turn together along a row, so that the light stands still
+ * relative to the sample. */
 static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows) {
     g_autofree struct cell *cells = g_new(struct cell, n);
 

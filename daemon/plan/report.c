@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Two sizes are told as one if the smaller is more than this part of the larger. */
+/* Two sizes are reported as one if the smaller is more than this part of the larger. */
 #define LEAST_RANGE 0.95
 
 char *report_duration(double seconds) {
@@ -80,7 +80,7 @@ static double get_double(GVariant *report, const char *key) {
     return value;
 }
 
-/* "about 21.3 MB", or, where they differ, "13.1 to 21.3 MB". */
+/* Returns "about 21.3 MB" or, if the sizes differ, "13.1 to 21.3 MB". */
 static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     const gboolean lamps = get_int(report, "later_lamps") > 0;
     const gboolean sweeps = get_int(report, "later_sweeps") > 0;
@@ -100,8 +100,8 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
 }
 
-/* Adds a line about the passes, and the time with a standing table ([capture] motion = continuous).
- */
+/* Adds a line about the passes, and about the time with a standing table ([capture] motion =
+ * continuous). */
 static void report_add_passes(GVariant *report, GString *text) {
     const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
     const double standing_s = get_double(report, "standing_s");
@@ -140,7 +140,7 @@ char *report_text(GVariant *report) {
     g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
     g_string_append_printf(text, "shots           %d, with %d %s\n", shots,
                            PLURAL(frames, "camera frame"));
-    g_string_append_printf(text, "on disk         %s; products take their own\n", size);
+    g_string_append_printf(text, "on disk         %s; products need additional space\n", size);
     const int mounts = get_int(report, "mounts");
     if (mounts > 0)
         g_string_append_printf(
@@ -158,7 +158,7 @@ char *report_text(GVariant *report) {
     g_string_append(text, "\n");
     if (later_sweeps > 0 || later_lamps > 0) {
         g_autofree char *first = report_duration(get_double(report, "first_s"));
-        g_string_append_printf(text, "if it suffices  %s with the first round of %s alone\n", first,
+        g_string_append_printf(text, "if sufficient   %s with only the first round of %s\n", first,
                                later_lamps == 0    ? "sweeps"
                                : later_sweeps == 0 ? "lamps"
                                                    : "lamps and sweeps");

@@ -3,12 +3,13 @@
 
 #include "plan.h"
 
-/* "a{sv}": session, poses, shots, frames, mounts, bytes, predicted_s, lower_bound_s, nested_s,
- * notes, and how many views, lights and laser positions there are. Floating. */
+/* Returns "a{sv}" with session, poses, shots, frames, mounts, bytes, predicted_s, lower_bound_s,
+ * nested_s, notes, and the numbers of views, lights and laser positions. The variant is
+ * floating. */
 GVariant *report_plan(const struct session_conf *conf, const struct plan *plan);
 
-/* The same in a few lines, from what report_plan() said; g_free(). */
+/* Returns the report of report_plan() as text of a few lines; g_free(). */
 char *report_text(GVariant *report);
 
-/* "2 h 05 min", "48 s"; g_free(). */
+/* Returns a text such as "2 h 05 min" or "48 s"; g_free(). */
 char *report_duration(double seconds);

@@ -16,7 +16,7 @@ int shot_dark_exposures(const struct session_conf *conf, gint64 ret[SHOT_MAX_DAR
     return n;
 }
 
-/* Frames at each step, the shortest exposure first. */
+/* Returns the number of frames at each step. The shortest exposure is the first. */
 static int frames_a_step(const struct session_conf *conf) {
     return conf->laser_short_us > 0 ? 2 : 1;
 }

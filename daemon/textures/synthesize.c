@@ -1,4 +1,5 @@
-/* synthesize: an index map, by which a material of any size is drawn from a small sample. */
+/* synthesize: makes an index map, with which a material of any size is drawn from a small
+ * sample. */
 #include "textures.h"
 
 #include <stdio.h>
@@ -8,7 +9,7 @@
 #include "session/session.h"
 #include "synthesis/synthesis.h"
 
-#define MEMORY ((gint64)1 << 30) /* for the BTF; a larger one is kept in a scratch file */
+#define MEMORY ((gint64)1 << 30) /* memory for the BTF; a larger one is kept in a scratch file */
 
 static char *output, *size, *method;
 static gboolean tileable;
@@ -16,7 +17,7 @@ static int seed, block;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "The file to write, if not products/index.exr of the session", "FILE.exr"},
+     "Write this file instead of products/index.exr of the session", "FILE.exr"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Texels (512x512)", "WxH"},
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method, "How it is made (auto)",
      "auto|textons|quilting"},
@@ -36,7 +37,8 @@ struct job {
     OutputFile *to; /* written */
 };
 
-/* The file to write: with the session's lock, if it is among its products. */
+/* Returns the file to write. If it is one of the session's products, the session's lock is
+ * taken. */
 static char *synthesize_output(const char *session, GError **error) {
     if (output)
         return g_strdup(output);
@@ -107,14 +109,15 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
     cli_tell_output(to, job->to);
 }
 
-/* FALSE: *ret_code. */
+/* Returns FALSE with *ret_code set if the command must end. */
 static gboolean synthesize_ask(const struct call *call, struct synthesis_options *o,
                                int *ret_code) {
     char rest;
     *o = (struct synthesis_options){.width = 512, .height = 512, .block = block};
     *ret_code = CLI_USAGE;
     if (tileable && (size || method || block || seed)) {
-        cli_usage(call->command, "--tileable goes without --size, --method, --block and --seed");
+        cli_usage(call->command,
+                  "--tileable cannot be used with --size, --method, --block or --seed");
         return FALSE;
     }
     if (size && sscanf(size, "%5dx%5d%c", &o->width, &o->height, &rest) != 2) {

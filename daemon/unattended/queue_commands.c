@@ -2,29 +2,31 @@
 
 #include "unattended.h"
 
-#define MOST_SESSIONS 100 /* of one call */
+#define MOST_SESSIONS 100 /* maximum number of sessions in one call */
 
 static char *output, *folder, *calibration;
 static gboolean process, yes, ended;
 
 static const GOptionEntry add_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
-     "Session directory to make, of a single session", "DIR"},
+     "Session directory to make, for a single session", "DIR"},
     {"into", 0, 0, G_OPTION_ARG_FILENAME, &folder,
      "Make FILE.session for FILE.conf in this folder (default: the current one)", "DIR"},
     {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
-     "Use this calibration, not the one that the rig file names", "FILE"},
-    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
-    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture whatever test shots say", NULL},
+     "Use this calibration instead of the one that the rig file names", "FILE"},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames are captured",
+     NULL},
+    {"yes", 0, 0, G_OPTION_ARG_NONE, &yes, "Capture regardless of the test shots", NULL},
     {NULL},
 };
 
 static const GOptionEntry remove_entries[] = {
-    {"ended", 0, 0, G_OPTION_ARG_NONE, &ended, "Remove all that are done or have stopped", NULL},
+    {"ended", 0, 0, G_OPTION_ARG_NONE, &ended, "Remove all sessions that are done or have stopped",
+     NULL},
     {NULL},
 };
 
-/* A daemon that keeps a queue. */
+/* Finds a daemon that keeps a queue. */
 static Link *queue_link(GError **error) {
     g_autoptr(Link) link = link_find(NULL, error);
     if (!link)
@@ -38,7 +40,7 @@ static Link *queue_link(GError **error) {
     return NULL;
 }
 
-/* Where a session file's session is made; g_free(). */
+/* Returns the directory of the session of a session file; g_free(). */
 static char *directory_for(const char *session) {
     if (output)
         return g_canonicalize_filename(output, NULL);
@@ -50,7 +52,7 @@ static char *directory_for(const char *session) {
     return g_canonicalize_filename(below, NULL);
 }
 
-/* NULL: a file cannot be read. */
+/* Returns NULL if a file cannot be read. */
 static GVariant *add_options(Link *link, const char *session, gboolean check, GError **error) {
     g_autofree char *path = calibration ? g_canonicalize_filename(calibration, NULL) : NULL;
     g_auto(GVariantDict) options;
@@ -67,7 +69,7 @@ static GVariant *add_options(Link *link, const char *session, gboolean check, GE
     return g_variant_dict_end(&options);
 }
 
-/* The mistakes of all files together: nothing is added if there is one. */
+/* Collects the mistakes of all files. Nothing is added if there is one. */
 static gboolean check_all(Link *link, const struct call *call, GError **error) {
     g_autoptr(GString) mistakes = g_string_new(NULL);
     for (int i = 0; i < call->n_arguments; i++) {
@@ -203,8 +205,8 @@ static int run_pause(const struct call *call, GError **error) {
     if (!link || !bus_rig1_call_queue_pause_sync(link_rig(link), NULL, error))
         return CLI_FAILED;
     record_string(call->record, "done", "pause");
-    record_say(call->record, "nothing further begins; a capture that is under way goes on "
-                             "(“mesorig pause” pauses that)\n");
+    record_say(call->record, "no further session begins; a capture that is under way continues "
+                             "(“mesorig pause” pauses it)\n");
     return CLI_DONE;
 }
 
@@ -249,7 +251,7 @@ static const struct command queue_move = {
     .name = "queue move",
     .arguments = "NUMBER PLACE",
     .examples = "  mesorig queue move 5 1\n",
-    .help = "Move a session to another place among those that wait.",
+    .help = "Move a session to another place among the waiting sessions.",
     .daemon = TRUE,
     .min = 2,
     .max = 2,
@@ -258,14 +260,14 @@ static const struct command queue_pause = {
     .name = "queue pause",
     .arguments = "",
     .examples = "  mesorig queue pause\n",
-    .help = "Begin nothing further; a capture that is under way goes on.",
+    .help = "Begin no further session; a capture that is under way continues.",
     .daemon = TRUE,
     .run = run_pause};
 static const struct command queue_resume = {
     .name = "queue resume",
     .arguments = "",
     .examples = "  mesorig queue resume\n",
-    .help = "Go on with the queue, and with its session if that is paused.",
+    .help = "Continue the queue, and its session if the session is paused.",
     .daemon = TRUE,
     .run = run_resume};
 
@@ -283,6 +285,6 @@ const struct command unattended_queue = {
     .arguments = "WHAT …",
     .examples = "  mesorig queue add weave.conf felt.conf --into /var/lib/mesorig\n"
                 "  mesorig queue list\n",
-    .help = "Sessions that are captured one after the other, without anybody beside the rig.",
+    .help = "Capture sessions one after the other, without an operator at the rig.",
     .run_arguments = run_queue,
     .children = commands};

@@ -4,7 +4,7 @@
 
 #include "plan/report.h"
 
-/* A session as the daemon shows it. */
+/* A session with the values that the daemon shows. */
 struct shown {
     guint number;
     const char *state, *name, *directory, *prompt, *message;
@@ -32,7 +32,7 @@ static gboolean has_ended(const struct shown *shown) {
     return strcmp(shown->state, "done") == 0 || strcmp(shown->state, "stopped") == 0;
 }
 
-/* "21:40", or "Tue 06:10" on another day. g_free(). */
+/* Returns "21:40", or "Tue 06:10" on another day. g_free() */
 static char *clock_text(gint64 at_s) {
     g_autoptr(GDateTime) time = g_date_time_new_from_unix_local(at_s);
     g_autoptr(GDateTime) now = g_date_time_new_now_local();
@@ -43,9 +43,9 @@ static char *clock_text(gint64 at_s) {
     return g_date_time_format(time, today ? "%H:%M" : "%a %H:%M");
 }
 
-/* Estimates when a session begins and ends; one that has ended has the times at which it did.
- * *at_s: when the session before it ends, and then this one; 0: not known, since the queue is
- * paused. */
+/* Estimates when a session begins and ends. A session that has ended has its actual times. *at_s is
+ * the time when the session before it ends before the call, and the time when this session ends
+ * after it. It is 0 if it is not known because the queue is paused. */
 static void estimate(const struct shown *shown, BusRig1 *rig, double *at_s, gint64 *ret_start_s,
                      gint64 *ret_end_s) {
     const guint64 predicted_end = bus_rig1_get_predicted_end(rig);
@@ -88,7 +88,7 @@ static void tell_item(Record *to, const struct shown *shown, gint64 start_s, gin
         record_say(to, "        before it: %s\n", shown->prompt);
 }
 
-/* One sentence. */
+/* Tells the state of the queue in one sentence. */
 static void tell_state(Record *to, BusRig1 *rig, guint n_waiting, gboolean list) {
     const char *state = bus_rig1_get_queue_state(rig), *reason = bus_rig1_get_queue_reason(rig);
     const char *head = list ? "the queue is " : "queue      ";
@@ -112,7 +112,7 @@ void unattended_tell(Record *to, BusRig1 *rig, gboolean list) {
     GVariant *items = bus_rig1_get_queue(rig);
     const char *state = bus_rig1_get_queue_state(rig);
     guint n_waiting = 0;
-    if (!items || !state) /* the daemon has ended meanwhile */
+    if (!items || !state) /* the daemon has ended during the call */
         return;
     const gboolean stands = strcmp(state, "paused") == 0;
     double at_s = stands ? 0 : (double)g_get_real_time() / G_USEC_PER_SEC;

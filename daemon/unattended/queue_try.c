@@ -8,7 +8,7 @@
 
 #define EXIT_RIG 3
 
-/* The request of daemon/bus/bus_trial.c. */
+/* Reads the request of daemon/bus/bus_trial.c. */
 static GKeyFile *read_request(GError **error) {
     g_autoptr(GInputStream) from = g_unix_input_stream_new(STDIN_FILENO, FALSE);
     g_autoptr(GOutputStream) to = g_memory_output_stream_new_resizable();
@@ -28,7 +28,7 @@ static char *filled(char *text) {
     return NULL;
 }
 
-/* Whether an error is the rig's and says nothing about the session. */
+/* Returns whether an error is caused by the rig, and not by the session. */
 static gboolean is_of_the_rig(const GError *error) {
     static const int codes[] = {DEVICE_ERROR_TIMEOUT, DEVICE_ERROR_DISCONNECTED,
                                 DEVICE_ERROR_STALLED, DEVICE_ERROR_INTERLOCK,

@@ -1,4 +1,4 @@
-/* The commands `mesorig queue …`, and what other commands say of the queue. */
+/* The commands `mesorig queue …`, and the description of the queue for other commands. */
 #pragma once
 
 #include "command/cli.h"
@@ -6,11 +6,11 @@
 
 extern const struct command unattended_queue;
 
-/* Only daemon/bus/bus_trial.c runs this command: it takes the test shots before a session of the
- * queue, reads a request from standard input and prints the chosen exposures to standard output.
- * Exit code 3: a device has failed. */
+/* Takes the test shots before a session of the queue. Only daemon/bus/bus_trial.c runs this
+ * command. It reads a request from standard input and prints the chosen exposures to standard
+ * output. Exit code 3 means that a device has failed. */
 extern const struct command unattended_try;
 
-/* Adds the queue as the daemon shows it: values, and for people a few words or (list) all sessions,
- * a line each. */
+/* Adds the state of the queue in the daemon: values, and a text for people. With list, the text has
+ * one line for each session; otherwise it has a few words. */
 void unattended_tell(Record *to, BusRig1 *rig, gboolean list);

@@ -1,14 +1,13 @@
-/*
- * The ".btf" container of the University of Bonn's BTF database, read and written.
+/* Reads and writes the ".btf" container of the University of Bonn's BTF database.
  *
- * Little-endian; u32, f32, and halves as EXR has them. After a signature of ten bytes:
- *   metadata  u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
+ * Numbers are little-endian: u32, f32, and halves as in EXR. After a signature of ten bytes:
+ *   metadata  u32 bytes of this block, including this number; u32 version; three texts of 80 bytes
  *             (set-up, sensor, light source); f32 texels per mm; f32[3] scale of R, G, B; from
- *             version 2 on u32 whether values hold n·l; from 3 on u32 length and text (XML);
+ *             version 2 on u32 whether values contain n·l; from 3 on u32 length and text (XML);
  *             from 4 on u32 channels, for each u32 length and name
  *   sampling  u32 views; for each view f32 θ, φ (radians), u32 lights, and θ, φ of each light
  *   size      u32 width, height
- * and then one of these:
+ * The rest depends on the kind:
  *   BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines per chunk; u8 0: full, 2: sparse (1, bzip2,
  *          is not read); a mask, one byte per texel, row by row; u32 n and n rotations of 9 f32;
  *          then chunks, each u32 bytes and one ABRDF of halves per texel (in a sparse file, only
@@ -19,10 +18,9 @@
  *   DFMF   "!DFMF08FCR". One matrix per channel; one of several models has made the channels
  *          independent
  *
- * Rows of all matrices, and texels, lie row by row, the first row of texels at +y. Hostile files
- * are refused: everything is checked against the file's length before it is allocated. One BonnFile
- * may be read from several threads at once.
- */
+ * Rows of all matrices, and texels, are stored row by row, with the first row of texels at +y.
+ * Hostile files are refused: all sizes are compared with the file's length before memory is
+ * allocated. One BonnFile may be read from several threads at the same time. */
 #pragma once
 
 #include <gio/gio.h>
@@ -31,8 +29,8 @@
 GQuark bonn_error_quark(void);
 enum bonn_error {
     BONN_ERROR_IO,
-    BONN_ERROR_FORMAT,      /* not such a file, truncated, or it contradicts itself */
-    BONN_ERROR_UNSUPPORTED, /* of a kind that is not read; says which */
+    BONN_ERROR_FORMAT,      /* not such a file, truncated, or inconsistent */
+    BONN_ERROR_UNSUPPORTED, /* of a kind that is not supported; the message says which */
     BONN_ERROR_FULL,        /* the disk is full */
 };
 
@@ -42,11 +40,12 @@ enum bonn_kind { BONN_BDI, BONN_BDI_SPARSE, BONN_FMF, BONN_DFMF };
 
 struct bonn_header {
     enum bonn_kind kind;
-    char *setup, *sensor, *light_source, *xml; /* made UTF-8; NULL is empty, when written */
+    char *setup, *sensor, *light_source, *xml; /* converted to UTF-8; when written, NULL is empty */
     double texels_a_mm;
-    double rgb_scale[BONN_CHANNELS];        /* as the file says; not applied */
-    gboolean cosine;                        /* values hold n·l */
-    int n_rotations;                        /* of local frames; not applied */
+    double rgb_scale[BONN_CHANNELS]; /* as in the file; not applied */
+    gboolean cosine;                 /* whether values contain n·l */
+    /* number of rotations of local frames, which are not applied */
+    int n_rotations;
     int width, height;                      /* texels */
     int n_views, n_lights;                  /* the same lights for every view */
     float *view_theta_deg, *view_phi_deg;   /* n_views */
@@ -60,31 +59,33 @@ gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
 
 typedef struct BonnFile BonnFile;
 
-/* Values of a BDI are read from the file when a view is read, so that a BDI of many gigabytes takes
- * no memory; matrices of FMF and DFMF are held as floats. */
+/* Opens a file. The values of a BDI are read from the file when a view is read, so that a BDI of
+ * many gigabytes takes no memory. The matrices of FMF and DFMF are held in memory as floats. */
 BonnFile *bonn_open(const char *path, GError **error);
 void bonn_close(BonnFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
 
 const struct bonn_header *bonn_header(const BonnFile *file);
 
-/* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
- * the mask leaves out, or that have a value that is not finite, are 0; ret_holes (n_lights) counts
- * them for each light. FALSE: the file has been cut off since it was opened. */
+/* Reads one view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone.
+ * Texels that the mask leaves out, or that have a value that is not finite, are 0. ret_holes
+ * (n_lights) is their number for each light. Returns FALSE if the file has been truncated since it
+ * was opened. */
 gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
                         GError **error);
 
-/* Writing a BDI, a view at a time in any order. The file appears, synced, when it is finished. */
+/* Writes a BDI view by view, in any order. The file appears, synced, when it is finished. */
 typedef struct BonnWriter BonnWriter;
 
-/* header->kind is BONN_BDI or BONN_BDI_SPARSE; the header is copied as far as needed. mask: one
- * byte per texel, 0 where there is no texel; NULL: all are there. */
+/* header->kind is BONN_BDI or BONN_BDI_SPARSE. The necessary parts of the header are copied. mask
+ * has one byte per texel, 0 if there is no texel. NULL means that all texels exist. */
 BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
                             GError **error);
-void bonn_writer_free(BonnWriter *writer); /* what is not finished is removed; NULL is ignored */
+/* removes a file that is not finished; NULL is ignored */
+void bonn_writer_free(BonnWriter *writer);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
 
-/* rgb as bonn_read_view() gives it. Values beyond ±65504 are written as ±65504. */
+/* rgb is as in bonn_read_view(). Values beyond ±65504 are written as ±65504. */
 gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
 gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
 
@@ -96,8 +97,8 @@ struct bonn_factors {
     const float *sv; /* n_columns × n_components */
 };
 
-/* kind BONN_FMF: one matrix with rows (view, light, channel) and columns (texel); BONN_DFMF: three
- * matrices with rows (view, light), one each for R, G and B, which are not transformed. Writes
- * halves. */
+/* Writes factors as halves. The kind BONN_FMF has one matrix with rows (view, light, channel) and
+ * columns (texel). BONN_DFMF has three matrices with rows (view, light), one each for R, G and B,
+ * which are not transformed. */
 gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
                             const struct bonn_factors *factors, GError **error);

@@ -1,5 +1,6 @@
-/* Factored BTFs (FMF, DFMF): M ≈ U (S V)ᵀ, U: rows × components, S V: columns × components, and
- * the inverse of the colour transformations and logarithms that were applied before factoring. */
+/* Factored BTFs (FMF, DFMF): M ≈ U (S V)ᵀ with U: rows × components and S V: columns × components,
+ * and the inverse of the colour transformations and logarithms that were applied before
+ * factoring. */
 #include "bonn_private.h"
 
 #include <cblas.h>
@@ -11,7 +12,7 @@
 #define MOST_COMPONENTS 65536
 /* Offset of logarithms: ln(value + this). */
 #define EPSILON 1e-5f
-#define BLOCK   ((gsize)1024) /* numbers converted at a time */
+#define BLOCK   ((gsize)1024) /* number of numbers that are converted together */
 
 void bonn_matrix_clear(struct bonn_matrix *matrix) {
     g_clear_pointer(&matrix->u, g_free);
@@ -82,7 +83,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     ret->n_components = sizes[0];
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
-    /* The file does not name rows and columns: their numbers identify them. */
+    /* The file does not name rows and columns. Their numbers identify them. */
     ret->of_images = ret->n_rows != channels * directions || ret->n_columns != texels;
     if (ret->of_images && (ret->n_rows != channels * texels || ret->n_columns != directions))
         return bonn_fail(
@@ -96,8 +97,8 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
                        error);
 }
 
-/* product = U (S V)ᵀ for one view; rows: texels or (texel, channel), columns: (light, channel) or
- * lights. */
+/* product = U (S V)ᵀ for one view. Rows are texels or (texel, channel). Columns are (light,
+ * channel) or lights. */
 void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to) {

@@ -7,7 +7,7 @@
 
 #include "base/input_file.h"
 
-#define MOST_TEXELS     8192 /* along a side, as in a session's grid */
+#define MOST_TEXELS     8192 /* maximum along a side, as in a session's grid */
 #define MOST_DIRECTIONS 65536
 #define TEXT            80
 #define SAME_RAD        1e-4f /* tolerance of the lights of two views */
@@ -101,7 +101,7 @@ static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *r
     return TRUE;
 }
 
-/* Text up to the first 0. */
+/* Returns the text up to the first 0. */
 static char *bonn_header_text_of(const char *at, gsize n) {
     return g_utf8_make_valid(at, (gssize)strnlen(at, n));
 }
@@ -120,7 +120,8 @@ static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret
     return TRUE;
 }
 
-/* ret_order: by the channels' names; three channels with other names are taken as R, G, B. */
+/* Sets ret_order by the channels' names. Three channels with other names are assumed to be R, G,
+ * B. */
 static gboolean take_channels(struct bonn_bytes *bytes, int ret_order[BONN_CHANNELS],
                               GError **error) {
     static const char rgb[] = "RGB";
@@ -187,7 +188,7 @@ static float bonn_header_degrees(float rad) {
     return (float)((double)rad * 180 / G_PI);
 }
 
-/* θ and φ of each light; all views must have the lights of the first one. */
+/* Reads θ and φ of each light. All views must have the lights of the first view. */
 static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_header *ret,
                                         float **first, guint32 view, GError **error) {
     guint32 n;
@@ -234,7 +235,7 @@ static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret,
     return TRUE;
 }
 
-/* Signatures have nine or ten bytes; the tenth byte of a short one belongs to the metadata. */
+/* Signatures have nine or ten bytes. The byte after a short signature belongs to the metadata. */
 static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gboolean *ret_extra,
                                GError **error) {
     static const struct {

@@ -7,15 +7,15 @@
 
 #define BONN_SIGNATURE 10 /* bytes */
 
-/* A cursor over the bytes of a file. They are read, not mapped, so that a file that is truncated
- * meanwhile causes an error and not a signal. */
+/* A cursor over the bytes of a file. The bytes are read, not mapped, so that a file that is
+ * truncated during the work causes an error and not a signal. */
 struct bonn_bytes {
     int fd;
     gsize size, at;
     const char *path;
 };
 
-/* FALSE: not enough bytes are left; the error names `what`. */
+/* Takes n bytes. Returns FALSE if not enough bytes are left; the error then names them by what. */
 gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
                    GError **error);
 gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
@@ -25,20 +25,21 @@ void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **
                  const char *format, ...) G_GNUC_PRINTF(4, 5);
 #define bonn_fail(...) (bonn_report(__VA_ARGS__), FALSE)
 
-/* Parses from the signature to width and height. ret_order: positions of R, G, B among the
- * channels. ret_extra: whether it is an FMF with a version. */
+/* Parses the file from the signature to width and height. ret_order gives the positions of R, G, B
+ * among the channels. ret_extra is whether the file is an FMF with a version. */
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
                            int ret_order[BONN_CHANNELS], gboolean *ret_extra, GError **error);
 
 /* Skips the rotations of local frames. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
-/* The same, written. */
+/* Write the header, and a number. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
 void bonn_put_float(GByteArray *to, double value);
 
-/* Index of each texel among the stored ones; −1: not stored. A full file stores all. */
+/* Index of each texel among the stored ones, or −1 if it is not stored. A full file stores all
+ * texels. */
 struct bonn_index {
     gint32 *of_texel;
     int n_stored;
@@ -48,11 +49,12 @@ struct bonn_index {
 struct bonn_matrix {
     gsize n_components, n_rows, n_columns;
     float *u, *sv;
-    gboolean of_images; /* rows are texels, not directions */
+    gboolean of_images; /* whether rows are texels instead of directions */
 };
 void bonn_matrix_clear(struct bonn_matrix *matrix);
 
-/* n_channels interleaved (FMF: 3) or one (DFMF: 1). */
+/* Parses a matrix of n_channels interleaved channels (3 in an FMF), or of one channel (in a
+ * DFMF). */
 gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *header,
                            int n_channels, struct bonn_matrix *ret, GError **error);
 

@@ -1,5 +1,5 @@
-/* Reads values view by view. In a BDI the ABRDF of a texel is contiguous, halves
- * [view][light][channel]; a view therefore gathers a slice of each texel's ABRDF. */
+/* Reads values view by view. In a BDI the ABRDF of a texel is contiguous: halves
+ * [view][light][channel]. A view therefore gathers a slice of each texel's ABRDF. */
 #include "bonn_private.h"
 
 #include <math.h>
@@ -9,20 +9,20 @@
 #include "base/input_file.h"
 #include "exr/exr_half.h"
 
-#define BLOCK                                                                                      \
-    ((gsize)1 << 20) /* pixels of a view, of some texels and all lights, decoded at once */
+/* pixels of a view (some texels under all lights) that are decoded together */
+#define BLOCK ((gsize)1 << 20)
 
 struct BonnFile {
-    int fd; /* −1: not opened */
+    int fd; /* −1 if not opened */
     char *path;
     struct bonn_header header;
     int order[BONN_CHANNELS]; /* positions of R, G, B among the channels */
 
-    guint32 per_chunk; /* texels; BDI */
+    guint32 per_chunk; /* number of texels; for BDI */
     gsize chunks_at;
     struct bonn_index index;
 
-    struct bonn_matrix matrices[BONN_CHANNELS]; /* FMF: the first */
+    struct bonn_matrix matrices[BONN_CHANNELS]; /* an FMF has only the first */
     struct bonn_colours colours;
 };
 
@@ -47,7 +47,8 @@ static gsize bonn_read_abrdf_bytes(const struct bonn_header *header) {
     return (gsize)header->n_views * (gsize)header->n_lights * BONN_CHANNELS * sizeof(guint16);
 }
 
-/* Checks that every chunk exists with the right length; then all positions can be computed. */
+/* Checks that every chunk exists and has the right length, so that all positions can be
+ * computed. */
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     const gsize each = bonn_read_abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
@@ -178,8 +179,8 @@ BonnFile *bonn_open(const char *path, GError **error) {
     return bonn_read_parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
-/* Reads a block of texels: to[(light · n + texel) · 3 + channel]; NaN where nothing is stored. In
- * the file the channels of a texel are next to each other, then its lights. */
+/* Reads a block of texels: to[(light · n + texel) · 3 + channel], NaN if nothing is stored. In the
+ * file the channels of a texel are adjacent, then its lights. */
 static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
                          GError **error) {
     const gsize n_lights = (gsize)file->header.n_lights, n_values = n_lights * BONN_CHANNELS;
@@ -206,7 +207,7 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
     return TRUE;
 }
 
-/* Copies a block to its place with R, G, B in order; returns the number of holes. */
+/* Copies a block to its place, with R, G, B in order. Returns the number of holes. */
 static int bonn_read_store(const BonnFile *file, const float *from, gsize n, float *to) {
     int holes = 0;
     for (gsize i = 0; i < n; i++, from += BONN_CHANNELS, to += BONN_CHANNELS) {

@@ -1,4 +1,4 @@
-/* Writes a BDI view by view: each view fills its slice of every texel's ABRDF, so that no
+/* Writes a BDI view by view. Each view fills its slice of every texel's ABRDF, so that no
  * transposed copy of the BTF is needed. */
 #include "bonn_private.h"
 
@@ -10,11 +10,11 @@
 #include "base/new_file.h"
 #include "exr/exr_half.h"
 
-#define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line has more */
+#define CHUNK_BYTES ((gsize)64 << 20) /* size of a chunk, unless a single line is larger */
 
 struct output {
     char *path;
-    struct new_file file; /* its name is NULL before it is begun and when it is finished */
+    struct new_file file; /* its name is NULL before it is begun and after it is finished */
 };
 
 struct BonnWriter {
@@ -82,8 +82,8 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
     return bonn_write_put(&writer->output, front->data, front->len, 0, error);
 }
 
-/* Writes the lengths of all chunks, and reserves their space, so that a full disk is an error at
- * once. */
+/* Writes the lengths of all chunks and reserves their space, so that a full disk is detected
+ * immediately. */
 static gboolean put_chunks(BonnWriter *writer, GError **error) {
     const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;

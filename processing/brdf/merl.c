@@ -20,8 +20,8 @@ struct merl {
     float *values; /* 3 × THETA_H × THETA_D × n_phi, f_r or below 0 */
 };
 
-/* Converts the numbers of one colour before it reads the next, so that doubles of only one colour
- * are in memory. */
+/* Converts the numbers of one colour before it reads the next, so that memory holds the doubles of
+ * only one colour. */
 static gboolean merl_read_colours(struct merl *merl, int fd, const char *path, GError **error) {
     const gsize n = (gsize)THETA_H * THETA_D * (gsize)merl->n_phi;
     g_autofree double *row = g_new(double, n);
@@ -58,8 +58,8 @@ struct merl *merl_read(const char *path, GError **error) {
         sizes[0] == THETA_H && sizes[1] == THETA_D && (sizes[2] == PHI_D || sizes[2] == 2 * PHI_D);
     if (!ok)
         data_error_set(path, 0, error,
-                       "it begins with the numbers %d, %d, %d; a file of MERL's begins with 90, "
-                       "90, 180",
+                       "it begins with the numbers %d, %d, %d; a file in MERL's format begins with "
+                       "90, 90, 180",
                        sizes[0], sizes[1], sizes[2]);
     const guint64 expected = 12 + (guint64)3 * 8 * THETA_H * THETA_D * (guint64)MAX(sizes[2], 0);
     if (ok && length != expected)
@@ -121,10 +121,10 @@ struct writing {
     gpointer data;
     int n_turns;
     double *values;             /* 3 × THETA_H × THETA_D × PHI_D */
-    double squares[THETA_H][2]; /* of each θ_h: of the differences, and of the mean */
+    double squares[THETA_H][2]; /* sums for each θ_h: of the differences, and of the mean */
 };
 
-/* The directions of the centre of a bin at φ_h = 0. */
+/* Gives the directions at the centre of a bin for φ_h = 0. */
 static void merl_directions(int i, int j, int k, double light[3], double view[3]) {
     const double root = (i + 0.5) / THETA_H, theta_h = root * root * G_PI / 2;
     const double theta_d = (j + 0.5) / THETA_D * G_PI / 2, phi_d = (k + 0.5) / PHI_D * G_PI;

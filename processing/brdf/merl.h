@@ -20,18 +20,20 @@ struct merl;
 struct merl *merl_read(const char *path, GError **error);
 void merl_free(struct merl *merl); /* NULL is ignored */
 
-/* The value of the bin that the directions lie in, as MERL's own reader gives it; 0 where the value
- * is negative. */
+/* Gives the value of the bin that contains the directions, as MERL's own reader does; 0 if the
+ * value is negative. */
 void merl_evaluate(const struct merl *merl, const float light[3], const float view[3],
                    float ret[3]);
 
 struct merl_result {
-    /* How much f_r depends on a turn about the normal and on an exchange of light and view: the RMS
-     * difference over all bins from the mean that is written, relative to the RMS of that mean. */
+    /* How much f_r depends on a rotation about the normal and on an exchange of light and view. It
+     * is the RMS difference over all bins from the mean that is written, relative to the RMS of
+     * that mean. */
     double spread;
 };
 
-/* Writes for the centre of each bin the mean of f over n_turns equally spaced turns about the
- * normal and over both orders of light and view. Stage "export". */
+/* Writes a file. The value of each bin is the mean of f at its centre over n_turns equally spaced
+ * rotations about the normal, and over both orders of light and view. The progress stage is
+ * "export". */
 gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns,
                     const struct work *work, struct merl_result *ret, GError **error);

@@ -16,7 +16,7 @@ struct rgl {
     Warp *vndf;
     double *colours; /* n_channels × 3: R, G, B of each channel */
     gboolean isotropic, jacobian;
-    int reduction; /* 1: all azimuths; 2, 4: a half, a quarter */
+    int reduction; /* 1 for all azimuths; 2 for a half, 4 for a quarter */
     char *description;
 };
 
@@ -30,7 +30,8 @@ void rgl_free(struct rgl *rgl) {
     g_free(rgl);
 }
 
-/* A field of float32 (or of bytes) with as many dimensions, none of them 0 or above MOST_NODES. */
+/* Returns a field of float32 (or of bytes) with the given number of dimensions, none of them 0 or
+ * above MOST_NODES. */
 static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *path,
                                             const char *name, int n_dimensions, GError **error) {
     const struct tensor_field *field = tensor_file_field(rgl->file, name);
@@ -178,12 +179,12 @@ const char *rgl_description(const struct rgl *rgl) {
     return rgl->description;
 }
 
-/* The angle from the normal, without the loss of digits that acos() has near it. */
+/* Returns the angle from the normal without the loss of digits that acos() has near it. */
 static double rgl_elevation(const double d[3]) {
     return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
 }
 
-/* Into the azimuths that the file holds: those of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
+/* Mirrors directions into the azimuths of the file: those of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
 static void rgl_mirror(const struct rgl *rgl, double in[3], double out[3]) {
     if (rgl->reduction < 2)
         return;
@@ -193,7 +194,7 @@ static void rgl_mirror(const struct rgl *rgl, double in[3], double out[3]) {
     in[1] *= sy, out[1] *= sy;
 }
 
-/* The slices of the directions of incidence around one. */
+/* Returns the slices of the directions of incidence around a direction. */
 static struct warp_slices rgl_slices(const struct rgl *rgl, double phi, double theta) {
     struct warp_slices ret = {.n = 0};
     int i, j;

@@ -6,7 +6,7 @@
 /* Blue, green and red, each at two wavelengths. */
 const float rgl_wavelengths_nm[RGL_WAVELENGTHS] = {360, 475, 505, 575, 605, 830};
 
-/* Wyman et al. 2013: a Gaussian with another width on each side of its peak. */
+/* Wyman et al. 2013: a Gaussian with different widths on the two sides of its peak. */
 static double rgl_lobe(double nm, double peak, double below, double above) {
     const double x = (nm - peak) / (nm < peak ? below : above);
     return exp(-0.5 * x * x);

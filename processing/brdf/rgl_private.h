@@ -11,7 +11,7 @@ static inline double rgl_u_of_theta(double theta) {
 static inline double rgl_theta_of_u(double u) {
     return u * u * G_PI / 2;
 }
-/* 0 … 1 for any φ. */
+/* Returns 0 … 1 for any φ. */
 static inline double rgl_u_of_phi(double phi) {
     const double u = (phi + G_PI) / (2 * G_PI);
     return u - floor(u);
@@ -20,11 +20,12 @@ static inline double rgl_phi_of_u(double u) {
     return (2 * u - 1) * G_PI;
 }
 
-/* Linear sRGB of a spectrum that is ret[k] at one of the wavelengths k and linear between them.
- * ret: n × 3, its rows sum to the colour of a spectrum of ones, (1, 1, 1). */
+/* Gives the weights that convert a spectrum to linear sRGB. Row k is the colour of a spectrum that
+ * is 1 at the wavelength k, 0 at the others and linear between them. ret is n × 3. Its rows sum to
+ * the colour of a spectrum of ones, (1, 1, 1). */
 void rgl_colour_weights(const float *wavelengths_nm, int n, double *ret);
 
-/* The wavelengths at which rgl_write() states a spectrum, and the spectrum of each colour: ret
+/* The wavelengths of the spectra that rgl_write() writes, and the spectrum of each colour. ret is
  * RGL_WAVELENGTHS × 3, to be multiplied by (R, G, B). */
 #define RGL_WAVELENGTHS 6
 extern const float rgl_wavelengths_nm[RGL_WAVELENGTHS];

@@ -7,18 +7,19 @@
 #include "tensor_file.h"
 #include "warp.h"
 
-#define N_THETA     18 /* directions of incidence: 0°, 5° … 85° */
-#define STEP_DEG    5.0
-#define N_PHI       25 /* of an anisotropic file: −180° … 180° */
-#define N_A         64 /* columns of ndf, sigma and vndf */
-#define N_B         48 /* azimuths of them; a row more, since the last is the first again */
+#define N_THETA  18 /* number of directions of incidence: 0°, 5° … 85° */
+#define STEP_DEG 5.0
+#define N_PHI    25 /* number for an anisotropic file: −180° … 180° */
+#define N_A      64 /* columns of ndf, sigma and vndf */
+/* number of their azimuths; the tables have one more row, because the last row repeats the first */
+#define N_B         48
 #define ROWS        (N_B + 1)
-#define SIDE        32   /* nodes of the sample space along an axis */
+#define SIDE        32   /* number of nodes of the sample space along an axis */
 #define ITERATIONS  8    /* Dupuy et al. 2015 need 4 */
-#define LEAST_D     0.3  /* of that of the uniform hemisphere, 1/π */
-#define UNIFORM     0.5  /* share of a constant in vndf: the square is then sampled evenly */
-#define LEAST_SHARE 1e-4 /* of the mean of luminance, for sampling */
-#define HORIZON     0.01 /* cos θ of what stands for directions below the surface */
+#define LEAST_D     0.3  /* relative to that of the uniform hemisphere, 1/π */
+#define UNIFORM     0.5  /* share of a constant in vndf, so that the whole square is sampled */
+#define LEAST_SHARE 1e-4 /* minimum for sampling, relative to the mean of luminance */
+#define HORIZON     0.01 /* cos θ of the direction that replaces directions below the surface */
 
 static const struct warp_slices only = {1, {0}, {1}};
 
@@ -45,7 +46,7 @@ static double rgl_dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* f, or its mean over turns about the normal. */
+/* Evaluates f, or its mean over rotations about the normal. */
 static void rgl_function(const struct rgl_writing *writing, const double in[3], const double out[3],
                          double ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;
@@ -77,7 +78,7 @@ static void rgl_place_nodes(struct rgl_writing *writing) {
         }
 }
 
-/* σ of the directions of a row; rows of an isotropic D are alike. */
+/* Computes σ of the directions of a row. The rows of an isotropic D are equal. */
 static void rgl_project(int b, gpointer data) {
     struct rgl_writing *writing = data;
     const int row = writing->options->isotropic ? 0 : b;
@@ -131,7 +132,7 @@ static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
     }
 }
 
-/* Density of visible normals over the square, dm/du being 2π² u sin θ. */
+/* Computes the density of visible normals over the square; dm/du is 2π² u sin θ. */
 static void rgl_fill_vndf(const struct rgl_writing *writing, const double in[3], double phi_i,
                           double area, float *ret) {
     const struct warp_table ndf = {N_A, ROWS, 1, writing->ndf};
@@ -148,7 +149,7 @@ static void rgl_fill_vndf(const struct rgl_writing *writing, const double in[3],
         }
 }
 
-/* The direction into which the microfacet m reflects light from `in`, clamped to lie above the
+/* Returns the direction into which the microfacet m reflects light from in, clamped to be above the
  * surface. */
 static void rgl_reflect(const double in[3], const double m[3], double ret[3]) {
     const double twice = 2 * rgl_dot(in, m);
@@ -162,7 +163,7 @@ static void rgl_reflect(const double in[3], const double m[3], double ret[3]) {
         ret[k] /= length;
 }
 
-/* A direction of incidence. */
+/* Fills the tables of one direction of incidence. */
 static void rgl_fill(int slice, gpointer data) {
     struct rgl_writing *writing = data;
     const double phi_i = (double)writing->phi[slice / N_THETA];

@@ -53,7 +53,7 @@ const struct tensor_field *tensor_file_field(const struct tensor_file *file, con
 struct reader {
     const char *path;
     int fd;
-    guint64 length, at, left; /* left: bytes that fields may still take */
+    guint64 length, at, left; /* left is the number of bytes that further fields may take */
 };
 
 static gboolean tensor_take(struct reader *reader, void *to, gsize n, GError **error) {

@@ -1,20 +1,18 @@
-/*
- * Tensor files, the container of RGL's .bsdf files (Dupuy & Jakob 2018; rgl.epfl.ch/materials):
+/* Tensor files, the container of RGL's .bsdf files (Dupuy & Jakob 2018; rgl.epfl.ch/materials):
  * named arrays of numbers, all little-endian.
  *
  *   head    "tensor_file" and a NUL; u8 1, u8 0 (the version); u32 number of fields
  *   a field u16 length of its name, the name; u16 number of dimensions; u8 type; u64 where its
  *           numbers begin in the file; u64 the size of each dimension, the last varies fastest
  *
- * A hostile file is refused: what a field announces is compared with the file's length before it is
- * allocated, and all fields together take no more memory than the file has bytes. Errors are
- * DATA_ERROR_INVALID and name the file. Any thread.
- */
+ * A hostile file is refused: the size of a field is compared with the file's length before memory
+ * is allocated, and all fields together take no more memory than the file has bytes. Errors are
+ * DATA_ERROR_INVALID and name the file. Any thread. */
 #pragma once
 
 #include <gio/gio.h>
 
-#define TENSOR_FILE_DIMENSIONS 8 /* at most */
+#define TENSOR_FILE_DIMENSIONS 8 /* maximum number of dimensions */
 
 enum tensor_type {
     TENSOR_UINT8 = 1,
@@ -49,12 +47,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(TensorFile, tensor_file_free)
 
 struct tensor_file *tensor_file_read(const char *path, GError **error);
 
-/* NULL: there is none. */
+/* Returns a field, or NULL if there is none of that name. */
 const struct tensor_field *tensor_file_field(const struct tensor_file *file, const char *name);
 
-/* Adds a field of n_dimensions sizes; values are copied. */
+/* Adds a field of n_dimensions sizes. values are copied. */
 void tensor_file_add(struct tensor_file *file, const char *name, enum tensor_type type,
                      int n_dimensions, const gsize *shape, const void *values);
 
-/* Numbers begin at multiples of 8 bytes. */
+/* Writes a file in which the numbers of each field begin at a multiple of 8 bytes. */
 gboolean tensor_file_write(const char *path, const struct tensor_file *file, GError **error);

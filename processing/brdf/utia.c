@@ -20,11 +20,10 @@ struct utia {
 #define BYTES (3 * PIXELS * sizeof(double))
 
 static gboolean utia_fail_size(const char *path, gsize is, GError **error) {
-    return data_error_fail(
-        path, 0, error,
-        "it has %zu bytes; a BRDF of UTIA's has %zu, of 3 × 288 × 288 numbers of "
-        "8 bytes (288 × 288 pairs of directions in three colours)",
-        is, BYTES);
+    return data_error_fail(path, 0, error,
+                           "it has %zu bytes; a BRDF in UTIA's format has %zu: 3 × 288 × 288 "
+                           "numbers of 8 bytes (288 × 288 pairs of directions in three colours)",
+                           is, BYTES);
 }
 
 static gboolean utia_read_bin(struct utia *utia, const char *path, GError **error) {
@@ -50,7 +49,7 @@ static gboolean utia_read_bin(struct utia *utia, const char *path, GError **erro
     return TRUE;
 }
 
-/* Measures how much neighbouring rows differ among the 48 rows from first on. */
+/* Measures the difference of neighbouring rows among the 48 rows from first on. */
 static double utia_unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
@@ -79,7 +78,7 @@ static gboolean utia_read_exr(struct utia *utia, const char *path, GError **erro
     const struct exr_part *first = headers->parts->len ? headers->parts->pdata[0] : NULL;
     if (!first || first->width != UTIA_SIDE || first->height != UTIA_SIDE)
         return data_error_fail(path, 0, error,
-                               "it has %d × %d pixels; a BRDF of UTIA's has 288 × 288",
+                               "it has %d × %d pixels; a BRDF in UTIA's format has 288 × 288",
                                first ? first->width : 0, first ? first->height : 0);
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)
@@ -106,7 +105,7 @@ static float utia_decode(float number, const struct brdf_coding *coding) {
     return (float)(value * scale);
 }
 
-/* Makes the 48 directions of θ = 0 one, by their mean: rows if step is UTIA_SIDE, otherwise
+/* Replaces the 48 directions of θ = 0 by their mean: rows if step is UTIA_SIDE, otherwise
  * columns. */
 static void utia_join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
@@ -144,7 +143,7 @@ void utia_free(struct utia *utia) {
     g_free(utia);
 }
 
-/* The four measured directions around one, and their weights. */
+/* Gives the four measured directions around a direction, and their weights. */
 static void utia_weights(const float direction[3], gsize ret_index[4], double ret_weight[4]) {
     const double flat = hypot((double)direction[0], (double)direction[1]);
     const double theta =

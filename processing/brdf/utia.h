@@ -24,6 +24,7 @@ struct utia;
 struct utia *utia_read(const char *path, const struct brdf_coding *coding, GError **error);
 void utia_free(struct utia *utia); /* NULL is ignored */
 
-/* Linear in θ and φ of light and view between the measured directions; beyond 75° as at 75°. */
+/* Evaluates a BRDF. Between the measured directions, it is linear in θ and φ of light and view.
+ * Beyond 75° it has the value at 75°. */
 void utia_evaluate(const struct utia *utia, const float light[3], const float view[3],
                    float ret[3]);

@@ -28,7 +28,8 @@ void warp_interval(const float *nodes, int n, double value, int *ret_index, doub
     *ret_weight = to > from ? CLAMP((value - from) / (to - from), 0, 1) : 0;
 }
 
-/* The weighted sum of one number of each slice; stride: numbers of a slice. */
+/* Returns the weighted sum of one number of each slice. stride is the number of numbers in a
+ * slice. */
 static double warp_mix(const float *values, gsize stride, gsize at,
                        const struct warp_slices *slices) {
     double sum = 0;
@@ -37,7 +38,7 @@ static double warp_mix(const float *values, gsize stride, gsize at,
     return sum;
 }
 
-/* The cell of a coordinate of 0 … 1 among n nodes, and where in it. */
+/* Returns the cell of a coordinate of 0 … 1 among n nodes, and the position within it. */
 static int warp_cell(double x, int n, double *ret_within) {
     const double scaled = CLAMP(x, 0, 1) * (n - 1);
     const int cell = CLAMP((int)scaled, 0, MAX(n - 2, 0));
@@ -59,7 +60,7 @@ double warp_table_value(const struct warp_table *table, const struct warp_slices
     return (1 - fy) * low + fy * high;
 }
 
-/* Sums of one slice; FALSE: there is no density in it. */
+/* Computes the sums of one slice. Returns FALSE if its density is 0 everywhere. */
 static gboolean warp_add_up(struct warp *warp, gsize slice) {
     const gsize width = (gsize)warp->width, height = (gsize)warp->height, n = width * height;
     float *values = warp->values + slice * n, *conditional = warp->conditional + slice * n;
@@ -146,16 +147,16 @@ double warp_invert(const Warp *warp, const struct warp_slices *slices, double x,
     return ((1 - fx) * left + fx * right) * (double)((width - 1) * (height - 1));
 }
 
-/* f of 0 … 1 with f (a + ½ f (b − a)) = area, for a, b ≥ 0. */
+/* Returns f of 0 … 1 with f (a + ½ f (b − a)) = area, for a, b ≥ 0. */
 static double warp_solve(double a, double b, double area) {
     if (!(a + b > 0))
         return 0.5;
-    /* The form of the root that does not lose digits where a is about b. */
+    /* This form of the root does not lose digits if a is close to b. */
     const double root = sqrt(MAX(a * a + 2 * area * (b - a), 0));
     return a + root > 0 ? CLAMP(2 * area / (a + root), 0, 1) : 0;
 }
 
-/* The last of n ascending sums, at first + i step, that is below area, at most n − 2. */
+/* Returns the last of n ascending sums, at first + i step, that is below area, at most n − 2. */
 static gsize warp_find(const float *sums, gsize stride, gsize first, gsize n, gsize next,
                        double part, const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;

@@ -1,17 +1,15 @@
-/*
- * Densities on the unit square that are tabulated at width × height nodes and bilinear between
- * them, and the map that they define between the square and itself (Dupuy & Jakob 2018 §4; the
- * marginal and conditional distributions of Pharr et al. 2016 §13.6.7). Tables have several slices,
- * one for each direction of incidence; a density between directions is a weighted sum of slices,
- * and so are its cumulative sums.
+/* Densities on the unit square, tabulated at width × height nodes and bilinear between them, and
+ * the map that they define between the square and itself (Dupuy & Jakob 2018 §4; the marginal and
+ * conditional distributions of Pharr et al. 2016 §13.6.7). Tables have several slices, one for each
+ * direction of incidence. A density between directions is a weighted sum of slices, and so are its
+ * cumulative sums.
  *
  * With p(x, y) of the table in units of a cell, x and y counted in cells:
  *   F(j)    = ∫_0^j ∫ p dx dy                        marginal, of rows
  *   F(i|y)  = ∫_0^i p dx at row y                    conditional, linear in y between rows
  *   invert:  s_y = F(j + f_y) , s_x = F(i + f_x | y) / F(width − 1 | y)
- * where within a cell p is linear along each axis, so that ∫_0^f p = f (p_0 + ½ f (p_1 − p_0)).
- * Pure functions; any thread.
- */
+ * Within a cell p is linear along each axis, so that ∫_0^f p = f (p_0 + ½ f (p_1 − p_0)). Pure
+ * functions; any thread. */
 #pragma once
 
 #include <glib.h>
@@ -22,21 +20,21 @@ struct warp_slices {
     double weight[4];
 };
 
-/* A table of numbers: values has n_slices × height × width, x varies fastest. Borrowed. */
+/* A table of numbers. values has n_slices × height × width numbers; x varies fastest. Borrowed. */
 struct warp_table {
     int width, height, n_slices;
     const float *values;
 };
 
-/* The bilinear interpolant at x, y of 0 … 1. Along an axis with one node the table is
+/* Returns the bilinear interpolant at x, y of 0 … 1. Along an axis with one node the table is
  * constant. */
 double warp_table_value(const struct warp_table *table, const struct warp_slices *slices, double x,
                         double y);
 
 typedef struct warp Warp;
 
-/* NULL: a value is negative or not finite, or a slice is zero everywhere; there must be at least
- * two columns and rows. values are copied. */
+/* Makes a warp. values are copied. Returns NULL if a value is negative or not finite, or if a slice
+ * is zero everywhere. There must be at least two columns and two rows. */
 Warp *warp_new(int width, int height, int n_slices, const float *values);
 void warp_free(Warp *warp); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Warp, warp_free)
@@ -50,6 +48,6 @@ double warp_invert(const Warp *warp, const struct warp_slices *slices, double x,
 void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
                  double ret[2]);
 
-/* Finds where a value lies among n ascending nodes: index, index + 1 and the weight of the latter,
- * 0 … 1; a value beyond the ends counts as the end. */
+/* Finds the position of a value among n ascending nodes: index, index + 1 and the weight of the
+ * latter, 0 … 1. A value beyond the ends counts as the end. */
 void warp_interval(const float *nodes, int n, double value, int *ret_index, double *ret_weight);

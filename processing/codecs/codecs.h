@@ -1,7 +1,5 @@
-/*
- * All codecs there are. To add one: its folder, a line in the array in codecs.c, a line in
- * processing/CMakeLists.txt, and a drawing method in renderer/methods/.
- */
+/* The table of all codecs. A new codec needs a folder, a line in the array in codecs.c, a line in
+ * processing/CMakeLists.txt, and a drawing method in renderer/methods/. */
 #pragma once
 
 #include "codec/codec.h"
@@ -9,12 +7,13 @@
 
 extern const struct codec *const codecs[]; /* NULL-ended; the first is the default */
 
-const struct codec *codecs_find(const char *name); /* NULL: there is none */
+const struct codec *codecs_find(const char *name); /* NULL if there is no such codec */
 
-/* Returns the codec of a file: that of the attribute mesorig.kind, in the first part that has it.
- * If the file belongs to a session, checks first that it is as it was committed. */
+/* Returns the codec of a file. The attribute mesorig.kind of the first part that has it gives the
+ * codec. If the file belongs to a session, the function first checks that the file is as it was
+ * committed. */
 const struct codec *codecs_of_file(const char *path, GError **error);
 
-/* A session directory, its products/btf, or an EXR that “mesorig compress” or “mesorig process”
- * wrote. Stage "read", of BTFs alone; work may be NULL. */
+/* Opens a session directory, its products/btf, or an EXR that “mesorig compress” or “mesorig
+ * process” wrote. Reports the progress stage "read" for BTFs only; work may be NULL. */
 Material *material_open(const char *path, const struct work *work, GError **error);

@@ -3,13 +3,14 @@
 #include <math.h>
 #include <string.h>
 
-#define TILTS      7    /* of axes, evenly in the cosine: 0 … TILT_DEG */
-#define AZIMUTHS   24   /* of axes */
-#define OPENINGS   7    /* half-angles of the cones */
+#define TILTS      7  /* number of tilts of axes, spread evenly in the cosine over 0 … TILT_DEG */
+#define AZIMUTHS   24 /* number of azimuths of axes */
+#define OPENINGS   7  /* number of half-angles of the cones */
 #define TILT_DEG   60.0 /* the steepest axis */
 #define NARROW_DEG 25.0 /* the narrowest and the widest half-angle */
 #define WIDE_DEG   85.0
-#define MISLED     0.05 /* chance that a sweep saw what the model denies, or missed what it has */
+/* probability that a sweep saw something that the model denies, or missed something that it has */
+#define MISLED     0.05
 #define SETTLES    0.03 /* s = SETTLES + BY_WEIGHT · q */
 #define BY_WEIGHT  0.5
 #define RAD(deg)   ((deg) * (G_PI / 180))
@@ -17,11 +18,11 @@
 
 struct CoverageModel {
     int n_cones, n_sweeps;
-    guint64 lights[MOST_CONES]; /* of each cone that the camera sees: sweeps that light it */
+    guint64 lights[MOST_CONES]; /* for each cone that the camera sees: the sweeps that light it */
     double settles[COVERAGE_MAX_SWEEPS];
 };
 
-/* Cones whose axis is v and whose half-angle's cosine is c hold the direction d if v·d > c. */
+/* A cone whose axis is v and whose half-angle's cosine is c contains the direction d if v·d > c. */
 CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
                                   const double *quality, int n) {
     g_return_val_if_fail(n >= 0 && n <= COVERAGE_MAX_SWEEPS, NULL);
@@ -65,8 +66,8 @@ double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep)
     return model->n_cones > 0 ? sum / model->n_cones : 0;
 }
 
-/* Σ_k p_k [sweep lights k] / Σ_k p_k, p_k = MISLED^m, m being the number of taken sweeps of which
- * cone k predicts something else than what was observed. */
+/* Returns Σ_k p_k [sweep lights k] / Σ_k p_k, p_k = MISLED^m, where m is the number of taken sweeps
+ * for which the prediction of cone k differs from the observation. */
 double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep) {
     double sum = 0, all = 0;
     for (int k = 0; k < model->n_cones; k++) {

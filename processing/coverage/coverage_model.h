@@ -1,41 +1,41 @@
-/*
- * What a laser sweep can be expected to add, before it is taken: which points of a surface are lit
- * from one direction, given the directions from which they were lit, or were not.
+/* The expected benefit of a laser sweep before it is taken: which points of a surface are lit from
+ * one direction, given the directions from which they were lit, or were not.
  *
- * A surface point is seen from, and lit from, all directions within a cone about its axis: the rest
- * of the sky is hidden by the point's own surface and by what stands around it. The model is a set
- * of such cones with axes up to 60° from the sample's normal and half-angles of 25° to 85°, evenly
- * spread over both and over all azimuths, so that no kind of relief is preferred. What was observed
- * of a point weighs the cones (Bayes), with a chance that a sweep was misled.
+ * The model assumes that a surface point is visible from, and lit from, all directions within a
+ * cone about its axis. The rest of the sky is hidden by the point's own surface and by its
+ * surroundings. The model is a set of such cones with axes up to 60° from the sample's normal and
+ * half-angles of 25° to 85°. The cones are spread evenly over both and over all azimuths, so that
+ * no kind of relief is preferred. The observations of a point weight the cones (Bayes). There is a
+ * small probability that a sweep was misled.
  *
- * A sweep that lights a point settles its distance with a chance s that grows with the depth
- * resolution of the pair of camera and laser: s = 0.03 + 0.5 q, where q, 0 … 1, is how precisely
- * the sweep measures a distance relative to the most precise sweep (plan_sweep_model()). Several
- * sweeps settle it with the chance 1 − Π (1 − s), so that each further sweep adds less.
+ * A sweep that lights a point settles its distance with a probability s that grows with the depth
+ * resolution of the pair of camera and laser: s = 0.03 + 0.5 q. Here q, 0 … 1, is the precision
+ * with which the sweep measures a distance, relative to the most precise sweep
+ * (plan_sweep_model()). Several sweeps settle the distance with the probability 1 − Π (1 − s), so
+ * that each further sweep adds less.
  *
- * Pure functions, any thread.
- */
+ * Pure functions, any thread. */
 #pragma once
 
 #include "base/vec.h"
 
 #include <glib.h>
 
-#define COVERAGE_MAX_SWEEPS 64 /* at one turntable angle: bits of a guint64 */
+#define COVERAGE_MAX_SWEEPS 64 /* maximum at one turntable angle: they are bits of a guint64 */
 
 typedef struct CoverageModel CoverageModel;
 
-/* Directions are unit vectors from the sample outwards, in one frame. quality: q of each sweep, 0 …
- * 1. All are copied. */
+/* Directions are unit vectors from the sample outwards, in one frame. quality is q of each sweep, 0
+ * … 1. All arrays are copied. */
 CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
                                   const double *quality, int n);
 void coverage_model_free(CoverageModel *model); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageModel, coverage_model_free)
 
-/* The share of what the camera sees that one more sweep is expected to settle after the taken
- * sweeps, if nothing is known of what they observed. */
+/* Returns the share of the texels that the camera sees that one more sweep is expected to settle
+ * after the taken sweeps, if nothing is known of their observations. */
 double coverage_model_adds(const CoverageModel *model, guint64 taken, int sweep);
 
-/* The chance that a sweep lights a point that the camera sees. Among the taken sweeps, those in lit
- * saw something at this point, and the others nothing. */
+/* Returns the probability that a sweep lights a point that the camera sees. Of the taken sweeps,
+ * those in lit saw something at this point, and the others saw nothing. */
 double coverage_model_lights(const CoverageModel *model, guint64 taken, guint64 lit, int sweep);

@@ -5,24 +5,28 @@
 #include "frames/rectify.h"
 #include "mdf/mdf.h"
 
-#define RAD(deg)    ((deg) * (G_PI / 180))
-#define LEAST_SINE  0.03 /* between ray and sheet: below it depth is noise, as in mdf.c */
-#define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter, as in mdf.c */
-#define TEXEL_SHARE 0.5  /* of a texel: distances of two sweeps this close agree; */
-#define FRAME_SHARE 0.3  /* or of the depth of a sweep's frame */
-#define OUTSIDE_SHARE                                                                              \
-    2.0         /* of a texel: points this far above the reference plane or below the              \
-                   deepest structure are not of the sample */
-#define AGREE 2 /* sweeps that make a distance known */
+#define RAD(deg) ((deg) * (G_PI / 180))
+/* sine of the angle between ray and sheet, below which the depth is noise, as in mdf.c */
+#define LEAST_SINE 0.03
+/* share of the peaks in the best phase of the colour filter, as in mdf.c */
+#define LIVE_SHARE 0.25
+/* distances of two sweeps agree if they differ by at most this part of a texel */
+#define TEXEL_SHARE 0.5
+#define FRAME_SHARE 0.3 /* or by this part of the depth of a sweep's frame */
+/* in texels: points higher above the reference plane, or deeper below the deepest structure, do not
+ * belong to the sample */
+#define OUTSIDE_SHARE 2.0
+#define AGREE         2 /* number of agreeing sweeps that make a distance known */
 
-struct sample {         /* a texel */
-    int x, y;           /* the pixel next to its centre; its neighbours share its phases */
+struct sample { /* a texel */
+    /* the pixel next to its centre; its neighbours have the other phases of the filter */
+    int x, y;
     struct vec3 ray[4]; /* of the pixel (x + (k & 1), y + (k >> 1)) */
-    float onset_mm[4];  /* along it, from the camera to the reference plane */
+    float onset_mm[4];  /* distance along the ray from the camera to the reference plane */
 };
 
 struct seen {
-    float mm[2]; /* by the brightest and by the second pulse; −1: none */
+    float mm[2]; /* from the brightest and from the second pulse; −1 if there is none */
 };
 
 struct CoverageView {
@@ -32,8 +36,9 @@ struct CoverageView {
     struct vec3 centre_mm;
     double texel_mm, agreement_mm;
     GArray *samples; /* of struct sample */
-    GArray *open;    /* of guint64: the sweeps that saw something at each texel not known */
-    struct seen *seen[COVERAGE_MAX_SWEEPS]; /* of each sample; NULL: not added */
+    /* of guint64: for each texel that is not known, the sweeps that saw something there */
+    GArray *open;
+    struct seen *seen[COVERAGE_MAX_SWEEPS]; /* for each sample; NULL if not added */
     double frame_mm[COVERAGE_MAX_SWEEPS];
 };
 
@@ -68,7 +73,7 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
     view->agreement_mm = TEXEL_SHARE * view->texel_mm / MAX(slant, 0.1);
     view->samples = g_array_new(FALSE, FALSE, sizeof(struct sample));
     view->open = g_array_new(FALSE, FALSE, sizeof(guint64));
-    /* Every step-th row and column. */
+    /* Takes every step-th row and column. */
     const double all = (double)grid->width * grid->height;
     const int step = MAX(1, (int)ceil(sqrt(all / COVERAGE_MOST_TEXELS)));
     for (int row = step / 2; row < grid->height; row += step)
@@ -96,7 +101,7 @@ gboolean coverage_view_has(const CoverageView *view, int sweep) {
     return view->seen[sweep] != NULL;
 }
 
-/* The phases of the 2 × 2 colour filter that see the laser. */
+/* Finds the phases of the 2 × 2 colour filter that see the laser. */
 static void coverage_view_phases(const struct exr_part *part, const float *peak,
                                  gboolean ret_live[4]) {
     int seen[4] = {0}, most = 0;
@@ -109,8 +114,8 @@ static void coverage_view_phases(const struct exr_part *part, const float *peak,
         ret_live[k] = seen[k] > LIVE_SHARE * most;
 }
 
-/* Distance along a ray from the reference plane to the sheet of a peak's time. −1: no peak, a
- * grazing sheet, or a point outside of the volume. */
+/* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns −1
+ * if there is no peak, if the sheet is at a grazing angle, or if the point is outside of the volume. */
 static float coverage_view_distance(const CoverageView *view, const struct laser_sweep *sweep,
                                     const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -127,7 +132,7 @@ static float coverage_view_distance(const CoverageView *view, const struct laser
     return (float)MAX(range - (double)sample->onset_mm[k], 0);
 }
 
-/* Depth of a frame of the sweep along the ray to the grid's middle. */
+/* Returns the depth of a frame of the sweep along the ray to the grid's centre. */
 static double coverage_view_frame_mm(const CoverageView *view, const struct laser_sweep *sweep) {
     const struct vec3 middle = vec3(0, 0, view->grid.reference_mm);
     const struct vec3 ray = vec3_unit(vec3_sub(middle, view->centre_mm));
@@ -158,7 +163,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
     struct seen *seen = g_new(struct seen, view->samples->len + 1);
     for (guint i = 0; i < view->samples->len; i++) {
         const struct sample *sample = &g_array_index(view->samples, struct sample, i);
-        int k = 0; /* the first of the four pixels around the texel that sees the laser */
+        int k = 0; /* the first of the four pixels around the texel whose phase sees the laser */
         while (k < 3 && !live[2 * ((sample->y + (k >> 1)) & 1) + ((sample->x + (k & 1)) & 1)])
             k++;
         const gsize pixel =
@@ -172,7 +177,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
     return TRUE;
 }
 
-/* The sweeps of a sample that saw something, and the largest number of them that agree. */
+/* Returns the sweeps of a sample that saw something, and the largest number of them that agree. */
 static guint64 coverage_view_lit(const CoverageView *view, guint sample, int *ret_agree) {
     guint64 lit = 0;
     *ret_agree = 0;
@@ -210,7 +215,8 @@ static int coverage_view_compare(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* Sums over the patterns in sorted order, so that the sums do not depend on when they are made. */
+/* The patterns are summed in sorted order, so that the sums do not depend on the time of the
+ * call. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view) {
     struct coverage_sums sums = {.texels = (int)view->samples->len};
     g_array_set_size(view->open, 0);

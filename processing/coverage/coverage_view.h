@@ -1,17 +1,16 @@
-/*
- * What the laser sweeps taken so far know of one view: for a sample of its texels, which sweeps saw
- * something there, and whether they agree. This is the MDF (mdf/mdf.h) of few texels from single
- * pixels, quick enough to be made of every sweep while a session is captured.
+/* The knowledge of one view that the laser sweeps taken so far give. For a sample of its texels,
+ * the object stores which sweeps saw something there, and whether they agree. This is the MDF
+ * (mdf/mdf.h) of a few texels from single pixels. It is fast enough to be made of every sweep while
+ * a session is captured.
  *
- * A texel is known if two sweeps agree on its distance, and those that agree are at least half of
- * those that saw something there: light reflected by the surroundings does not agree. The distance
- * is looked up at the pixel next to the texel's centre that sees the laser, so that all sweeps look
- * along one ray. Sheets of light are used as calibrated; the corrections of laser_lines.h are
- * smaller than half a texel, by which distances may differ.
+ * A texel is known if two sweeps agree on its distance, and if those that agree are at least half
+ * of those that saw something there. Light reflected by the surroundings does not agree. The
+ * distance is taken at the pixel next to the texel's centre that sees the laser, so that all sweeps
+ * look along the same ray. Sheets of light are used as calibrated. The corrections of laser_lines.h
+ * are smaller than half a texel, which is the tolerance of distances.
  *
- * coverage_view_add() may be called in any thread for different sweeps of one view; everything else
- * when none of them runs.
- */
+ * coverage_view_add() may be called in any thread for different sweeps of one view. All other
+ * functions may only be called when no coverage_view_add() is running. */
 #pragma once
 
 #include "coverage_model.h"
@@ -19,31 +18,32 @@
 #include "session/inputs.h"
 #include "session/session.h"
 
-#define COVERAGE_MOST_TEXELS 4096 /* that are looked at */
+#define COVERAGE_MOST_TEXELS 4096 /* maximum number of texels that are examined */
 
 typedef struct CoverageView CoverageView;
 
-/* rig is copied. */
+/* Creates a view. rig is copied. */
 CoverageView *coverage_view_new(const struct rig *rig, int camera, double turntable_deg,
                                 const struct session_grid *grid);
 void coverage_view_free(CoverageView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CoverageView, coverage_view_free)
 
-/* Adds the view's part of a shot's file under the number sweep, below COVERAGE_MAX_SWEEPS. Replaces
- * what was added under that number before. Errors as of input_read(). */
+/* Adds the view's part of a shot's file under the number sweep, which is less than
+ * COVERAGE_MAX_SWEEPS. Replaces the part that was added under that number before. Errors are those
+ * of input_read(). */
 gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,
                            const struct input *input, GError **error);
 gboolean coverage_view_has(const CoverageView *view, int sweep);
 
 struct coverage_sums {
-    int texels; /* that were looked at and lie in the picture */
+    int texels; /* texels that were examined and are in the picture */
     int known;
 };
-/* Counts the texels, and those that all added sweeps together make known. coverage_view_expects()
- * counts the same texels. */
+/* Counts the texels, and the texels that all added sweeps together make known.
+ * coverage_view_expects() counts the same texels. */
 struct coverage_sums coverage_view_sum_up(CoverageView *view);
 
-/* The share of the view's texels that are not known and that a sweep is expected to make known. A
- * texel that no sweep has seen needs two, and counts half. model: that of the view's camera, with
- * the same numbering of sweeps. */
+/* Returns the share of the view's texels that are not known and that a sweep is expected to make
+ * known. A texel that no sweep has seen needs two sweeps, and counts half. model is the model of
+ * the view's camera, with the same numbering of sweeps. */
 double coverage_view_expects(const CoverageView *view, const CoverageModel *model, int sweep);

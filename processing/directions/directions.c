@@ -4,12 +4,12 @@
 
 #include <string.h>
 
-#define RING_GAP_DEG 2.5 /* between the polar angles of neighbouring rings, at least */
-#define POLE_DEG     3.0 /* a single direction this near to the normal is the pole */
+#define RING_GAP_DEG 2.5 /* minimum difference between the polar angles of neighbouring rings */
+#define POLE_DEG     3.0 /* a single direction within this angle of the normal is the pole */
 #define MIN_PHI_DEG  0.1
 #define MAX_PHI_DEG  179.0
-#define MAX_FLATNESS 4.0 /* largest ratio of a step in azimuth to the step between rings */
-#define SKY_CELLS    256 /* each way of the square over which the sky is summed up */
+#define MAX_FLATNESS 4.0 /* maximum ratio of a step in azimuth to the step between rings */
+#define SKY_CELLS    256 /* size of the square in each dimension over which the sky is summed */
 #define DEG          (G_PI / 180.0)
 
 G_DEFINE_QUARK(directions_error, directions_error)
@@ -28,7 +28,7 @@ struct ring {
 struct Directions {
     int n;
     struct entry *entries;
-    struct ring *rings; /* from the pole down; NULL: not rings */
+    struct ring *rings; /* from the pole down; NULL if there are no rings */
     int n_rings;
     int *pole; /* members of the topmost ring if the pole is their mean */
     int n_pole;
@@ -50,8 +50,8 @@ static double phi_gap(const struct ring *ring, int k) {
     return next - ring->entries[k].phi;
 }
 
-/* A ring needs azimuths all around it, not much farther apart than the rings are, or a single
- * direction that is the pole. */
+/* A ring needs azimuths in all directions, with gaps not much larger than those between rings. It
+ * may also be a single direction that is the pole. */
 static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     if (ring->n == 1)
         return first && ring->entries[0].theta <= POLE_DEG;
@@ -65,8 +65,8 @@ static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     return TRUE;
 }
 
-/* Splits the directions, sorted by theta, where there is a gap. The unevenness within a ring must
- * be less than the gap that sets it apart, so that rings cannot cross. */
+/* Splits the directions, sorted by theta, at the gaps. The unevenness within a ring must be less
+ * than its distance from other rings, so that rings cannot cross. */
 static gboolean find_rings(Directions *d) {
     g_autoptr(GArray) rings = g_array_new(FALSE, FALSE, sizeof(struct ring));
     double gap_before = G_MAXDOUBLE;
@@ -176,7 +176,8 @@ const int *directions_pole(const Directions *d, int *ret_n) {
     return d->pole;
 }
 
-/* The two neighbours in azimuth, the share of the second, and the ring's polar angle between. */
+/* Gives the two neighbours in azimuth, the share of the second, and the ring's polar angle between
+ * them. */
 static double ring_at(const struct ring *ring, double phi, int ret_index[2], double *ret_share) {
     int k = ring->n - 1;
     if (phi >= ring->entries[0].phi)
@@ -223,8 +224,8 @@ static double ring_weights(const Directions *d, double theta, double phi,
     return above;
 }
 
-/* Returns the polar angle, in degrees, at which the measured directions end, or one beyond theta.
- */
+/* Returns the polar angle, in degrees, at which the measured directions end, or one beyond
+ * theta. */
 static double directions_weigh(const Directions *d, struct vec3 v, struct direction_weights *ret,
                                double *ret_theta) {
     double theta = atan2(hypot(v.x, v.y), MAX(v.z, 0.0)) / DEG;

@@ -1,17 +1,16 @@
-/*
- * Interpolation over a set of measured directions: for any direction of the hemisphere, up to four
- * measured ones and their weights. Weights are non-negative, sum to 1, are continuous in the
- * direction, and are (1, 0, 0, 0) at a measured direction.
+/* Interpolation over a set of measured directions. For any direction of the hemisphere, these
+ * functions give up to four measured directions and their weights. The weights are non-negative,
+ * sum to 1 and are continuous in the direction. At a measured direction they are (1, 0, 0, 0).
  *
- * Sets of rings (those of a rig: polar angles, each with any number and offset of azimuths, which
- * are at most a little uneven) are interpolated bilinearly in θ and φ; above the topmost ring
- * towards the pole, whose value is the mean of that ring unless a direction was measured there. Any
- * other set is triangulated (Delaunay, in the stereographic plane). Beyond the measured directions
- * the nearest value is kept.
+ * A rig measures rings: polar angles, each with any number of azimuths and any offset. The azimuths
+ * of a ring may be slightly uneven. Rings are interpolated bilinearly in θ and φ. Above the topmost
+ * ring the interpolation goes towards the pole, whose value is the mean of that ring unless a
+ * direction was measured at the pole. Any other set of directions is triangulated (Delaunay, in the
+ * stereographic plane). Outside the range of the measured directions the value of the nearest one
+ * is used.
  *
  * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the
- * direction scaled to |x| + |y| + z = 1.
- */
+ * direction scaled to |x| + |y| + z = 1. */
 #pragma once
 
 #include "base/vec.h"
@@ -20,21 +19,22 @@
 #define DIRECTIONS_ERROR directions_error_quark()
 GQuark directions_error_quark(void);
 enum directions_error {
-    DIRECTIONS_ERROR_RANGE, /* none, too many, not a number, or below the horizon */
+    DIRECTIONS_ERROR_RANGE, /* no directions, too many, not a number, or below the horizon */
 };
 
 #define DIRECTIONS_MAX 65000
 
 struct direction_weights {
-    int index[4]; /* of the measured directions; n for the pole, see directions_pole() */
+    int index[4]; /* indices of measured directions; n stands for the pole, see directions_pole() */
     float weight[4];
 };
 
-typedef struct Directions Directions; /* any number of threads may ask one at once */
+/* Any number of threads may call the functions on the same object at the same time. */
+typedef struct Directions Directions;
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
-/* Triangulates the directions even if they form rings, so that three of them stand for any
- * direction, not four. */
+/* Triangulates the directions even if they form rings, so that at most three of them have a weight
+ * for any direction. */
 Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
                                         GError **error);
 void directions_free(Directions *directions); /* NULL is ignored */
@@ -42,28 +42,28 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 
 gboolean directions_are_rings(const Directions *directions);
 
-/* The directions whose mean is the value at the pole (index n); *ret_n is 0 if no weights refer to
- * the pole. Owned by the object. */
+/* Returns the directions whose mean is the value at the pole (index n). *ret_n is 0 if no weights
+ * refer to the pole. The array is owned by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
-/* direction: a unit vector; below the horizon it is clamped to it. */
+/* direction is a unit vector. A direction below the horizon is clamped to the horizon. */
 void directions_weights(const Directions *directions, struct vec3 direction,
                         struct direction_weights *ret);
 
-/* The factor by which reflectance, which contains n·l, falls from the nearest measured light to
- * this direction: 1 within the measured ones, beyond them cos θ / cos θ_nearest, 0 below the
- * horizon. */
+/* Returns the factor by which reflectance, which contains n·l, falls from the nearest measured
+ * light to this direction. The factor is 1 within the measured directions, cos θ / cos θ_nearest
+ * outside of them, and 0 below the horizon. */
 double directions_fade(const Directions *directions, struct vec3 direction);
 
-/* Both at once. */
+/* Computes directions_fade() and directions_weights() together. */
 double directions_fade_weights(const Directions *directions, struct vec3 direction,
                                struct direction_weights *ret);
 
-/* The weight of each of the n directions in the reflectance under a sky of even radiance,
+/* Gives the weight of each of the n directions in the reflectance under a sky of uniform radiance,
  * (1/π) ∫ BTF dω. */
 void directions_sky(const Directions *directions, float *ret_share);
 
 struct vec3 directions_from_square(double a, double b);
 
-/* Solid angle per area of the square at (a, b). */
+/* Returns the solid angle per area of the square at (a, b). */
 double directions_square_density(double a, double b);

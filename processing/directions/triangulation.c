@@ -1,11 +1,11 @@
-/* Incremental triangulation in order of x, then edge flips until it is Delaunay. The number of
- * points is that of measured directions (some hundred), so that linear searches suffice to build
- * it. Queries look into a grid of cells, each with the triangles that may cover a part of it. */
+/* Adds points in order of x, then flips edges until the triangulation is Delaunay. The points are
+ * measured directions (some hundred), so that linear searches are fast enough to build it. Queries
+ * use a grid of cells. Each cell has the triangles that may cover a part of it. */
 #include "triangulation.h"
 
 #include <math.h>
 
-/* Random displacement that makes the position of the points general. */
+/* Random displacement that brings the points into general position. */
 #define JITTER 1e-7
 
 struct triangle {
@@ -38,8 +38,8 @@ static double triangulation_turn(const Triangulation *t, int a, int b, int c) {
                               triangulation_point(t, c));
 }
 
-/* Whether a point d lies within the circumcircle of a counter-clockwise triangle: the determinant
- * of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
+/* Returns whether a point d is within the circumcircle of a counter-clockwise triangle: the
+ * determinant of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
     const double *d = triangulation_point(t, other);
@@ -85,7 +85,7 @@ static void triangulation_add_point(Triangulation *t, int p) {
         }
     }
     if (!added)
-        return; /* within rounding of the border: its neighbours represent it */
+        return; /* within rounding errors of the border: its neighbours represent it */
     g_array_unref(t->hull);
     t->hull = g_steal_pointer(&next);
 }
@@ -113,7 +113,8 @@ static gboolean triangulation_flip(Triangulation *t, guint k, int edge) {
     return TRUE;
 }
 
-/* Index of the cell along an axis; points beyond the grid belong to its outermost cells. */
+/* Returns the index of the cell along an axis. Points beyond the grid belong to its outermost
+ * cells. */
 static int triangulation_along(const Triangulation *t, double at, int axis) {
     const double k = (at - t->low[axis]) / t->cell[axis];
     return k > 0.0 ? (int)MIN(k, (double)(t->n_cells - 1)) : 0;
@@ -123,7 +124,7 @@ static int triangulation_cell(const Triangulation *t, const double at[2]) {
     return triangulation_along(t, at[1], 1) * t->n_cells + triangulation_along(t, at[0], 0);
 }
 
-/* The cells x[0] … x[1], y[0] … y[1] that the bounding box of a triangle meets. */
+/* Gives the cells x[0] … x[1], y[0] … y[1] that the bounding box of a triangle overlaps. */
 static void triangulation_box(const Triangulation *t, guint k, int ret_x[2], int ret_y[2]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
     int *const range[2] = {ret_x, ret_y};
@@ -135,7 +136,8 @@ static void triangulation_box(const Triangulation *t, guint k, int ret_x[2], int
         }
 }
 
-/* About as many cells as triangles. Counts what each cell has, then puts it there. */
+/* Makes about as many cells as triangles. Counts the triangles of each cell first, then stores
+ * them. */
 static void triangulation_make_grid(Triangulation *t) {
     double high[2] = {-G_MAXDOUBLE, -G_MAXDOUBLE};
     t->low[0] = t->low[1] = G_MAXDOUBLE;
@@ -159,7 +161,7 @@ static void triangulation_make_grid(Triangulation *t) {
                     else
                         t->first[j * t->n_cells + i + 1]++;
         }
-        /* Counts become beginnings; after filling, ends become beginnings again. */
+        /* Counts become beginnings. After filling, ends become beginnings again. */
         for (int cell = 0; !fill && cell < n; cell++)
             t->first[cell + 1] += t->first[cell];
         if (!fill)
@@ -185,7 +187,7 @@ Triangulation *triangulation_new(const double *points, int n) {
                 points[2 * k + axis] + g_rand_double_range(random, -JITTER, JITTER);
     }
     g_qsort_with_data(order, n, sizeof(int), compare_x, t);
-    /* Any triangulation, by adding points from left to right. */
+    /* Makes a triangulation by adding points from left to right. */
     g_array_append_vals(t->hull, order, MIN(n, 3));
     if (n < 3) {
         triangulation_make_grid(t);
@@ -200,8 +202,8 @@ Triangulation *triangulation_new(const double *points, int n) {
     g_array_append_val(t->triangles, first);
     for (int k = 3; k < n; k++)
         triangulation_add_point(t, order[k]);
-    /* Lawson's algorithm (1977): flips until all edges are locally Delaunay. It terminates; the
-     * bound on passes guards against rounding. */
+    /* Lawson's algorithm (1977) flips until all edges are locally Delaunay. It terminates. The
+     * limit of passes guards against rounding errors. */
     gboolean flipped = TRUE;
     for (int pass = 0; flipped && pass < 200; pass++) {
         flipped = FALSE;

@@ -1,22 +1,22 @@
-/*
- * Delaunay triangulation of points in the plane, and barycentric weights at any point. Each point
- * is displaced by about 10⁻⁷ so that collinear and cocircular points need no special case: any set
- * of one or more points will do, and equal points share one position.
- */
+/* Delaunay triangulation of points in the plane, and barycentric weights at any point. Each point
+ * is displaced by about 10⁻⁷, so that collinear and cocircular points need no special case. Any set
+ * of one or more points can be triangulated. Equal points share one position. */
 #pragma once
 
 #include <glib.h>
 
-typedef struct Triangulation Triangulation; /* any number of threads may ask one at once */
+/* Any number of threads may call the functions on the same object at the same time. */
+typedef struct Triangulation Triangulation;
 
 Triangulation *triangulation_new(const double *points /* n × 2 */, int n);
 void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
 
-/* Barycentric weights within a triangle. Outside of all triangles, the weights are those of the
- * nearest point of the border, which ret_nearest gives; inside, ret_nearest is the point itself. */
+/* Computes barycentric weights within a triangle. ret_nearest is the point itself. For a point
+ * outside of all triangles, the weights are those of the nearest point of the border, and
+ * ret_nearest is that point. */
 void triangulation_weights(const Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
 
-/* ret_n × 3 corners, counter-clockwise; ret_n: triangles. Those of nearly collinear points may be
- * slivers. Owned by the object. */
+/* Returns ret_n × 3 corners, counter-clockwise; ret_n is the number of triangles. Triangles of
+ * nearly collinear points may be slivers. The array is owned by the object. */
 const int *triangulation_corners(const Triangulation *triangulation, int *ret_n);

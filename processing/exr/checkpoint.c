@@ -1,5 +1,5 @@
 /* Arrays are saved bit for bit as EXR parts whose pixels carry four bytes each. A hash of the
- * inputs decides whether a file belongs to the computation; a hash of each array detects damage. */
+ * inputs decides whether a file belongs to the computation. A hash of each array detects damage. */
 #include "checkpoint.h"
 
 #include <glib/gstdio.h>
@@ -12,11 +12,11 @@
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
 #define WIDTH     4096 /* pixels per line */
-#define SHARE     20   /* least ratio of the time of work to that of saving */
+#define SHARE     20   /* minimum ratio of the time of work to the time of saving */
 
 struct array {
     char *name;
-    gconstpointer values; /* borrowed; NULL: the array is flags */
+    gconstpointer values; /* borrowed; NULL if the array consists of flags */
     const int *flags;
     gsize size; /* bytes */
 };
@@ -68,7 +68,8 @@ static char *hash_of(gconstpointer values, gsize size) {
     return g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(values, size));
 }
 
-/* Packs bytes into pixels of four, padded with 0. NULL: too large for a file. */
+/* Packs bytes into pixels of four bytes, padded with 0. Returns NULL if the array is too large for
+ * a file. */
 static struct exr_part *to_part(const char *name, gconstpointer values, gsize size) {
     static const char *const bits[] = {"BITS", NULL};
     const gsize words = MAX((size + WORD - 1) / WORD, 1), width = MIN(words, WIDTH);
@@ -84,7 +85,7 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
     return part;
 }
 
-/* Takes the arrays of a file; returns what is wrong with it, or NULL. */
+/* Takes the arrays of a file. Returns a description of the defect, or NULL if there is none. */
 static const char *checkpoint_take(Checkpoint *checkpoint, const struct exr_file *file) {
     const struct exr_part *head = exr_file_part(file, HEAD);
     const char *of = NULL, *kind = NULL;
@@ -169,8 +170,8 @@ void checkpoint_drop(Checkpoint *checkpoint, const char *name) {
         g_hash_table_remove_all(checkpoint->found);
 }
 
-/* Flags are copied first: values written after that do not count as done. NULL: an array is too
- * large for a file. */
+/* Flags are copied first, so that values written afterwards do not count as done. Returns NULL if
+ * an array is too large for a file. */
 static struct exr_file *to_file(const Checkpoint *checkpoint) {
     g_autoptr(ExrFile) file = exr_file_new();
     struct exr_part *head = to_part(HEAD, "", 0);
@@ -208,7 +209,7 @@ void checkpoint_save(Checkpoint *checkpoint) {
 
 void checkpoint_save_if_due(Checkpoint *checkpoint) {
     const gint64 since_us = g_get_monotonic_time() - checkpoint->saved_us;
-    /* Saves less often where saving takes long. */
+    /* Saves less often if saving takes long. */
     if (since_us >= checkpoint->period_us &&
         (checkpoint->period_us == 0 || since_us > SHARE * checkpoint->took_us))
         checkpoint_save(checkpoint);

@@ -1,59 +1,57 @@
-/*
- * A checkpoint: the state of a long computation in a file beside its result, so that it continues
- * after it was cancelled or killed. The state is restored bit for bit.
+/* A checkpoint stores the state of a long computation in a file next to its result. A computation
+ * that was cancelled or killed continues from the checkpoint. The state is restored bit for bit.
  *
- * The file is one EXR: a part "checkpoint" (1 × 1, channel "BITS"; mesorig.kind = "checkpoint",
- * mesorig.inputs: a hash of what the result depends on), and one part per array: channel "BITS",
- * float, four bytes per pixel that are not numbers; mesorig.bytes (string) is their number,
- * mesorig.hash their XXH3 (64 bits, hexadecimal).
+ * The file is one EXR. The part "checkpoint" is 1 × 1 with the channel "BITS". Its attributes are
+ * mesorig.kind = "checkpoint" and mesorig.inputs, a hash of everything that the result depends on.
+ * Each array is one more part with the channel "BITS", float. A pixel holds four bytes, which are
+ * not a number. mesorig.bytes (string) is the number of bytes, mesorig.hash their XXH3 (64 bits,
+ * hexadecimal).
  *
- * Belongs to the thread that computes; checkpoint_keep() says what other threads may do
- * meanwhile.
- */
+ * A checkpoint belongs to the thread that computes. checkpoint_keep() says what other threads may
+ * do at the same time. */
 #pragma once
 
 #include <gio/gio.h>
 
 typedef struct Checkpoint Checkpoint;
 
-/* Does not read the file yet. */
+/* Creates a checkpoint for this file. The file is not read yet. */
 Checkpoint *checkpoint_new(const char *path);
-void checkpoint_free(Checkpoint *checkpoint); /* NULL is ignored; the file stays */
+void checkpoint_free(Checkpoint *checkpoint); /* The file stays. NULL is ignored. */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 
-/* Sets the period between saves; the default is 20 s. */
+/* Sets the time between two saves. The default is 20 s. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
-/* Reads the file if it has the same inputs: a text, such as a hash, of all that the result
- * depends on. Only the first call counts: an outer function describes the inputs of those that it
- * calls.
- */
+/* Reads the file if it was written with the same inputs. inputs is a text, such as a hash, that
+ * covers everything the result depends on. Only the first call has an effect, so that an outer
+ * function describes the inputs of the functions that it calls. */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);
 
-/* A message for the user: the work continues, or why an existing file cannot be used. NULL: there
- * is none. */
+/* Returns a message for the user: either that the work continues from the checkpoint, or why an
+ * existing file cannot be used. Returns NULL if there is no message. */
 const char *checkpoint_note(const Checkpoint *checkpoint);
 
-/* An array from the file; NULL if there is none of that name and size. The caller copies it; it
- * is freed once something is kept under that name. */
+/* Returns an array from the file, or NULL if the file has no array of that name and size. The
+ * caller copies the array, because it is freed when another array is kept under that name. */
 gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsize size);
 
-/* Registers an array, borrowed, to be saved under a name; replaces an earlier one. For arrays
- * that threads are writing, the flags of checkpoint_keep_flags() say what is valid: they are
- * copied before all arrays; each is 0 or 1, set by g_atomic_int_set() after its values are
- * written. */
+/* Registers an array to be saved under a name, and replaces an earlier array of that name. The
+ * array is borrowed. While threads write to the array, the flags of checkpoint_keep_flags() say
+ * which of its values are valid. Each flag is 0 or 1, and a thread sets it with g_atomic_int_set()
+ * after it has written the values. A save copies the flags before it copies any array. */
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size);
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
-void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL: all */
+void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL drops all arrays */
 
-/* Writes the file: always, or if the period has passed. Failures are ignored: they are no reason
- * to stop the computation. */
+/* Writes the file: checkpoint_save() always, checkpoint_save_if_due() if the period has passed.
+ * Failures are ignored, because the computation can continue without a checkpoint. */
 void checkpoint_save(Checkpoint *checkpoint);
 void checkpoint_save_if_due(Checkpoint *checkpoint);
 
-/* Deletes the file, once the result is on disk. */
+/* Deletes the file. To be called when the result is on disk. */
 void checkpoint_remove(Checkpoint *checkpoint);
 
-/* Deletes the file after an error; a file of another computation stays. */
+/* Deletes the file after an error. A file of another computation is kept. */
 void checkpoint_discard(Checkpoint *checkpoint);

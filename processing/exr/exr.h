@@ -1,16 +1,15 @@
-/*
- * Pictures and tables on disk: multi-part scan line OpenEXR with custom attributes, through
- * OpenEXRCore. In memory all values are float; on disk each part is half or float. A file is
- * written under a temporary name, synced and renamed, so that an existing file is complete.
+/* Pictures and tables on disk as multi-part scan line OpenEXR with custom attributes, through
+ * OpenEXRCore. In memory all values are float. On disk each part is half or float. A file is
+ * written under a temporary name, synced and renamed, so that an existing file is always complete.
  *
- * Hostile files are refused with an error: sizes are checked against the file's length and
- * EXR_MAX_PIXELS before anything is allocated. Any thread; one call per file at a time.
- */
+ * Hostile files are refused with an error: sizes are checked against the length of the file and
+ * EXR_MAX_PIXELS before memory is allocated. The functions may be called from any thread, but only
+ * one call at a time may use the same file. */
 #pragma once
 
 #include <gio/gio.h>
 
-#define EXR_MAX_PIXELS   (1 << 28) /* of one channel of one part */
+#define EXR_MAX_PIXELS   (1 << 28) /* maximum number of pixels of one channel of one part */
 #define EXR_MAX_CHANNELS 64
 
 #define EXR_ERROR exr_error_quark()
@@ -21,7 +20,7 @@ enum exr_error {
     EXR_ERROR_TOO_LARGE,
     EXR_ERROR_MISSING,   /* a requested part, channel or attribute does not exist */
     EXR_ERROR_FULL,      /* the disk is full: an existing file of that name is unchanged */
-    EXR_ERROR_CANCELLED, /* by the callback of exr_watch() */
+    EXR_ERROR_CANCELLED, /* cancelled by the callback of exr_watch() */
 };
 
 enum exr_type { EXR_HALF, EXR_FLOAT };
@@ -34,14 +33,16 @@ struct exr_attribute {
     enum exr_kind kind;
     char *string;
     int integer;
-    double v[3]; /* DOUBLE uses v[0] */
+    double v[3]; /* EXR_DOUBLE uses v[0] */
 };
 
 typedef struct exr_part {
     char *name; /* unique in the file */
     int width, height;
-    int left_px, top_px; /* of exr_read_picture(): the corner of the display window; else 0 */
-    gint64 outside;      /* likewise: pixels that the file does not hold, NaN in all channels */
+    int left_px, top_px; /* in exr_read_picture() the corner of the display window, otherwise 0 */
+    /* in exr_read_picture() the pixels that the file does not hold, NaN in all channels; otherwise
+     * 0 */
+    gint64 outside;
     int n_channels;
     char **channels; /* names in alphabetical order, as EXR requires: "B","G","R" */
     float **planes;  /* one per channel, height × width, top row first; NULL if not read */
@@ -53,12 +54,14 @@ typedef struct exr_file {
     GPtrArray *parts; /* of struct exr_part */
 } ExrFile;
 
-/* planes are allocated and zeroed. channels is NULL-terminated and in alphabetical order. */
+/* Creates a part whose planes are allocated and zeroed. channels is NULL-terminated and in
+ * alphabetical order. */
 struct exr_part *exr_part_new(const char *name, int width, int height, const char *const *channels,
                               enum exr_type type);
 void exr_part_free(struct exr_part *part); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrPart, exr_part_free)
-float *exr_part_plane(const struct exr_part *part, const char *channel); /* NULL: no such */
+/* NULL if there is no such channel */
+float *exr_part_plane(const struct exr_part *part, const char *channel);
 gboolean exr_all_finite(const float *values, gsize n);
 
 void exr_set_string(struct exr_part *part, const char *name, const char *value);
@@ -75,47 +78,50 @@ struct exr_file *exr_file_new(void);
 void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
 void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(ExrFile, exr_file_free)
-struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
+/* NULL if there is no such part */
+struct exr_part *exr_file_part(const struct exr_file *file, const char *name);
 
-/* Writes a file. Values beyond ±65504 are written to half parts as ±65504, NaN as NaN. sync: the
- * file and its directory entry are on disk when the function returns. The bytes depend on the
- * arguments only. */
+/* Writes a file. In half parts, values beyond ±65504 are written as ±65504 and NaN as NaN. With
+ * sync, the file and its directory entry are on disk when the function returns. The bytes of the
+ * file depend only on the arguments. */
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
-/* Callback: fills the planes of a part, which are all 0 before. FALSE ends the writing. */
+/* Callback that fills the planes of a part. All values are 0 when it is called. Returning FALSE
+ * stops the writing. */
 typedef gboolean (*ExrFill)(struct exr_part *part, gpointer data, GError **error);
 
-/* The same as exr_write() for parts that do not fit into memory together: if the planes of a part
- * are NULL, they are allocated when its turn comes, filled by the callback, and freed when it is
- * written. A part may be filled twice. */
+/* The same as exr_write(), for parts that do not fit into memory together. If the planes of a part
+ * are NULL, they are allocated when the part is written, filled by the callback, and freed
+ * afterwards. The callback may be called twice for a part. */
 gboolean exr_write_filled(const char *path, const struct exr_file *file,
                           enum exr_compression compression, gboolean sync, ExrFill fill,
                           gpointer data, GError **error);
-/* Frees the planes of a part, which exr_write_filled() makes. */
+/* Frees the planes of a part. exr_write_filled() allocates them again. */
 void exr_part_drop_planes(struct exr_part *part);
 
-/* The same as exr_write() for a file below a directory: symbolic links among the folders of the
+/* The same as exr_write(), for a file below a directory. Symbolic links among the folders of the
  * relative name are not followed. */
 gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
                          enum exr_compression compression, gboolean sync, GError **error);
 
-/* Sets the calling thread's callback for the share of a file (0 … 1) that has been read; FALSE
- * cancels. NULL: none. */
+/* Sets the callback of the calling thread that is told how much of a file has been read, as a share
+ * of 0 … 1. If the callback returns FALSE, reading is cancelled. NULL removes the callback. */
 typedef gboolean (*ExrWatch)(double share, gpointer data);
 void exr_watch(ExrWatch watch, gpointer data);
 
-/* Read a whole file; its headers only, with planes NULL; or one part with its planes. Channels of
- * integers are read as numbers. */
+/* Read a whole file, only its headers (planes are NULL), or one part with its planes. Channels of
+ * integers are converted to float. */
 struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);
 
-/* Reads a picture of others, the first part of its file: the part has the size of its display
- * window, pixels lie where the data window places them, and what the file has beyond the display
- * window is left out. (The parts of Mesorig's own files differ in size, but have one display
- * window, which means nothing.) */
+/* Reads a picture that another program has made: the first part of its file. The returned part has
+ * the size of the display window, and the pixels lie where the data window places them. Pixels
+ * outside the display window are left out. (This function is not for Mesorig's own files. Their
+ * parts differ in size, and their display window has no meaning.) */
 struct exr_part *exr_read_picture(const char *path, GError **error);
 
-/* SHA-256 of any file as 64 hexadecimal digits; g_free(). NULL on error. ret_bytes may be NULL. */
+/* Returns the SHA-256 of any file as 64 hexadecimal digits; g_free(). Returns NULL on error.
+ * ret_bytes may be NULL. */
 char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error);

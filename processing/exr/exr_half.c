@@ -9,7 +9,7 @@
 
 #define HALF_MAX      0x7bffu
 #define FLOAT_INF     0x7f800000u
-#define FLOAT_TOO_BIG 0x477ff000u /* 65520: from here on a half rounds to infinity */
+#define FLOAT_TOO_BIG 0x477ff000u /* 65520: from this value on, a half rounds to infinity */
 #define FLOAT_NORMAL  0x38800000u /* 2⁻¹⁴, the smallest normal half */
 
 static inline guint32 bits_of(float value) {
@@ -33,11 +33,12 @@ static inline guint16 half_of(float value) {
     if (magnitude > FLOAT_INF) {
         half = 0x7c00 | (magnitude >> 13 & 0x3ff);
         half |=
-            half == 0x7c00 ? 0x200 : 0; /* all set bits were cut off: it would become infinity */
+            /* all bits that were set are cut off, and the half would become infinity */
+            half == 0x7c00 ? 0x200 : 0;
     } else if (magnitude >= FLOAT_TOO_BIG) {
         half = HALF_MAX;
     } else if (magnitude < FLOAT_NORMAL) {
-        /* The sum has the subnormal half in its last bits, rounded by the processor. */
+        /* The last bits of the sum are the subnormal half, rounded by the processor. */
         half = bits_of(float_of(magnitude) + 0.5f) - bits_of(0.5f);
     } else {
         half = (magnitude - ((127 - 15) << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;
@@ -45,8 +46,8 @@ static inline guint16 half_of(float value) {
     return (guint16)(sign | half);
 }
 
-/* Without branches, for vectorisation: a multiplication shifts the exponent, exactly, and
- * normalises subnormal halves. */
+/* Without branches, so that compilers can vectorise it. A multiplication shifts the exponent,
+ * exactly, and normalises subnormal halves. */
 static inline float float_of_half(guint16 half) {
     guint32 sign = (guint32)(half & 0x8000) << 16, rest = (guint32)(half & 0x7fff) << 13;
     guint32 bits = bits_of(float_of(rest) * 0x1p112f);
@@ -59,8 +60,8 @@ void exr_half_from_floats(guint16 *to, const float *from, gsize n) {
         to[i] = GUINT16_TO_LE(half_of(from[i]));
 }
 
-/* Converts groups of eight with F16C; returns the number converted. The scalar code is needed to
- * preserve the bits of NaN. */
+/* Converts groups of eight values with F16C. Returns the number of converted values. The scalar
+ * code is needed to preserve the bits of NaN. */
 #ifdef __x86_64__
 __attribute__((target("avx,f16c"))) static gsize convert_eights(float *to, const guint16 *from,
                                                                 gsize n) {

@@ -1,7 +1,5 @@
-/*
- * IEEE 754 half floats as EXR stores them: little-endian, rounded to nearest, ties to even. Bits of
- * NaN are kept in both directions. Any thread.
- */
+/* IEEE 754 half floats as EXR stores them: little-endian, rounded to nearest, ties to even. The
+ * bits of NaN are kept in both directions. Any thread. */
 #pragma once
 
 #include <glib.h>

@@ -1,5 +1,5 @@
-/* Reads EXR files through OpenEXRCore, which parses headers and decompresses chunks; unpacking to
- * planes of floats is done here, with its own checks, since headers may be hostile. */
+/* Reads EXR files through OpenEXRCore, which parses headers and decompresses chunks. Unpacking to
+ * planes of floats is done here, with separate checks, because headers may be hostile. */
 #include "exr.h"
 #include "exr_half.h"
 #include "exr_private.h"
@@ -13,7 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Largest ratio of pixels to bytes: deflate compresses by at most 1032, run lengths and PIZ by
+/* Maximum ratio of pixels to bytes. Deflate compresses by at most 1032, run lengths and PIZ by
  * less. A file that claims more is refused before memory is allocated. */
 #define MAX_EXPANSION 1100
 
@@ -29,7 +29,7 @@ struct source {
     guint64 memory; /* memory left for the pixels of parts not yet read */
     exr_context_t context;
     char message[256]; /* last error message of the library */
-    gint64 reached;    /* farthest offset read */
+    gint64 reached;    /* the farthest offset that was read */
     gboolean cancelled, failed;
     gboolean placed; /* the size of a part is that of its display window */
     struct exr_scratch scratch;
@@ -73,14 +73,14 @@ static int64_t source_read(exr_const_context_t context, void *data, void *buffer
 
     if (offset > G_MAXINT64 || (gint64)offset > source->size)
         return -1;
-    /* The library may seek back to a header; progress never decreases. */
+    /* The library may seek back to a header. The reported progress never decreases. */
     const gint64 end = (gint64)(offset + MIN(size, (guint64)source->size));
     source->reached = MAX(source->reached, MIN(end, source->size));
     if (watcher.watch != NULL && source->size > 0)
         source->cancelled |=
             !watcher.watch((double)source->reached / (double)source->size, watcher.data);
-    /* A short read, not −1: for a negative count OpenEXRCore 3.1 clears memory before its buffer.
-     */
+    /* A short read is returned instead of −1, because for a negative count OpenEXRCore 3.1 clears
+     * memory before its buffer. */
     if (source->cancelled)
         return 0;
     while (done < size) {
@@ -115,8 +115,8 @@ static void source_close(struct source *source) {
     exr_scratch_clear(&source->scratch);
 }
 
-/* The library keeps a pointer to source, which must not move until it is closed.
- * Opens a regular file; FIFOs and devices are refused. */
+/* The library keeps a pointer to source, which must not move until it is closed. Opens only regular
+ * files; FIFOs and devices are refused. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     GError *why = NULL;
@@ -142,7 +142,7 @@ static gboolean source_open(struct source *source, const char *path, GError **er
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* The pixels that a file holds, and those that make up the picture. */
+/* The pixels of a file, and the pixels of the picture. */
 struct windows {
     exr_attr_box2i_t data, display;
 };
@@ -278,13 +278,14 @@ static gboolean check_compression(struct source *source, int index, const struct
     return TRUE;
 }
 
-/* Of the pixels in the file. */
+/* Counts the pixels in the file. */
 static gsize pixel_bytes(const struct exr_part *part, const struct windows *windows) {
     return (gsize)window_width(&windows->data) * (gsize)window_height(&windows->data) *
            (gsize)part->n_channels * (part->type == EXR_HALF ? 2 : 4);
 }
 
-/* Checks size, channels, compression and attributes of a part, which is empty before. */
+/* Checks size, channels, compression and attributes of a part. The part is empty before the
+ * call. */
 static gboolean read_header(struct source *source, int index, struct exr_part *part,
                             struct windows *windows, GError **error) {
     const char *name = NULL;
@@ -311,8 +312,8 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
                          window_width(&windows->data), window_height(&windows->data));
 }
 
-/* Pads every buffer of the decoder with zeros: OpenEXR before 3.1.6 reads beyond the end of
- * damaged PIZ blocks, by the length of the block at most. */
+/* Pads every buffer of the decoder with zeros, because OpenEXR before 3.1.6 reads beyond the end of
+ * damaged PIZ blocks, by at most the length of the block. */
 static void *allocate_padded(exr_transcoding_pipeline_buffer_id_t id, size_t size) {
     return size < G_MAXSIZE / 4 ? calloc(1, 2 * size + 4096) : NULL;
 }
@@ -324,10 +325,10 @@ static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
 struct unpack {
     struct exr_part *part;
     const struct windows *windows;
-    float *line; /* of the data window, for those that exceed the display window */
+    float *line; /* a line of the data window, used if the data window exceeds the display window */
 };
 
-/* Converts a line of a channel to floats; returns the end of its bytes. */
+/* Converts a line of a channel to floats. Returns the end of its bytes. */
 static const guint8 *unpack_line(const guint8 *from, exr_pixel_type_t type, float *line,
                                  gsize width) {
     if (type == EXR_PIXEL_HALF) {
@@ -363,7 +364,7 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
                                   (left - display->min.x)
                             : NULL;
             float *line = unpack->line ? unpack->line : to;
-            if (!line) /* lines that are not shown have a buffer */
+            if (!line) /* lines outside of the display window use a buffer */
                 return EXR_ERR_BAD_CHUNK_LEADER;
             from = unpack_line(from, decode->channels[c].data_type, line, width);
             if (to && to != line)
@@ -373,7 +374,7 @@ static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
     return EXR_ERR_SUCCESS;
 }
 
-/* Checks what exr_read_unpack() relies on, independently of the library. */
+/* Checks the assumptions of exr_read_unpack(), independently of the library. */
 static gboolean chunk_is_sound(const struct source *source, const struct unpack *unpack,
                                const exr_decode_pipeline_t *decode, int y, int lines) {
     const struct exr_part *part = unpack->part;
@@ -416,7 +417,7 @@ static exr_result_t read_chunk(struct source *source, int index, struct unpack *
     return source->failed || source->cancelled ? EXR_ERR_READ_IO : rc;
 }
 
-/* Allocates the planes; what the file does not hold is NaN. */
+/* Allocates the planes. Pixels that the file does not hold are NaN. */
 static gboolean new_planes(struct source *source, struct exr_part *part, GError **error) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     for (int c = 0; c < part->n_channels; c++) {
@@ -430,7 +431,7 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
     return TRUE;
 }
 
-/* Reads a part chunk by chunk. The memory it takes is checked before anything is allocated. */
+/* Reads a part chunk by chunk. The necessary memory is checked before it is allocated. */
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
                             const struct windows *windows, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
@@ -470,8 +471,8 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
 }
 
-/* Reads a part's header, and its pixels unless left is NULL. left: bytes of the file that may hold
- * pixels of parts not yet read. */
+/* Reads a part's header, and its pixels unless left is NULL. left is the number of bytes of the
+ * file that may hold pixels of parts not yet read. */
 static struct exr_part *exr_read_one_part(struct source *source, int index, gsize *left,
                                           GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);

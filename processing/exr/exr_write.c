@@ -1,5 +1,5 @@
-/* Writes EXR files through OpenEXRCore, which compresses chunks and writes headers; packing
- * planes of floats into chunks is done here. */
+/* Writes EXR files through OpenEXRCore, which compresses chunks and writes headers. Packing planes
+ * of floats into chunks is done here. */
 #include "exr.h"
 #include "exr_half.h"
 #include "exr_private.h"
@@ -15,10 +15,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Output of OpenEXRCore: collects small writes, and keeps errno for the message. */
+/* Output of OpenEXRCore. Collects small writes, and keeps errno for the message. */
 struct sink {
     int fd;
-    int error; /* errno of the first failed write, else 0 */
+    int error; /* errno of the first failed write, otherwise 0 */
     guint64 start;
     GByteArray *pending;
     char message[256]; /* last error message of the library */
@@ -67,9 +67,9 @@ static void sink_message(exr_const_context_t context, exr_result_t code, const c
 struct content {
     const struct exr_file *file;
     enum exr_compression compression;
-    ExrFill fill; /* NULL: all planes are there */
+    ExrFill fill; /* NULL if all planes are in memory */
     gpointer data;
-    GError *failed; /* of fill */
+    GError *failed; /* error of fill */
     struct exr_scratch scratch;
 };
 
@@ -156,7 +156,7 @@ static exr_result_t declare_attribute(exr_context_t context, int index,
     return EXR_ERR_INVALID_ATTR;
 }
 
-/* display: window common to all parts, as the standard requires for multi-part files. */
+/* display is a window common to all parts, as the standard requires for multi-part files. */
 static exr_result_t declare_part(exr_context_t context, const struct exr_part *part,
                                  const exr_attr_box2i_t *display, exr_compression_t compression) {
     exr_attr_box2i_t window = {.max = {.x = part->width - 1, .y = part->height - 1}};
@@ -209,12 +209,12 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
 
 struct encoding {
     const struct exr_part *part;
-    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's */
+    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's function */
 };
 
-/* A chunk that compresses to exactly its own size cannot be distinguished from an uncompressed
- * one: OpenEXRCore 3.1 writes the former and reads it as the latter. Such a chunk is written
- * uncompressed. */
+/* A chunk whose compressed size is exactly its own size cannot be distinguished from an
+ * uncompressed one. OpenEXRCore 3.1 writes such a chunk compressed and reads it as uncompressed. It
+ * is therefore written uncompressed. */
 static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const exr_result_t rc = encoding->compress(encode);
@@ -372,7 +372,7 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
 
 #define MOST_LINES 32 /* per chunk */
 
-/* Uniform pixels may compress so well that the reader's limit would refuse the file. */
+/* Uniform pixels may compress so well that the limit of the reader would refuse the file. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;

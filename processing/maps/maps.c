@@ -8,7 +8,7 @@
 #include "maps_private.h"
 #include "maps_store.h"
 
-#define ISOTROPIC 0.15F /* mean anisotropy below which it is left out */
+#define ISOTROPIC 0.15F /* mean anisotropy below which the maps have no anisotropy */
 
 void maps_free(struct maps *maps) {
     if (!maps)
@@ -27,7 +27,7 @@ static float maps_eight(float value) {
     return rintf(255 * CLAMP(value, 0, 1)) / 255;
 }
 
-/* A component of a vector as a normal map has it. */
+/* Encodes a component of a vector for a normal map. */
 static float maps_eight_signed(float value) {
     return 2 * maps_eight(value / 2 + 0.5F) - 1;
 }
@@ -58,7 +58,7 @@ struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
     return ret;
 }
 
-/* A name that files, XML and Python take as it is. */
+/* Converts a name to characters that are valid in files, XML and Python. */
 static char *maps_plain_name(const char *name) {
     char *ret = g_strdup(name && *name ? name : "material");
     g_strcanon(ret, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", '_');
@@ -67,8 +67,8 @@ static char *maps_plain_name(const char *name) {
     return ret;
 }
 
-/* Where anisotropy is left out, the roughness of both directions is their geometric mean. A
- * second call changes nothing. */
+/* If anisotropy is left out, the roughness of both directions is their geometric mean. A second
+ * call changes nothing. */
 static void maps_summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
@@ -140,8 +140,8 @@ struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
     return maps && maps_shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
 }
 
-/* The fit that an earlier export has kept, or a new one, which is kept where the session can be
- * written to. */
+/* Returns the stored fit of an earlier export, or makes a new one, which is stored if the session
+ * can be written to. */
 static struct maps *maps_fitted(const char *path, const char *session, enum maps_model model,
                                 gint64 memory, const struct work *work, GError **error) {
     g_autoptr(GError) unknown = NULL;

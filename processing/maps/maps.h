@@ -1,8 +1,7 @@
-/*
- * Maps for artists: a microfacet model of each texel (maps_model.h) fitted to a whole BTF
- * (maps_fit.h), with heights and ambient occlusion, as maps, glTF 2.0, MaterialX, and a script for
- * Blender. Any thread; nothing is written before all is computed.
- */
+/* Maps for artists. A microfacet model (maps_model.h) is fitted to each texel of a whole BTF
+ * (maps_fit.h). The result, with heights and ambient occlusion, is exported as maps, as glTF 2.0,
+ * as MaterialX, and as a script for Blender. Any thread. Nothing is written before everything is
+ * computed. */
 #pragma once
 
 #include "base/work.h"
@@ -13,18 +12,19 @@
 
 enum maps_heights { MAPS_HEIGHTS_MDF, MAPS_HEIGHTS_NORMALS };
 
-/* What became of the fit: it is not kept, it is kept for the next export, or it is that of an
- * earlier export. */
+/* Whether the fit is stored: not stored, stored for the next export, or taken from an earlier
+ * export. */
 enum maps_kept { MAPS_FIT_UNKEPT, MAPS_FIT_KEPT, MAPS_FIT_TAKEN };
 
-/* The difference between the maps, rounded as 8 bits hold them, and the BTF they were fitted to. */
+/* The difference between the maps, rounded to 8 bits, and the BTF to which they were fitted. */
 struct maps_errors {
     int n_views, n_lights;
-    double delta_e;        /* mean CIEDE2000, white being the diffuser */
+    double delta_e;        /* mean CIEDE2000, relative to the white diffuser */
     double relative_error; /* ‖A − Â‖ / ‖A‖ of R, G and B */
-    float *pairs;          /* n_views × n_lights: the mean over texels; NaN: none was compared */
-    float *texels;         /* height × width: the mean over pairs */
-    int every;             /* of a texel, each every-th pair was compared: 1: all */
+    /* n_views × n_lights: the mean over texels; NaN if no texel was compared */
+    float *pairs;
+    float *texels; /* height × width: the mean over pairs */
+    int every;     /* each every-th pair of a texel was compared; 1 means all pairs */
 };
 
 struct maps {
@@ -32,62 +32,67 @@ struct maps {
     int width, height;
     double texel_mm;
     int n_views, n_lights;
-    gint64 holes; /* values of the BTF that were not measured, and come from texels around them */
-    double depth_mm; /* of the mean surface, which the maps describe, below the reference plane */
+    /* number of values of the BTF that were not measured and are taken from neighbouring texels */
+    gint64 holes;
+    /* depth below the reference plane of the mean surface, which the maps describe */
+    double depth_mm;
     struct maps_fit *fit;
     enum maps_heights heights_from;
-    float *heights_mm;   /* height × width, from 0 upwards */
-    double relief_mm;    /* the largest height */
-    int height_holes;    /* texels without a height, which got that of texels around */
-    float *occlusion;    /* height × width: 1: none */
-    float most_specular; /* the largest specular_colour, at least 1 */
+    float *heights_mm; /* height × width, from 0 upwards */
+    double relief_mm;  /* the maximum height */
+    /* number of texels without a height, which have the height of neighbouring texels */
+    int height_holes;
+    float *occlusion;    /* height × width; 1 means not occluded */
+    float most_specular; /* maximum of specular_colour, at least 1 */
     enum maps_model model;
-    gboolean anisotropic; /* the anisotropy of some texels matters */
+    gboolean anisotropic; /* whether the anisotropy of some texels is visible */
     struct maps_errors errors;
     enum maps_kept kept;
-    char *lost; /* why the fit of a session could not be kept; NULL: it is, or it is no session's */
+    /* why the fit of a session could not be stored; NULL if it is stored, or if there is no
+     * session */
+    char *lost;
 };
 
-/* path: a session or its products/btf. model: what the fit may use; a fit of each is kept. memory:
- * bytes for the BTF, of which the rest is kept in a file; 0: any. The fit is kept in the session
- * (maps_store.h) and, while the BTF is the same, taken from there. Stages "read", "depth",
- * "layers", "fit", "errors", which are left out then, and "occlusion".
- */
+/* Makes the maps of path, a session or its products/btf. model gives the parameters that the fit
+ * may use; a fit of each model is stored. memory is the maximum number of bytes for the BTF, of
+ * which the rest is kept in a file; 0 if not limited. The fit is stored in the session
+ * (maps_store.h), and taken from there while the BTF is the same. Progress stages are "read",
+ * "depth", "layers", "fit", "errors" and "occlusion". If the fit is taken from the session, only
+ * "occlusion" is left. */
 struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
                       const struct work *work, GError **error);
-/* Without a session: of a BTF, with heights from normals. */
+/* The same without a session, from a BTF. Heights are computed from normals. */
 struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
                          const struct work *work, GError **error);
 void maps_free(struct maps *maps); /* NULL is ignored */
 typedef struct maps Maps;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Maps, maps_free)
 
-/*
- * The maps, as NAME_BaseColor, _Metallic, _Roughness, _SpecularLevel, _SpecularEdge,
- * _SpecularColor, _Normal (OpenGL's: green upwards), _Height, _AmbientOcclusion, _AnisotropyLevel,
- * _AnisotropyAngle, and where there is a layer, _SheenColor or _ClearCoat; PNG, of 8 bits, heights
- * and normals of 16; or EXR, linear. Here roughness is √(αt αb)^½, the level 1 − αb / αt, as
- * Blender and standard_surface have them, and the angle that of t from +x counter-clockwise, 1
- * being a whole turn. SpecularLevel is half of specular · specular_colour, so that 0.5 is a
- * reflectance of 4 %, and SpecularEdge what is reached towards grazing directions, 1 being all.
- * Heights are 0 … 1 of relief_mm, in EXR mm. And NAME_errors.csv, NAME_errors_directions.png and
- * NAME_errors_texels.png.
- */
+/* Adds the maps as NAME_BaseColor, _Metallic, _Roughness, _SpecularLevel, _SpecularEdge,
+ * _SpecularColor, _Normal (OpenGL's: green upwards), _Height, _AmbientOcclusion, _AnisotropyLevel
+ * and _AnisotropyAngle. If there is a layer, also _SheenColor or _ClearCoat. The format is PNG of 8
+ * bits, with heights and normals of 16 bits, or linear EXR. Here roughness is √(αt αb)^½ and the
+ * anisotropy level 1 − αb / αt, as in Blender and standard_surface. The angle is that of t from +x
+ * counter-clockwise, 1 being a whole turn. SpecularLevel is half of specular · specular_colour, so
+ * that 0.5 is a reflectance of 4 %. SpecularEdge is the reflectance at grazing directions, 1 being
+ * total reflection. Heights are 0 … 1 of relief_mm, in EXR mm. Also adds NAME_errors.csv,
+ * NAME_errors_directions.png and NAME_errors_texels.png. */
 gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, GError **error);
-/* The errors: a table of views and lights, and the same as pictures: a row a view, a column a
- * light; and of the texels. Black is 0, white 10 or more. */
+/* Adds the errors: a table of views and lights; the same as a picture with a row for each view and
+ * a column for each light; and a picture of the texels. Black is 0, white is 10 or more. */
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error);
 
 enum maps_shapes { MAPS_PLANE = 1, MAPS_SPHERE = 2 };
-/* A binary glTF, or, if text, a .gltf with the files that it names. shapes: a sum. Metres, y up;
- * extensions are used where a map needs them; a material of the core model has none, and no
- * occlusion, which some renderers multiply direct light with. file: the name of the first file. */
+/* Adds a binary glTF or, with text, a .gltf with the files that it names. shapes is a sum of flags.
+ * Lengths are in metres, with y upwards. Extensions are used only if a map needs them. A material
+ * of the core model has no extensions and no occlusion, which some renderers apply to direct light.
+ * file is the name of the first file. */
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,
                        MapsFiles *files, GError **error);
-/* NAME_openpbr.mtlx and NAME_standard_surface.mtlx, and the maps. */
+/* Adds NAME_openpbr.mtlx, NAME_standard_surface.mtlx, and the maps. */
 gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **error);
-/* NAME_blender.py, and the maps. */
+/* Adds NAME_blender.py, and the maps. */
 gboolean maps_add_blender(const struct maps *maps, MapsFiles *files, GError **error);
 
-/* What 8 bits of the maps of a glTF give back of a texel. */
+/* Returns a texel as it is read from the 8 bits of the maps of a glTF. */
 struct maps_texel maps_rounded(const struct maps *maps, gsize texel);

@@ -1,5 +1,5 @@
-/* A Python script that makes the material in Blender 3.4 from the maps beside it. What differs from
- * material to material stands at its head. */
+/* A Python script that makes the material in Blender 3.4 from the maps in the same folder. The
+ * values that differ between materials are at its beginning. */
 #include "maps.h"
 
 static const char script[] =

@@ -1,10 +1,12 @@
-/* Texels are compared under every k-th pair of view and light, each texel from another pair on. */
+/* Texels are compared under every k-th pair of view and light. Each texel begins with another
+ * pair. */
 #include <math.h>
 
 #include "codec/compare.h"
 #include "maps_private.h"
 
-#define MOST_COMPARED 8000000 /* pairs of a texel, a view and a light */
+/* maximum number of comparisons of a texel in a view under a light */
+#define MOST_COMPARED 8000000
 
 struct maps_errors_run {
     struct maps *maps;

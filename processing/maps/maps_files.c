@@ -66,7 +66,7 @@ gboolean maps_files_check(const char *path, gboolean replace, GError **error) {
     return TRUE;
 }
 
-/* Into an existing folder; errno is set on FALSE. */
+/* Writes a file into an existing folder. If FALSE is returned, errno is set. */
 static gboolean maps_files_write_one(const struct maps_file *file, const char *folder) {
     struct new_file to;
     if (!new_file_begin(&to, folder, file->name))
@@ -79,7 +79,7 @@ static gboolean maps_files_write_one(const struct maps_file *file, const char *f
     return FALSE;
 }
 
-/* A file in a folder of the user's. */
+/* Writes a file into a folder of the user. */
 static gboolean maps_files_write_output(const struct maps_file *file, const char *folder,
                                         gboolean replace, GError **error) {
     g_autofree char *path = g_build_filename(folder, file->name, NULL);
@@ -97,7 +97,7 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
     }
 }
 
-/* Into a folder that is there; without one, errno is set. */
+/* Writes files into an existing folder. If there is no such folder, errno is set. */
 static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
     for (guint i = 0; i < files->len; i++)
         if (!maps_files_write_output(files->pdata[i], path, TRUE, error))

@@ -1,4 +1,5 @@
-/* The mean of all texels is fitted first, from many shapes; each texel begins at its result. */
+/* The mean of all texels is fitted first, from many shapes. The fit of each texel begins with the
+ * result. */
 #include "maps_fit_private.h"
 
 #include <math.h>
@@ -7,12 +8,12 @@
 #include "base/data_error.h"
 #include "base/direction.h"
 
-#define BLOCK         16   /* texels that a thread takes at a time */
-#define SOME          96   /* texels of which the layers are chosen */
-#define MEAN          1024 /* texels of which the mean is */
-#define BETTER        0.95 /* of the cost, at most, for a layer to be used */
-#define WORTH         3e-4 /* least decrease of a texel's cost, which is relative to Σ u² Y² */
-#define STARTS        5    /* of a texel */
+#define BLOCK         16   /* number of texels that a thread takes at a time */
+#define SOME          96   /* number of texels with which the layers are chosen */
+#define MEAN          1024 /* number of texels over which the mean is taken */
+#define BETTER        0.95 /* a layer is used if it reduces the cost to at most this share */
+#define WORTH         3e-4 /* minimum decrease of a texel's cost, which is relative to Σ u² Y² */
+#define STARTS        5    /* number of starts of a texel */
 #define LAMBERT_LIMIT 0.7
 
 struct maps_fit_run {
@@ -21,10 +22,10 @@ struct maps_fit_run {
     const struct maps_pairs *pairs;
     struct maps_fit *fit;
     float mean[MAPS_SHAPE];
-    int step; /* every step-th texel, into costs; 0: all, into fit */
+    int step; /* computes the costs of every step-th texel; 0 fits all texels */
     double *costs;
     GMutex mutex;
-    GError *error; /* the first, of reading */
+    GError *error; /* the first error of reading */
 };
 
 void maps_fit_free(struct maps_fit *fit) {
@@ -34,7 +35,7 @@ void maps_fit_free(struct maps_fit *fit) {
     g_free(fit);
 }
 
-/* The values of texels first … first + n − 1, pairs × 3 each. */
+/* Gives the values of texels first … first + n − 1, pairs × 3 each. */
 static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n, float *rgb,
                               GError **error) {
     const struct btf_matrix *btf = run->btf;
@@ -58,7 +59,7 @@ static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n
     return TRUE;
 }
 
-/* The normal's x and y of Lambert's law: b / |b| of min Σ (Y − b·l)². */
+/* Finds the normal's x and y by Lambert's law: b / |b| of min Σ (Y − b·l)². */
 static void maps_fit_lambert(const struct maps_pairs *pairs, const float *rgb, float ret[2]) {
     double a[3][3] = {{0}}, b[3] = {0};
     for (int i = 0; i < pairs->n; i++) {
@@ -149,7 +150,7 @@ static gboolean maps_fit_blocks(struct maps_fit_run *run, const struct work *wor
     return FALSE;
 }
 
-/* The shape of the mean of some texels, from shapes of which one should be near. */
+/* Finds the shape of the mean of some texels, beginning from several shapes. */
 static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
     static const float widths[] = {-4, -3, -2, -1.2F, -0.4F};
     static const float spreads[3][2] = {{0, 0}, {0.5F, 0}, {-0.5F, 0}};

@@ -4,11 +4,11 @@
 #include "maps_fit.h"
 
 #define MAPS_COLUMNS 3 /* d, S, e */
-/* The shape of a texel's lobes: normal x, y; p, q, r, with log αt, log αb = p ± |(q, r)| and t at
- * ½ atan2(r, q); and w. */
+/* The shape of a texel's lobes: the normal's x and y; p, q, r, with log αt, log αb = p ± |(q, r)|
+ * and t at ½ atan2(r, q); and w. */
 #define MAPS_SHAPE 6
 
-/* Of n pairs: unit vectors of view, light and the half vector between them, f5, and E. */
+/* Planes of n pairs: unit vectors of view, light and the half vector between them, f5, and E. */
 enum maps_plane {
     MAPS_VX,
     MAPS_VY,
@@ -27,23 +27,24 @@ struct maps_pairs {
     int n;
     int *index; /* view · n_lights + light */
     float *planes[MAPS_PLANES];
-    gboolean extra; /* E is not 0 everywhere */
+    gboolean extra; /* whether E is not 0 for some pair */
     enum maps_model model;
 };
 
-/* Every pair of directions above the plane, at most MAPS_MOST_PAIRS. */
+/* Returns the pairs of directions above the plane, at most MAPS_MOST_PAIRS of them. */
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
-/* Sets E as the layers have it, for the normal z. */
+/* Sets E for the layers and for the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);
 void maps_pairs_free(struct maps_pairs *pairs); /* NULL is ignored */
 
-/* The state of one texel's fit; one thread. */
+/* The state of the fit of one texel. One thread at a time. */
 struct maps_solver;
 struct maps_solver *maps_solver_new(const struct maps_pairs *pairs);
 void maps_solver_free(struct maps_solver *solver);
 
-/* rgb: pairs × 3, may have NaN. starts: shapes to begin from, of which the best is taken. Results:
- * the shape, the columns' factors, and Σ w² r² relative to Σ w² Y². FALSE: there is no light. */
+/* Fits one texel. rgb is pairs × 3 and may contain NaN. The fit begins with each of the shapes in
+ * starts, and the best result is kept. The results are the shape, the factors of the columns, and Σ
+ * w² r² relative to Σ w² Y². Returns FALSE if there is no light. */
 struct maps_solution {
     float shape[MAPS_SHAPE], factors[MAPS_COLUMNS];
     double cost;
@@ -51,7 +52,7 @@ struct maps_solution {
 gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret);
-/* The colours, for the texel that maps_solver_run() has just solved. */
+/* Computes the colours of the texel that maps_solver_run() has just solved. */
 void maps_solver_colours(struct maps_solver *solver, const float *rgb,
                          const struct maps_layers *layers, const struct maps_solution *solution,
                          struct maps_texel *ret);

@@ -1,16 +1,17 @@
-/* glTF 2.0: meshes with tangents, textures, and one material. Text is made by hand: the name, which
- * is all that comes from elsewhere, has no character that JSON would have to escape. */
+/* glTF 2.0: meshes with tangents, textures, and one material. The text is written without a JSON
+ * library. The name is the only text from outside, and has no character that JSON would have to
+ * escape. */
 #include <math.h>
 #include <string.h>
 
 #include "maps.h"
 #include "maps_png.h"
 
-#define AROUND   96 /* of the sphere's quads */
+#define AROUND   96 /* number of the sphere's quads */
 #define DOWN     48
-#define TILES_U  6 /* as mesorig-view's sphere has them */
+#define TILES_U  6 /* as on mesorig-view's sphere */
 #define TILES_V  3
-#define VERTEX   12 /* floats: position, normal, tangent, texture coordinates */
+#define VERTEX   12 /* number of floats: position, normal, tangent, texture coordinates */
 #define GLB_JSON 0x4e4f534a
 #define GLB_BIN  0x004e4942
 
@@ -32,13 +33,13 @@ static void maps_mesh_vertex(struct maps_mesh *mesh, const double p[3], const do
     g_array_append_vals(mesh->vertices, all, VERTEX);
 }
 
-/* +x of the sample is +x, +y of it −z: its top row lies behind. */
+/* +x of the sample is +x, and +y of the sample is −z, so that its top row is at the back. */
 static struct maps_mesh maps_mesh_plane(double width, double depth) {
     static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
     static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
     struct maps_mesh mesh = maps_mesh_new();
     for (int i = 0; i < 4; i++) {
-        const double u = i % 2, v = i < 2 ? 0 : 1; /* 0: the front */
+        const double u = i % 2, v = i < 2 ? 0 : 1; /* v is 0 at the front */
         const double p[3] = {(u - 0.5) * width, 0, (0.5 - v) * depth};
         maps_mesh_vertex(&mesh, p, up, right, u, 1 - v);
     }
@@ -46,12 +47,13 @@ static struct maps_mesh maps_mesh_plane(double width, double depth) {
     return mesh;
 }
 
-/* Around y, of which the material keeps its size at the equator. */
+/* A sphere around the y axis. At its equator the material has its true size. */
 static struct maps_mesh maps_mesh_sphere(double radius) {
     struct maps_mesh mesh = maps_mesh_new();
     for (int j = 0; j <= DOWN; j++)
         for (int i = 0; i <= AROUND; i++) {
-            const double u = (double)i / AROUND, v = (double)j / DOWN; /* v from the south pole */
+            /* v counts from the south pole */
+            const double u = (double)i / AROUND, v = (double)j / DOWN;
             const double a = 2 * G_PI * u, e = G_PI * (v - 0.5);
             const double n[3] = {cos(e) * cos(a), sin(e), -cos(e) * sin(a)};
             const double t[3] = {-sin(a), 0, -cos(a)};
@@ -77,7 +79,7 @@ struct maps_gltf {
     GByteArray *bytes;
     GString *views, *accessors, *meshes, *nodes, *images, *textures;
     int n_views, n_accessors, n_meshes, n_textures;
-    MapsFiles *beside; /* textures, if text */
+    MapsFiles *beside; /* textures, if the file is text */
 };
 
 static void maps_gltf_comma(GString *list) {
@@ -85,7 +87,7 @@ static void maps_gltf_comma(GString *list) {
         g_string_append(list, ",\n  ");
 }
 
-/* target: 0: none. Returns the number of the view. */
+/* target is 0 if there is none. Returns the index of the view. */
 static int maps_gltf_put(struct maps_gltf *to, gconstpointer data, gsize size, int stride,
                          int target) {
     static const guint8 zeros[4] = {0};
@@ -126,7 +128,8 @@ static void maps_gltf_accessor(struct maps_gltf *to, int view, gsize offset, int
     to->n_accessors++;
 }
 
-/* Bytes are written as this machine has them, which all that run Debian's Blender have alike. */
+/* Bytes are written in the byte order of this machine, which is the same on all machines that run
+ * Debian's Blender. */
 static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
                            struct maps_mesh mesh) {
     static const char *const kinds[] = {"VEC3", "VEC3", "VEC4", "VEC2"};
@@ -173,7 +176,7 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
 
 typedef void (*MapsGltfFill)(const struct maps *maps, gsize texel, float *ret);
 
-/* Returns the texture's number; −1: error. */
+/* Returns the index of the texture, or −1 on error. */
 static int maps_gltf_texture(struct maps_gltf *to, const char *name, int channels, gboolean srgb,
                              MapsGltfFill fill, GError **error) {
     const struct maps *maps = to->maps;
@@ -232,7 +235,7 @@ static void maps_gltf_coat(const struct maps *maps, gsize i, float *ret) {
     ret[0] = ret[1] = ret[2] = maps->fit->texels[i].coat;
 }
 
-/* The extensions of a material, which end it. */
+/* Adds the extensions at the end of a material. */
 static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GString *extensions,
                                      GError **error) {
     const struct maps *maps = to->maps;

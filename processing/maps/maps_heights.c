@@ -11,14 +11,12 @@
 #include "normals/integrate_normals.h"
 
 #define DIRECTIONS 16
-#define REACH      48 /* texels */
-#define MOST_HOLES                                                                                 \
-    0.5                /* share of texels without a height from which on an MDF tells too little   \
-                        */
-#define TAIL     0.002 /* share of the heights at each end that count as mistaken */
-#define STEEPEST 0.1F  /* least z of a normal whose slope is integrated */
+#define REACH      48    /* maximum distance in texels */
+#define MOST_HOLES 0.5   /* share of texels without a height above which an MDF is not used */
+#define TAIL       0.002 /* share of the heights at each end that are assumed to be wrong */
+#define STEEPEST   0.1F  /* minimum z of a normal whose slope is integrated */
 
-/* The map that `mesorig export height` writes, read back. */
+/* Reads the map that `mesorig export height` writes. */
 static gboolean maps_heights_mdf(struct maps *maps, const char *session, const struct work *work,
                                  GError **error) {
     const struct export_surface_options options = {.what = EXPORT_HEIGHT, .layered = TRUE};
@@ -52,7 +50,7 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
     return TRUE;
 }
 
-/* Heights beyond a quantile at either end become that; the lowest is 0. */
+/* Clamps heights to a quantile at either end, and shifts them so that the lowest is 0. */
 static void maps_heights_limit(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree double *sorted = g_new(double, n);
@@ -103,7 +101,7 @@ struct maps_occlusion {
     float *ret;
 };
 
-/* The height at a place, bilinear; FALSE outside. */
+/* Gives the height at a position by bilinear interpolation. Returns FALSE outside of the field. */
 static gboolean maps_heights_at(const struct maps_occlusion *of, double x, double y, double *ret) {
     const int x0 = (int)floor(x), y0 = (int)floor(y);
     if (x0 < 0 || y0 < 0 || x0 + 1 >= of->width || y0 + 1 >= of->height)

@@ -1,11 +1,11 @@
-/* MaterialX 1.39: one document a shading model. The name is all that comes from elsewhere, and has
- * no character that XML would have to escape. */
+/* MaterialX 1.39: one document for each shading model. The name is the only text from outside, and
+ * has no character that XML would have to escape. */
 #include <math.h>
 
 #include "maps.h"
 #include "maps_png.h"
 
-/* What standard_surface and OpenPBR call the same input. */
+/* The names of the same input in standard_surface and OpenPBR. */
 struct maps_materialx_names {
     const char *file, *node, *fixed;
     const char *base, *metallic, *specular, *roughness, *ior, *anisotropy;
@@ -70,7 +70,7 @@ static void maps_materialx_map(const struct maps *maps, GString *to, const char 
         closest ? "    <input name=\"filtertype\" type=\"string\" value=\"closest\" />\n" : "");
 }
 
-/* The lobe's tangent: that of the mesh, turned about its normal by the map's angle. */
+/* The lobe's tangent: that of the mesh, rotated about its normal by the map's angle. */
 static void maps_materialx_tangent(GString *to) {
     g_string_append(
         to,
@@ -109,7 +109,8 @@ static void maps_materialx_maps(const struct maps *maps, const struct maps_mater
         maps_materialx_map(maps, to, "ClearCoat", "float", FALSE, FALSE);
 }
 
-/* What the specular weight and colour of a texel make of 4 %. */
+/* Returns the factor by which the specular weight and colour of a texel multiply the reflectance of
+ * 4 %. */
 static double maps_materialx_factor(const struct maps_texel *t) {
     const float *s = t->specular_colour;
     return (double)t->specular * (double)(s[0] + s[1] + s[2]) / 3;
@@ -123,7 +124,8 @@ static double maps_materialx_most(const struct maps *maps) {
     return ret;
 }
 
-/* The index of refraction of the most specular texel; the map of the weight is relative to it. */
+/* Returns the index of refraction of the most specular texel. The map of the weight is relative to
+ * it. */
 static double maps_materialx_ior(const struct maps *maps) {
     const double root = sqrt(MIN((double)MAPS_DIELECTRIC * maps_materialx_most(maps), 0.9));
     return (1 + root) / (1 - root);
@@ -172,7 +174,7 @@ static GString *maps_materialx_document(const struct maps *maps,
 }
 
 /* OpenPBR's roughness r: αt = r² √(2 / (1 + (1 − a)²)), with a the level of anisotropy (ASWF 2024).
- * And the specular weight relative to the index of refraction of the document. */
+ * The specular weight is relative to the index of refraction of the document. */
 static gboolean maps_materialx_add_map(const struct maps *maps, gboolean roughness,
                                        MapsFiles *files, GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;

@@ -15,7 +15,7 @@ double maps_lobe(double alpha, double nl, double nv, double nh) {
     return d * 0.5 / MAX(lv + ll, LEAST_COSINE * LEAST_COSINE);
 }
 
-/* Λ of Estevez & Kulla 2017, eq. 3 and its table: interpolated between the roughnesses 0 and 1. */
+/* Λ of Estevez & Kulla 2017, eq. 3 and its table, interpolated between the roughnesses 0 and 1. */
 static double maps_model_sheen_curve(double x, double alpha) {
     const double k = (1 - alpha) * (1 - alpha);
     const double a = 21.5473 + k * (25.3245 - 21.5473), b = 3.82987 + k * (3.32435 - 3.82987);
@@ -70,7 +70,7 @@ double maps_sheen_albedo(const struct maps_layers *layers, double cosine) {
            (at - i) * ((double)layers->sheen_albedo[i + 1] - layers->sheen_albedo[i]);
 }
 
-/* Of a texel in two directions. */
+/* The angles of a texel in two directions. */
 struct maps_model_angles {
     double nl, nv, nh, vh;
     double specular; /* D V */
@@ -104,7 +104,7 @@ static gboolean maps_model_angles(const struct maps_texel *texel, const double v
     return TRUE;
 }
 
-/* f_0 of each colour. */
+/* Computes f_0 of each colour. */
 static void maps_model_base(const struct maps_texel *texel, const struct maps_model_angles *at,
                             double ret[3]) {
     const double m = texel->metallic, w = texel->specular, f5 = pow(MAX(1 - at->vh, 0), 5);

@@ -30,12 +30,15 @@
 struct maps_texel {
     float base[3], metallic, roughness;
     float specular, specular_colour[3]; /* s: 0 … MAPS_MOST_SPECULAR */
-    float anisotropy, direction[2];     /* 0 … 1; of t, unit, before it is made orthogonal to n */
-    float normal[3];                    /* unit, z > 0 */
+    /* anisotropy is 0 … 1; direction is that of t, a unit vector before it is made orthogonal to n
+     */
+    float anisotropy, direction[2];
+    float normal[3]; /* unit, z > 0 */
     float sheen[3], coat;
 };
 
-/* Of all texels. Roughness 0: the material has none of it. */
+/* The layers that all texels share. A roughness of 0 means that the material does not have the
+ * layer. */
 #define MAPS_SHEEN_STEPS 32
 struct maps_layers {
     float sheen_roughness, coat_roughness;
@@ -43,12 +46,13 @@ struct maps_layers {
 };
 struct maps_layers maps_layers_new(double sheen_roughness, double coat_roughness);
 
-/* v and l: unit vectors with z > 0. 0 where the normal faces away from one of them. */
+/* Evaluates the model. v and l are unit vectors with z > 0. The result is 0 if the normal faces
+ * away from one of them. */
 void maps_evaluate(const struct maps_layers *layers, const struct maps_texel *texel,
                    const float v[3], const float l[3], float ret[3]);
 
-/* D V of an isotropic lobe of α, and D_s V_s, at the cosines n·l, n·v and n·h. */
+/* Return D V of an isotropic lobe of α, and D_s V_s, at the cosines n·l, n·v and n·h. */
 double maps_lobe(double alpha, double nl, double nv, double nh);
 double maps_sheen(double roughness, double nl, double nv, double nh);
-/* E(cos θ), from the table. */
+/* Returns E(cos θ) from the table. */
 double maps_sheen_albedo(const struct maps_layers *layers, double cosine);

@@ -3,16 +3,14 @@
 
 #include "maps.h"
 
-/* Heights from the MDF of a session, or from the fit's normals. */
+/* Finds heights from the MDF of a session, or from the normals of the fit. */
 gboolean maps_find_heights(struct maps *maps, const char *session, const struct work *work,
                            GError **error);
 
-/*
- * Ambient occlusion of a height field: the share of a white sky's light that arrives, with the
- * horizon of DIRECTIONS azimuths as seen from each texel up to a reach:
+/* Computes the ambient occlusion of a height field: the share of a white sky's light that arrives.
+ * The horizon is found from each texel in DIRECTIONS azimuths up to a maximum distance:
  *   1/n Σ cos² θ_k,  θ_k the horizon's elevation.
- * heights in units of a texel's width; outside of the field is nothing.
- */
+ * heights are in units of a texel's width. There is no surface outside of the field. */
 gboolean maps_find_occlusion(const float *heights, int width, int height, const struct work *work,
                              float *ret, GError **error);
 

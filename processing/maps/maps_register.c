@@ -1,4 +1,5 @@
-/* Pictures of views, averaged over lights, are moved against each other by what a depth would. */
+/* The pictures of views, averaged over lights, are shifted against each other by the displacements
+ * of a depth. */
 #include "maps_register.h"
 
 #include <math.h>
@@ -6,18 +7,20 @@
 
 #include "base/direction.h"
 
-#define WINDOW   96     /* texels each way, in the middle, that are looked at */
-#define MARGIN   4      /* of them, which moved pictures may lack */
-#define STEEPEST 0.45F  /* least z of a view that is looked at */
-#define LEAST    (-1.0) /* texels of depth that are tried */
+/* number of texels in each dimension, in the middle of the BTF, that are compared */
+#define WINDOW   96
+#define MARGIN   4      /* share of the window's texels that shifted pictures may lack */
+#define STEEPEST 0.45F  /* minimum z of a view that is compared */
+#define LEAST    (-1.0) /* range of depths in texels that are tried */
 #define MOST     4.0
 #define STEP     0.125
 #define BETTER   0.9
-#define FAINT    0.005 /* of the mean: a pattern's standard deviation that tells nothing */
-#define NOTHING  0.06  /* texels of depth that make no difference */
+/* standard deviation of a pattern, relative to the mean, below which it gives no depth */
+#define FAINT   0.005
+#define NOTHING 0.06 /* texels of depth that have no effect */
 
 struct maps_register_search {
-    int width, height, n; /* of the window; views */
+    int width, height, n; /* of the window; n is the number of views */
     float *pictures;      /* n × height × width × 3 */
     float *tangents;      /* n × 2: v_x / v_z, −v_y / v_z */
 };
@@ -29,7 +32,7 @@ void maps_register_free(struct maps_register *registered) {
     g_free(registered);
 }
 
-/* Four texels' shares at a place; FALSE: it is outside. */
+/* Gives four texels and their weights at a position. Returns FALSE outside of the picture. */
 static gboolean maps_register_corners(double x, double y, int width, int height, gsize ret_at[4],
                                       float ret_share[4]) {
     const int x0 = CLAMP((int)floor(x), 0, MAX(width - 2, 0));
@@ -45,7 +48,7 @@ static gboolean maps_register_corners(double x, double y, int width, int height,
     return TRUE;
 }
 
-/* The window's picture of a view, its mean being 1. FALSE: error. */
+/* Makes the window's picture of a view, scaled to a mean of 1. Returns FALSE on error. */
 static gboolean maps_register_picture(const struct btf_matrix *btf, int view, int x0, int y0,
                                       const struct maps_register_search *search, float *ret,
                                       GError **error) {
@@ -73,8 +76,8 @@ static gboolean maps_register_picture(const struct btf_matrix *btf, int view, in
     return TRUE;
 }
 
-/* How much views differ at a depth, in texels, relative to the contrast of their mean. INFINITY:
- * there is no pattern. */
+/* Returns the difference of the views at a depth, in texels, relative to the contrast of their
+ * mean. Returns INFINITY if there is no pattern. */
 static double maps_register_differ(const struct maps_register_search *s, double depth) {
     double within = 0, contrast = 0, mean[3] = {0};
     gint64 n = 0;
@@ -124,7 +127,7 @@ static void maps_register_try(int i, gpointer data) {
     run->differ[i] = maps_register_differ(run->search, LEAST + i * STEP);
 }
 
-/* In texels. */
+/* The result is in texels. */
 static gboolean maps_register_search(const struct maps_register_search *search,
                                      const struct work *work, double *ret, GError **error) {
     enum { TRIES = (int)((MOST - LEAST) / STEP) + 1 };
@@ -143,7 +146,7 @@ static gboolean maps_register_search(const struct maps_register_search *search,
     if (!isfinite(none) || !(differ[best] < BETTER * none) || best == 0 || best == TRIES - 1 ||
         !isfinite(differ[best - 1] + differ[best + 1]))
         return TRUE;
-    /* The vertex of the parabola through the least value and those beside it. */
+    /* The vertex of the parabola through the minimum and its two neighbours. */
     const double before = differ[best - 1], after = differ[best + 1];
     const double bend = before - 2 * differ[best] + after;
     const double off = bend > 0 ? 0.5 * (before - after) / bend : 0;

@@ -1,5 +1,5 @@
-/* Levenberg-Marquardt over the shape, with the columns' factors eliminated. Loops run over all
- * pairs in planes of floats, so that they become vectors. */
+/* Levenberg–Marquardt over the shape, with the columns' factors eliminated. Loops run over all
+ * pairs in planes of floats, so that compilers can vectorise them. */
 #include "maps_fit_private.h"
 
 #include <math.h>
@@ -13,16 +13,17 @@
 #define HUBER         1.345 /* standard deviations; Huber 1981 */
 #define STEPS         6
 #define ROUNDS        3
-#define ENOUGH        1e-4 /* relative decrease of the cost that ends a round */
+#define ENOUGH        1e-4 /* relative decrease of the cost below which a round ends */
 #define STEP          1e-2F
 #define MOST_NORMAL   0.85F
 #define LEAST_COSINE  1e-3F
 #define LEAST_WEIGHT  0.02F
-#define WEAK          0.5  /* of the priors of factors, in pairs with a column of 1 */
-#define PRIOR         2e-4 /* of the shape's priors, relative to Σ w² Y² */
+#define WEAK          0.5  /* weight of the priors of factors, in pairs with a column of 1 */
+#define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ w² Y² */
 #define COLOUR_ROUNDS 5
-#define COLOUR_HUBER  0.3 /* standard deviations up to which squares count; chosen on low_weave */
-#define SHRINK        0.1 /* of the specular colour, towards grey */
+/* standard deviations up to which squares count; chosen with the material low_weave */
+#define COLOUR_HUBER 0.3
+#define SHRINK       0.1 /* weight by which the specular colour is drawn towards grey */
 
 /* The usual deviations of a shape's values. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
@@ -65,7 +66,7 @@ void maps_solver_free(struct maps_solver *solver) {
     g_free(solver);
 }
 
-/* The frame and α along t and b of a shape. */
+/* The frame of a shape, and α along t and b. */
 struct maps_frame {
     float n[3], t[3], b[3], direction[2], at, ab;
 };
@@ -125,12 +126,13 @@ static void maps_solver_columns(struct maps_solver *solver, const struct maps_fr
     }
 }
 
-/* What Fresnel's factor of a dielectric leaves to the diffuse lobe. */
+/* Returns the part of the light that Fresnel's factor of a dielectric leaves to the diffuse
+ * lobe. */
 static inline float maps_solver_below(float weight, float f5) {
     return 1 - weight * (MAPS_DIELECTRIC + (1 - MAPS_DIELECTRIC) * f5);
 }
 
-/* min xᵀ A x − 2 bᵀ x within bounds, by coordinates. */
+/* Minimises xᵀ A x − 2 bᵀ x within bounds, coordinate by coordinate. */
 static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, int n,
                             const double *least, const double *most, double *x) {
     for (int round = 0; round < 60; round++) {
@@ -148,7 +150,7 @@ static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, in
     }
 }
 
-/* Factors and residuals of a shape; the cost with the factors' priors. */
+/* Computes factors and residuals of a shape. Returns the cost, including the factors' priors. */
 static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS_SHAPE],
                               float *residuals, float factors[MAPS_COLUMNS]) {
     static const double most[MAPS_COLUMNS] = {4, 1, 1};
@@ -200,7 +202,8 @@ static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS
     return cost;
 }
 
-/* The priors of a shape: its values' distance from those that are usual, in usual deviations. */
+/* Computes the priors of a shape: the distance of its values from the usual ones, in usual
+ * deviations. */
 static void maps_solver_prior(const float shape[MAPS_SHAPE], double ret[MAPS_SHAPE]) {
     static const float usual[MAPS_SHAPE] = {0, 0, -1.2F, 0, 0, 1};
 
@@ -217,7 +220,8 @@ static double maps_solver_cost(struct maps_solver *solver, const float shape[MAP
     return cost;
 }
 
-/* x of A x = b for a positive definite A, which is overwritten. FALSE: it is not. */
+/* Solves A x = b for a positive definite A, which is overwritten. Returns FALSE if A is not
+ * positive definite. */
 static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
     for (int j = 0; j < MAPS_SHAPE; j++) {
         for (int k = 0; k < j; k++)
@@ -244,12 +248,13 @@ static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[
     return TRUE;
 }
 
-/* How many of a shape's values are fitted: the core model's lobe is isotropic, and its w is 1. */
+/* Returns the number of a shape's values that are fitted. The core model's lobe is isotropic, and
+ * its w is 1. */
 static int maps_solver_free_values(const struct maps_solver *solver) {
     return solver->pairs->model == MAPS_MODEL_CORE ? 3 : MAPS_SHAPE;
 }
 
-/* Jᵀ J and −Jᵀ r by differences, priors included. */
+/* Computes Jᵀ J and −Jᵀ r by differences, including the priors. */
 static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAPS_SHAPE],
                                double normal[MAPS_SHAPE][MAPS_SHAPE], double right[MAPS_SHAPE]) {
 
@@ -298,7 +303,7 @@ static void maps_solver_limit(const struct maps_solver *solver, float shape[MAPS
     shape[5] = core ? 1 : CLAMP(shape[5], LEAST_WEIGHT, 1);
 }
 
-/* From shape with residuals and the cost; both are updated. */
+/* Improves shape from its residuals and its cost. Both are updated. */
 static double maps_solver_descend(struct maps_solver *solver, double cost,
                                   struct maps_solution *at) {
     double damping = 1e-2;
@@ -336,9 +341,9 @@ static double maps_solver_descend(struct maps_solver *solver, double cost,
     return cost;
 }
 
-/* Weights from the model's values m_i in place of the measured ones, (m_i + y0)^−0.6, so that what
- * lies in shadow does not count most; and Huber's factors, from residuals whose standard deviation
- * is that of their median. */
+/* Computes weights (m_i + y0)^−0.6 from the model's values m_i instead of the measured ones, so
+ * that values in shadow do not count most. Also computes Huber's factors, from residuals whose
+ * standard deviation is estimated by their median. */
 static void maps_solver_robust(struct maps_solver *solver) {
     int n = 0;
     solver->energy = 0;
@@ -410,7 +415,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
         }
         maps_solver_descend(solver, cost, ret);
     }
-    /* The cost that is reported is that of the lobes alone. */
+    /* The reported cost is that of the lobes only. */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
     double squares = 0;
     for (int i = 0; i < solver->n; i++)
@@ -419,8 +424,8 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
     return TRUE;
 }
 
-/* metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 − m); 0 where
- * S is at most least. */
+/* Returns the metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 −
+ * m). Returns 0 if S is at most least. */
 static double maps_solver_metallic(double d, double s, double least) {
     double low = 0, high = 1;
     if (s <= least)
@@ -435,15 +440,15 @@ static double maps_solver_metallic(double d, double s, double least) {
     return low;
 }
 
-/* What is known of a texel when its colours are sought: metallic m, specular w, a dielectric's
- * reflectance, and how much there is of a layer. */
+/* The known values of a texel when its colours are computed: metallic m, specular w, a dielectric's
+ * reflectance, and the amount of a layer. */
 struct maps_colours {
     double m, w, f0, layer;
     const struct maps_layers *layers;
 };
 
-/* What base, specular colour and sheen are multiplied with in pair i; returns what else there is.
- */
+/* Gives the factors of base, specular colour and sheen in pair i. Returns the remaining part, which
+ * does not depend on them. */
 static double maps_solver_colour_columns(const struct maps_solver *solver,
                                          const struct maps_colours *of, int i,
                                          double ret[MAPS_COLUMNS]) {
@@ -466,12 +471,12 @@ static double maps_solver_colour_columns(const struct maps_solver *solver,
     return left * ((1 - m) * w + m) * lobe * f5 + top;
 }
 
-/* Least squares of each colour with the weights of solver->trial. */
+/* Fits each colour by least squares with the weights of solver->trial. */
 static void maps_solver_colours_fit(const struct maps_solver *solver, const float *rgb,
                                     const struct maps_colours *of, const double start[MAPS_COLUMNS],
                                     double ret[3][MAPS_COLUMNS]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
-    /* The core model's reflectance of a dielectric is given. */
+    /* In the core model, the reflectance of a dielectric is fixed. */
     const double least[MAPS_COLUMNS] = {0, core ? 1 : 0, 0};
     const double most[MAPS_COLUMNS] = {1, core ? 1 : (double)MAPS_MOST_SPECULAR, 1};
     double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
@@ -500,10 +505,11 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
     }
 }
 
-/* Into solver->trial the weights with which the next fit brings the sum of absolute differences
- * down: an edge that one texel shows in some views and not in others gets one of both colours
- * rather than their mixture, which differs from both. A view counts as the area that the surface
- * shows of itself there, v·z: in pictures, grazing views, which show other points most, are few. */
+/* Stores in solver->trial the weights with which the next fit reduces the sum of absolute
+ * differences. An edge that a texel shows in some views and not in others then gets one of both
+ * colours, not their mixture, which differs from both. A view counts with the visible area of the
+ * surface, v·z. Grazing views, which differ most because they show other points, are then less
+ * important. */
 static void maps_solver_colours_robust(struct maps_solver *solver, const float *rgb,
                                        const struct maps_colours *of,
                                        const double x[3][MAPS_COLUMNS]) {
@@ -539,7 +545,8 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
     const struct maps_frame frame = maps_solver_frame(solution->shape);
     const double d = (double)solution->factors[0], s = (double)solution->factors[1];
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
-    /* Where a specular colour can hold it, up to twice a dielectric's reflectance is no metal's. */
+    /* If a specular colour can represent it, a reflectance of up to twice a dielectric's is not
+     * assumed to be that of a metal. */
     const double m = maps_solver_metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
     const double w = core ? 1 : MAX((double)solution->shape[5], MIN(2 * s, 1));
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);

@@ -9,11 +9,11 @@
 #include "session/inputs.h"
 #include "session/session.h"
 
-/* Version of the fit and of its errors; a file of another version is not read. */
+/* Version of the fit and of its errors. A file of another version is not read. */
 #define VERSION 5
 #define MADE_BY "export maps -o FOLDER"
 
-/* The members of a texel by name, in the order that an EXR demands; E comes first. */
+/* The members of a texel by name, in the order that EXR requires; E comes first. */
 static const struct {
     const char *name;
     gsize offset;
@@ -66,7 +66,7 @@ char *maps_store_inputs(const char *session, enum maps_model model, GError **err
     return n == files->len ? g_strdup(g_checksum_get_string(sum)) : NULL;
 }
 
-/* Every number of a part that struct maps has; FALSE: one is missing. */
+/* Reads every number of struct maps from a part. Returns FALSE if one is missing. */
 static gboolean maps_store_numbers(const struct exr_part *part, struct maps *maps,
                                    double ret_layers[2]) {
     int holes = 0;

@@ -19,7 +19,7 @@ static float maps_textures_grey(const struct maps_texel *t) {
     return (t->specular_colour[0] + t->specular_colour[1] + t->specular_colour[2]) / 3;
 }
 
-/* One map: fills channels values of a texel. */
+/* A map. Its function fills the channels of a texel. */
 struct maps_texture {
     const char *name;
     int channels, bits;
@@ -45,7 +45,7 @@ static void maps_textures_specular(const struct maps *maps, gsize i, float *ret)
 static void maps_textures_edge(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].specular;
 }
-/* The tint alone; its largest part is 1. */
+/* Gives only the tint, scaled so that its largest component is 1. */
 static void maps_textures_tint(const struct maps *maps, gsize i, float *ret) {
     const float *s = maps->fit->texels[i].specular_colour;
     const float most = MAX(MAX(s[0], s[1]), s[2]);
@@ -103,7 +103,7 @@ static gboolean maps_textures_has(const struct maps *maps, const struct maps_tex
     return TRUE;
 }
 
-/* An EXR in memory, by way of a temporary file. */
+/* Makes an EXR in memory through a temporary file. */
 static GBytes *maps_textures_exr(const struct maps *maps, const struct maps_texture *texture,
                                  const float *values, GError **error) {
     static const char *const rgb[] = {"B", "G", "R", NULL}, *const grey[] = {"Y", NULL};
@@ -151,7 +151,7 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
     return TRUE;
 }
 
-/* From black over violet and orange to white; what was not compared is grey. */
+/* A scale from black over violet and orange to white. Texels that were not compared are grey. */
 static void maps_textures_heat(float delta_e, float ret[3]) {
     static const float stops[5][3] = {
         {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};
@@ -162,7 +162,7 @@ static void maps_textures_heat(float delta_e, float ret[3]) {
             isnan(delta_e) ? 0.5F : stops[i][c] + (at - (float)i) * (stops[i + 1][c] - stops[i][c]);
 }
 
-/* Each value as a square of cell pixels. */
+/* Draws each value as a square of cell pixels. */
 static GBytes *maps_textures_picture(const float *values, int width, int height, int cell,
                                      GError **error) {
     const gsize row = (gsize)width * (gsize)cell;

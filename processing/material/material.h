@@ -1,22 +1,22 @@
-/*
- * A material that Mesorig has measured, for renderers: what it reflects, where a ray meets its
- * relief, and light directions that matter. Installed as <mesorig/material.h>; link with
- * `pkg-config --cflags --libs mesorig-material`. Plain C, C++ as well.
+/* A material that Mesorig has measured, for use in renderers: its reflectance, the intersection of
+ * a ray with its relief, and importance sampling of light directions. Installed as
+ * <mesorig/material.h>; link with `pkg-config --cflags --libs mesorig-material`. The header is
+ * plain C, and can be used in C++.
  *
- * Everything but open and close may be called from any number of threads at once with one material.
+ * Everything except open and close may be called from any number of threads at the same time with
+ * one material.
  *
  * Frame of the sample: x to the right, y upwards, z out of the surface. Texture coordinates u, v
- * are in tiles, u along x and v downwards along the texture's rows, against y; they repeat.
- * Directions point outwards from the surface; they are normalised. “view” points to the eye,
- * “light” to the lamp.
+ * are in tiles, with u along x. v goes downwards along the rows of the texture, against y. Both
+ * repeat. Directions point outwards from the surface; the functions normalise them. “view” points
+ * to the eye, “light” to the lamp.
  *
  * Values are reflected radiance, linear sRGB, relative to that of a white diffuser lit from its
- * normal by the same lamp. They contain n·l: f_r = value / (π cos θ_light), so that a renderer
- * multiplies the lamp's irradiance on a surface facing it by value / π.
+ * normal by the same lamp. They contain n·l: f_r = value / (π cos θ_light). A renderer therefore
+ * multiplies the lamp's irradiance on a surface that faces the lamp by value / π.
  *
- * Functions that return an int return one of enum mesorig_status. What they write to is not touched
- * unless that is MESORIG_OK.
- */
+ * Functions that return an int return one of enum mesorig_status. They write their results only if
+ * they return MESORIG_OK. */
 #ifndef MESORIG_MATERIAL_H
 #define MESORIG_MATERIAL_H
 
@@ -28,13 +28,13 @@ extern "C" {
 
 enum mesorig_status {
     MESORIG_OK = 0,
-    MESORIG_ERROR_ARGUMENT, /* NULL, or a struct of unknown size */
-    MESORIG_ERROR_FILE,     /* it is not there, or cannot be read */
-    MESORIG_ERROR_FORMAT,   /* it is no material, is damaged, or lacks something */
-    MESORIG_ERROR_MEMORY    /* too large */
+    MESORIG_ERROR_ARGUMENT, /* an argument is NULL, or a struct has an unknown size */
+    MESORIG_ERROR_FILE,     /* the file does not exist, or cannot be read */
+    MESORIG_ERROR_FORMAT,   /* the file is not a material, is damaged, or lacks something */
+    MESORIG_ERROR_MEMORY    /* the material is too large */
 };
 
-/* text: a sentence in English, in UTF-8, that names the file and says what to do. */
+/* text is a sentence in English, in UTF-8, that names the file and says what to do. */
 struct mesorig_error {
     int status;
     char text[512];
@@ -43,34 +43,36 @@ struct mesorig_error {
 typedef struct mesorig_material mesorig_material;
 
 /* Opens a material in any form: a file that “mesorig compress” or “mesorig process” wrote, a
- * session directory, or its products/btf. mdf: a file of its distances (MDF). NULL: the MDF of the
- * session directory, if path is one and has an MDF; otherwise the material has no relief. From a
- * session's products the BTF itself is taken if it is there, else the compressed one with the least
- * error. All values of a BTF are held in memory, four bytes each. NULL with ret_error, which may be
- * NULL, filled. */
+ * session directory, or its products/btf. mdf is a file of its distances (MDF). If mdf is NULL and
+ * path is a session directory with an MDF, this MDF is used; otherwise the material has no relief.
+ * Of a session's products, the BTF itself is used if it exists, otherwise the compressed BTF with
+ * the smallest error. All values of a BTF are held in memory, four bytes each. On failure, returns
+ * NULL and fills ret_error, which may be NULL. */
 mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error);
 
-/* The same from the bytes of such files, which may be freed afterwards. mdf NULL: no relief. */
+/* The same from the bytes of such files, which may be freed afterwards. If mdf is NULL, the
+ * material has no relief. */
 mesorig_material *mesorig_material_open_memory(const void *material, size_t material_bytes,
                                                const void *mdf, size_t mdf_bytes,
                                                struct mesorig_error *ret_error);
 
-/* No other call may use the material meanwhile. NULL is ignored. */
+/* Closes a material. No other call may use the material at the same time. NULL is ignored. */
 void mesorig_material_close(mesorig_material *material);
 
 struct mesorig_material_info {
     size_t size;      /* sizeof of this struct as the caller was compiled with; set by the caller */
-    const char *kind; /* the codec: "btf", "lpca", "eigenmaps", … ; lives as long as the material */
+    const char *kind; /* the codec: "btf", "lpca", "eigenmaps", …; valid as long as the material */
     int width, height;     /* texels of a tile */
-    int n_views, n_lights; /* measured directions, or samples of a grid of them */
-    double texel_mm;       /* width of a texel, 0: not known */
-    double deepest_mm;     /* of the relief below the reference plane, 0: none */
-    int has_relief;        /* 1: there is an MDF */
-    double error; /* ‖compressed − BTF‖ / ‖BTF‖ of the codec, 0 of a BTF; −1: not known */
+    int n_views, n_lights; /* number of measured directions, or of samples of a grid of them */
+    double texel_mm;       /* width of a texel; 0 if not known */
+    /* maximum depth of the relief below the reference plane; 0 if there is none */
+    double deepest_mm;
+    int has_relief; /* 1 if there is an MDF */
+    double error; /* ‖compressed − BTF‖ / ‖BTF‖ of the codec; 0 for a BTF; −1 if not known */
 };
 
-/* Sets as many members as info->size has room for. */
+/* Sets the members for which info->size has room. */
 int mesorig_material_info(const mesorig_material *material, struct mesorig_material_info *info);
 
 /* Gives the directions of the views and lights that were measured, as unit vectors: n_views × 3 and
@@ -78,44 +80,48 @@ int mesorig_material_info(const mesorig_material *material, struct mesorig_mater
 int mesorig_material_directions(const mesorig_material *material, float *ret_views,
                                 float *ret_lights);
 
-/* Values of n points. uv: n × 2; view, light: n × 3; footprint: n, the diameter of a pixel's
- * footprint in tiles, 0: a point; NULL: all 0. ret_rgb: n × 3 (R, G, B), not negative.
+/* Evaluates n points. uv is n × 2; view and light are n × 3. footprint (n) is the diameter of a
+ * pixel's footprint in tiles, 0 for a point; NULL means all 0. ret_rgb is n × 3 (R, G, B), not
+ * negative.
  *
- * Between texels values are bilinear. Over a footprint they are averaged over a square of that
- * width, in which at most 16 × 16 points count; if the file has mip levels, the two nearest levels
- * are mixed instead. Between measured directions they are interpolated (bilinear in θ and φ, or in
- * a triangle); lights below the lowest measured one fall in proportion to cos θ. Models with a
- * formula evaluate it. A view or light below the horizon, or an argument that is not finite, gives
- * 0. */
+ * Between texels, values are interpolated bilinearly. Over a footprint they are averaged over a
+ * square of that width, in which at most 16 × 16 points count. If the file has mip levels, the two
+ * nearest levels are mixed instead. Between measured directions, values are interpolated (bilinear
+ * in θ and φ, or in a triangle). For lights below the lowest measured one, values fall in
+ * proportion to cos θ. Models with a formula evaluate it. The result is 0 if a view or light is
+ * below the horizon, or if an argument is not finite. */
 int mesorig_material_evaluate(const mesorig_material *material, size_t n, const float *uv,
                               const float *view, const float *light, const float *footprint,
                               float *ret_rgb);
 
-/* Where a ray that enters the reference plane at (u, v) and goes on along −view meets the surface.
- */
+/* The point where a ray meets the surface. The ray enters the reference plane at (u, v) and
+ * continues along −view. */
 struct mesorig_hit {
-    int hit; /* 0: it does not, as its view is not above the horizon; all else is 0 then */
-    float distance_mm; /* along the ray, from the reference plane, which is above all of the surface
-                        */
-    float uv[2];       /* of that point, straight below it on the reference plane; not wrapped */
-    float normal[3];   /* of the surface there, as this view sees it */
+    /* 0 if the ray does not meet the surface, because its view is not above the horizon; all other
+     * members are then 0 */
+    int hit;
+    /* along the ray, from the reference plane, which is above the whole surface */
+    float distance_mm;
+    float uv[2];     /* of the point of the reference plane vertically above it; not wrapped */
+    float normal[3]; /* of the surface at that point, as seen in this view */
 };
 
-/* Asks n rays, uv: n × 2, view: n × 3. The distance is that of the MDF (Wang et al. 2005 §3),
- * interpolated between texels and views, so that it holds for structures that no height field
- * describes. Without relief the surface is the reference plane. */
+/* Intersects n rays. uv is n × 2, view is n × 3. The distance is that of the MDF (Wang et al. 2005
+ * §3), interpolated between texels and views. It is therefore also valid for structures that no
+ * height field describes. Without relief the surface is the reference plane. */
 int mesorig_material_intersect(const mesorig_material *material, size_t n, const float *uv,
                                const float *view, struct mesorig_hit *ret);
 
-/* Draws n light directions with a density about proportional to what the material reflects to the
- * view. random: n × 2 in [0, 1); ret_light: n × 3; ret_pdf: n, the density per solid angle, 0 where
- * there is no direction. Arguments as of mesorig_material_evaluate(). The first call prepares
- * tables. */
+/* Draws n light directions with a density approximately proportional to the light that the material
+ * reflects to the view. random is n × 2 in [0, 1); ret_light is n × 3. ret_pdf (n) is the density
+ * per solid angle, or 0 if there is no direction. The other arguments are as in
+ * mesorig_material_evaluate(). The first call prepares tables. */
 int mesorig_material_sample(const mesorig_material *material, size_t n, const float *uv,
                             const float *view, const float *footprint, const float *random,
                             float *ret_light, float *ret_pdf);
 
-/* The density with which mesorig_material_sample() draws the given lights. ret_pdf: n. */
+/* Gives the density with which mesorig_material_sample() draws the given lights. ret_pdf has n
+ * values. */
 int mesorig_material_pdf(const mesorig_material *material, size_t n, const float *uv,
                          const float *view, const float *light, const float *footprint,
                          float *ret_pdf);

@@ -6,16 +6,16 @@
 #include <string.h>
 
 #define COLOURS 3
-#define ACROSS  16 /* points each way of a footprint, at most */
+#define ACROSS  16 /* maximum number of points of a footprint in each dimension */
 
-/* Texels of one axis and their weights, whose sum is 1. */
+/* Texels along one axis and their weights, whose sum is 1. */
 struct material_axis {
     int n, index[ACROSS + 2];
     float weight[ACROSS + 2];
 };
 
-/* Where one call evaluates: the directions' indices and weights lie in lists that grow to the
- * members of a pole. */
+/* The place where one call evaluates. The indices and weights of the directions are in lists, which
+ * can hold the members of a pole. */
 struct material_place {
     struct codec_query query;
     int *views, *lights;
@@ -33,9 +33,9 @@ static double material_tent(double t) {
     return t < 0 ? 0.5 * (t + 1) * (t + 1) : 1 - 0.5 * (1 - t) * (1 - t);
 }
 
-/* The weights that give the mean of the linear interpolant over at − width/2 … at + width/2, where
- * texel i has its centre at i + ½. If that is wider than ACROSS texels, ACROSS evenly spread texels
- * count. A width of more than the tile counts as the whole tile. */
+/* Gives the weights for the mean of the linear interpolant over at − width/2 … at + width/2, where
+ * texel i has its centre at i + ½. If that is wider than ACROSS texels, ACROSS evenly spaced texels
+ * count. A width larger than the tile counts as the whole tile. */
 static void material_axis_find(double at, double width, int n, struct material_axis *ret) {
     ret->n = 0;
     width = MIN(width, n);
@@ -64,8 +64,8 @@ static void material_axis_find(double at, double width, int n, struct material_a
     }
 }
 
-/* Adds what the texels of a level around (u, v) reflect, times share. width: that of the footprint,
- * in tiles. */
+/* Adds the reflection of the texels of a level around (u, v), times share. width is the width of
+ * the footprint in tiles. */
 static void material_evaluate_level(const mesorig_material *m, guint level, double u, double v,
                                     double width, float share, const struct codec_query *query,
                                     float ret[COLOURS]) {
@@ -86,8 +86,8 @@ static void material_evaluate_level(const mesorig_material *m, guint level, doub
     m->codec->evaluate(model, query, &(struct codec_texels){n, index, shares}, ret);
 }
 
-/* Evaluates the mip levels, if there are any, as the viewer does: mixes the two levels nearest to
- * log2 of the footprint in texels of level 0. */
+/* Evaluates the mip levels, if there are any, in the same way as the viewer: mixes the two levels
+ * nearest to log2 of the footprint in texels of level 0. */
 static void material_evaluate_texels(const mesorig_material *m, double u, double v, double width,
                                      const struct codec_query *query, float ret[COLOURS]) {
     const double texels = width * (double)MAX(m->layout->width, m->layout->height);
@@ -101,7 +101,7 @@ static void material_evaluate_texels(const mesorig_material *m, double u, double
         material_evaluate_level(m, (guint)at + 1, u, v, 0, (float)part, query, ret);
 }
 
-/* Fills one list from up to four measured directions; the pole is replaced by its members. */
+/* Fills one list from up to four measured directions. The pole is replaced by its members. */
 static int material_list(const Directions *directions, gsize n, const struct direction_weights *at,
                          float scale, int *ret_index, float *ret_weight) {
     int count = 0, n_pole;
@@ -129,7 +129,7 @@ static int material_grid_list(int n_grid, const float direction[3], int *ret_ind
     return count;
 }
 
-/* FALSE where nothing is reflected. */
+/* Returns FALSE if nothing is reflected. */
 static gboolean material_place_set(const mesorig_material *m, const float view[3],
                                    const float light[3], struct material_place *place) {
     struct codec_query *query = &place->query;
@@ -164,7 +164,7 @@ static gboolean material_place_set(const mesorig_material *m, const float view[3
     return TRUE;
 }
 
-/* A view's or light's list: at most four directions, and the members of the pole. */
+/* Returns the maximum length of a list: four directions, and the members of the pole. */
 static gsize material_most(const Directions *directions) {
     int n_pole = 0;
     if (directions)

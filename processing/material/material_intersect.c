@@ -3,11 +3,12 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SLOPE 0.01 /* of rays, as renderer/shaders/relief.glsl has it */
+#define LEAST_SLOPE 0.01 /* minimum slope of rays, as in renderer/shaders/relief.glsl */
 
-/* With the ray's depth D (x, y) below the reference plane for one view v, its distance is D / v_z,
- * and the surface P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y = (D_x, D_y,
- * 1 − (v_x D_x + v_y D_y) / v_z) whose product with v is v_z: it faces the eye. */
+/* D (x, y) is the depth of the ray below the reference plane for one view v. The distance is D /
+ * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
+ * (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). The product of this vector with v is v_z, so that it
+ * faces the eye. */
 static void material_hit(const mesorig_material *m, const float *uv, struct vec3 v,
                          struct mesorig_hit *ret) {
     double depth = 0, slope[2] = {0, 0}, width = 1, height = 1;

@@ -33,8 +33,8 @@ static void material_tell_error(GError *error, struct mesorig_error *ret_error) 
     g_error_free(error);
 }
 
-/* Finds the compressed material with the least error among a folder's files; one whose error is
- * unknown is taken only if there is no other. NULL: there is none. */
+/* Returns the compressed material with the smallest error among a folder's files. A file whose
+ * error is not known is only used if there is no other. Returns NULL if there is none. */
 static char *material_best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;
@@ -58,7 +58,7 @@ static char *material_best_of(const char *folder) {
     return best;
 }
 
-/* The BTF or the file to open for a directory; g_free(). NULL with an error. */
+/* Returns the BTF or the file to open for a directory; g_free(). Returns NULL with an error. */
 static char *material_product(const char *directory, GError **error) {
     g_autofree char *products = g_build_filename(directory, "products", NULL);
     g_autofree char *session = btf_matrix_session(directory);
@@ -74,14 +74,14 @@ static char *material_product(const char *directory, GError **error) {
     return best;
 }
 
-/* The MDF of a session: the measured one, or else NULL. */
+/* Returns the measured MDF of a session, or NULL. */
 static char *material_mdf_of(const char *directory) {
     g_autofree char *session = btf_matrix_session(directory);
     g_autofree char *mdf = g_build_filename(session, "products", "mdf.exr", NULL);
     return g_file_test(mdf, G_FILE_TEST_EXISTS) ? g_steal_pointer(&mdf) : NULL;
 }
 
-/* Tables of directions, unless they are samples of a grid. */
+/* Makes the tables of directions, unless the directions are samples of a grid. */
 static gboolean material_make_directions(mesorig_material *m, GError **error) {
     const struct direction_list *views = &m->layout->views, *lights = &m->layout->lights;
     gconstpointer model = m->levels->pdata[0];
@@ -148,8 +148,7 @@ mesorig_material *mesorig_material_open(const char *path, const char *mdf,
     return m;
 }
 
-/* A file that lives in memory alone, for the readers. Returns its descriptor, or −1 with an error.
- */
+/* Makes a file in memory for the readers. Returns its descriptor, or −1 with an error. */
 static int material_file_of(const void *bytes, size_t n, GError **error) {
     const int fd = memfd_create("mesorig-material", MFD_CLOEXEC);
     if (fd >= 0 && new_file_write(fd, bytes, n))
@@ -161,7 +160,7 @@ static int material_file_of(const void *bytes, size_t n, GError **error) {
     return -1;
 }
 
-/* Replaces the file's name in an error of the readers by the path that the caller gave. */
+/* Replaces the name of the file in an error of the readers by the path of the caller. */
 static void material_rename(GError *error, const char *path, const char *name) {
     g_auto(GStrv) parts = g_strsplit(error->message, path, -1);
     g_free(error->message);

@@ -13,13 +13,14 @@ struct mesorig_material {
     const struct codec *codec;
     GPtrArray *levels;               /* models of mip levels, at least the first */
     const struct btf_layout *layout; /* of level 0 */
-    int n_grid;                     /* 0, or views and lights are the samples of direction_grid.h */
+    /* 0, or the n of n × n samples of direction_grid.h that are the views and lights */
+    int n_grid;
     Directions *views, *lights;     /* NULL if n_grid */
-    double error;                   /* −1: not known */
-    struct material_relief *relief; /* NULL: none */
-    /* The sampler: material_sample.c makes it at the first call, under the lock, and reads the
-     * pointer atomically; freed with the material. The lock is of a kind that ThreadSanitizer
-     * knows, unlike GLib's. */
+    double error;                   /* −1 if not known */
+    struct material_relief *relief; /* NULL if there is none */
+    /* The sampler. material_sample.c makes it at the first call, under the lock, and reads the
+     * pointer atomically. It is freed with the material. The lock is of a kind that ThreadSanitizer
+     * knows, unlike GLib's locks. */
     pthread_mutex_t sampling_lock;
     gpointer sampling;
     GDestroyNotify sampling_free;

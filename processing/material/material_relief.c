@@ -84,7 +84,7 @@ double material_relief_depth(const struct material_relief *relief, double u, dou
                                 x - floor(x), y - floor(y), (double)weights.weight[k] / members,
                                 sum);
     }
-    /* Rows go downwards, y upwards. */
+    /* Rows count downwards, y upwards. */
     ret_slope[0] = sum[1] / t->texel_mm;
     ret_slope[1] = -sum[2] / t->texel_mm;
     return MAX(sum[0], 0);

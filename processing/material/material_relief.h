@@ -11,12 +11,12 @@ void material_relief_free(struct material_relief *relief); /* NULL is ignored */
 
 double material_relief_deepest_mm(const struct material_relief *relief);
 
-/* The depth in mm below the reference plane at which the ray through (u, v), in tiles, towards
- * view, a unit vector above the horizon, meets the surface; and its slopes ∂depth/∂x, ∂depth/∂y (y
- * upwards) in the plane where it enters. */
+/* Returns the depth in mm below the reference plane at which a ray meets the surface. The ray
+ * passes (u, v), in tiles, towards view, a unit vector above the horizon. ret_slope gives the
+ * slopes ∂depth/∂x, ∂depth/∂y (y upwards) in the plane where the ray enters. */
 double material_relief_depth(const struct material_relief *relief, double u, double v,
                              const double view[3], double ret_slope[2]);
 
-/* Size of a tile. */
+/* Gives the size of a tile. */
 void material_relief_size_mm(const struct material_relief *relief, double *ret_width,
                              double *ret_height);

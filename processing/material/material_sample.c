@@ -1,4 +1,4 @@
-/* Light directions in proportion to what a material reflects. */
+/* Draws light directions in proportion to the reflection of a material. */
 #include "material_private.h"
 #include "material_sampler.h"
 
@@ -26,7 +26,8 @@ static void sample_evaluate(gconstpointer context, int view, int texel, const fl
     formula->codec->evaluate(formula->model, &query, &(struct codec_texels){1, &texel, &one}, ret);
 }
 
-/* A table adds nothing where no measured light is given; a formula looks at the light itself. */
+/* A table contributes nothing if no measured light is given. A formula evaluates the light
+ * itself. */
 static gboolean sample_is_formula(const struct sample_formula *formula,
                                   const struct btf_layout *layout) {
     const gsize n = btf_layout_texels(layout);
@@ -57,7 +58,7 @@ static MaterialSampler *sample_make(const mesorig_material *m) {
     return material_sampler_new(&source);
 }
 
-/* Returns the sampler. Its tables are made at the first call, since not every renderer needs
+/* Returns the sampler. Its tables are made at the first call, because not every renderer needs
  * them. */
 static const MaterialSampler *material_sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
@@ -82,7 +83,7 @@ static gboolean finite_numbers(const float *values, int n) {
     return TRUE;
 }
 
-/* FALSE: it has no direction. */
+/* Returns FALSE for a vector without a direction. */
 static gboolean normalised(const float from[3], float ret[3]) {
     const double length =
         sqrt((double)from[0] * (double)from[0] + (double)from[1] * (double)from[1] +

@@ -7,44 +7,48 @@
 
 #define CELLS    MATERIAL_SAMPLER_CELLS
 #define CLUSTERS 8
-#define PAIRS    48  /* of view and light that texels are compared by */
+#define PAIRS    48  /* number of pairs of view and light by which texels are compared */
 #define ROUNDS   8   /* of k-means */
 #define COSINE   0.1 /* C and U of the header */
 #define EVEN     0.05
-#define MOST     64                /* grid of texels that are looked at, each way */
-#define BUDGET   ((gsize)64 << 20) /* values that are reconstructed for all of them */
-#define INSIDE   2                 /* points of a cell that are looked at, each way */
-#define PICKED   4 /* texels of a cluster that stand for it where a model has a formula */
+/* maximum size of the grid of texels that are examined, in each dimension */
+#define MOST 64
+/* maximum number of values that are reconstructed for all of them */
+#define BUDGET ((gsize)64 << 20)
+/* number of points of a cell that are examined, in each dimension */
+#define INSIDE 2
+#define PICKED 4 /* number of texels that represent a cluster if a model has a formula */
 
-/* Cumulative: of rows, and of the cells in each. */
+/* Cumulative sums: of the rows, and of the cells in each row. */
 struct table {
     float rows[CELLS + 1], cells[CELLS][CELLS + 1];
 };
 
 struct MaterialSampler {
     int width, height; /* of the grid of texels */
-    guint8 *cluster;   /* of each */
-    int n_clusters;    /* the table of all texels follows theirs */
-    int n_views;       /* the mean of those around the pole is one more, index n_views */
-    int n_grid;        /* as in the source */
+    guint8 *cluster;   /* for each texel of the grid */
+    int n_clusters;    /* the table of all texels comes after theirs */
+    /* the mean of the views around the pole is one more, with the index n_views */
+    int n_views;
+    int n_grid; /* as in the source */
     const Directions *views;
     struct table *tables; /* (clusters + 1) × (views + 1) */
 };
 
-/* While a sampler is made. */
+/* The data that are only needed while a sampler is made. */
 struct making {
     const struct material_sampler_source *source;
     MaterialSampler *sampler;
-    int step; /* between the texels of the grid */
+    int step; /* step between the texels of the grid */
     gsize n_views, n_lights;
-    float *texel;  /* of one, reconstructed */
+    float *texel;  /* one reconstructed texel */
     double *sums;  /* (clusters + 1) × (views + 1) × lights: sums of luminance */
     float *shapes; /* grid × PAIRS */
-    /* Texels that stand for each cluster and for all. */
+    /* Texels that represent each cluster, and all texels. */
     int n_picked[CLUSTERS + 1], picked[CLUSTERS + 1][PICKED];
 };
 
-/* [0, 1]² to the unit disc, areas times π. (Shirley & Chiu 1997) */
+/* Maps [0, 1]² to the unit disc; areas are multiplied by π (Shirley & Chiu 1997). */
 static void sampler_to_disc(double u, double v, double ret[2]) {
     const double a = 2.0 * u - 1.0, b = 2.0 * v - 1.0;
     const gboolean wide = fabs(a) > fabs(b);
@@ -56,7 +60,7 @@ static void sampler_to_disc(double u, double v, double ret[2]) {
     ret[1] = r * sin(turn);
 }
 
-/* The inverse: the cell of a point of the disc. */
+/* The inverse: gives the cell of a point of the disc. */
 static void sampler_cell(double x, double y, int *ret_row, int *ret_cell) {
     const double r = hypot(x, y);
     double turn = atan2(y, x), a, b;
@@ -79,13 +83,14 @@ static void sampler_cell(double x, double y, int *ret_row, int *ret_cell) {
     *ret_cell = CLAMP((int)((a + 1.0) / 2.0 * CELLS), 0, CELLS - 1);
 }
 
-/* g of a cell, mean 1. */
+/* Returns g of a cell; its mean is 1. */
 static double table_density(const struct table *t, int row, int cell) {
     return (double)(t->rows[row + 1] - t->rows[row]) *
            (double)(t->cells[row][cell + 1] - t->cells[row][cell]) * CELLS * CELLS;
 }
 
-/* Cumulates n numbers to 1; where they are all 0, evenly. Returns their sum. */
+/* Computes cumulative sums of n numbers, scaled to 1. If all numbers are 0, the sums are uniform.
+ * Returns the sum of the numbers. */
 static double sampler_cumulate(const double *values, float ret[CELLS + 1]) {
     double sum = 0.0, so_far = 0.0;
     for (int k = 0; k < CELLS; k++)
@@ -98,7 +103,8 @@ static double sampler_cumulate(const double *values, float ret[CELLS + 1]) {
     return sum;
 }
 
-/* The index k with c[k] ≤ x < c[k + 1]; *x becomes its place within, 0 … 1. */
+/* Returns the index k with c[k] ≤ x < c[k + 1]. *x becomes the position within this interval, 0 …
+ * 1. */
 static int sampler_find(const float c[CELLS + 1], double *x) {
     int low = 0, high = CELLS;
     while (high - low > 1) {
@@ -113,7 +119,7 @@ static int sampler_find(const float c[CELLS + 1], double *x) {
     return low;
 }
 
-/* The weights of the measured views or lights in a direction. */
+/* Gives the weights of the measured views or lights in a direction. */
 static void sampler_weigh(const Directions *directions, int n_grid, const float d[3],
                           struct direction_weights *ret) {
     if (n_grid > 0)
@@ -138,12 +144,13 @@ static double luminance_at(const struct making *m, gsize view, gsize light) {
     return value > 0.0 ? value : 0.0; /* also where it is not a number */
 }
 
-/* The values of fixed pairs, divided by their sum: a texel's brightness does not matter. */
+/* Takes the values of fixed pairs, divided by their sum, because the brightness of a texel does not
+ * matter. */
 static void sampler_take_shape(const struct making *m, float *ret) {
     const gsize n = m->n_views * m->n_lights;
     double sum = 1e-12;
     for (gsize k = 0; k < PAIRS; k++) {
-        /* Multiples of the golden ratio lie evenly. */
+        /* Multiples of the golden ratio are evenly distributed. */
         const gsize at = (gsize)(fmod((double)k * 0.6180339887498949, 1.0) * (double)n);
         ret[k] = (float)luminance_at(m, at / m->n_lights, at % m->n_lights);
         sum += (double)ret[k];
@@ -159,7 +166,8 @@ static double shape_distance(const float *a, const float *b) {
     return sum;
 }
 
-/* Each centre is the texel farthest from those before it, so that no random numbers are needed. */
+/* Chooses as each centre the texel that is farthest from the previous centres, so that no random
+ * numbers are needed. */
 static void sampler_choose_centres(const struct making *m, int n, float (*centres)[PAIRS]) {
     g_autofree double *far = g_new(double, (gsize)n);
     memcpy(centres[0], m->shapes, sizeof centres[0]);
@@ -207,7 +215,7 @@ static void sampler_group(const struct making *m) {
     }
 }
 
-/* Adds the reconstructed texel to its cluster's sums and to those of all. */
+/* Adds the reconstructed texel to the sums of its cluster and to those of all texels. */
 static void sampler_add(const struct making *m, int at) {
     const int into[2] = {m->sampler->cluster[at], m->sampler->n_clusters};
     const gsize size = (m->n_views + 1) * m->n_lights;
@@ -219,7 +227,7 @@ static void sampler_add(const struct making *m, int at) {
         }
 }
 
-/* Which measured lights a point of a cell is interpolated from, with weights of value / z. */
+/* The measured lights from which a point of a cell is interpolated, with weights of value / z. */
 struct cell_point {
     struct direction_weights lights;
     double factor;
@@ -242,7 +250,7 @@ static double sampler_value(const struct making *m, const double *sums,
     return value * point->factor;
 }
 
-/* Picks some of each cluster's texels, evenly spread among them. */
+/* Picks some texels of each cluster, evenly spread among them. */
 static void sampler_pick(struct making *m) {
     const MaterialSampler *s = m->sampler;
     const int n = s->width * s->height;
@@ -261,7 +269,8 @@ static void sampler_pick(struct making *m) {
     }
 }
 
-/* ∫ value dω over a cell, but for a constant factor, from its middle; view: a measured one. */
+/* Returns ∫ value dω over a cell, except for a constant factor, from the value at its centre. view
+ * is a measured view. */
 static double sampler_formula(const struct making *m, int cluster, int view, int row, int cell) {
     double disc[2], sum = 0.0;
     sampler_to_disc((cell + 0.5) / CELLS, (row + 0.5) / CELLS, disc);
@@ -323,7 +332,7 @@ static struct cell_point *sampler_points(const struct material_sampler_source *s
             const double z = sqrt(fmax(1.0 - disc[0] * disc[0] - disc[1] * disc[1], 1e-9));
             const float light[3] = {(float)disc[0], (float)disc[1], (float)z};
             sampler_weigh(source->lights, source->n_grid, light, &to->lights);
-            /* Samples of a grid reach down to the horizon. */
+            /* The samples of a grid extend down to the horizon. */
             to->factor = source->n_grid > 0
                              ? 1.0 / z
                              : directions_fade(source->lights, vec3(disc[0], disc[1], z)) / z;
@@ -331,7 +340,7 @@ static struct cell_point *sampler_points(const struct material_sampler_source *s
     return points;
 }
 
-/* The sums of the views around the pole, as the view's index n_views. */
+/* Sums the views around the pole, as the view with the index n_views. */
 static void sampler_add_pole(const struct making *m) {
     int n_pole = 0;
     const int *pole = m->source->n_grid > 0 ? NULL : directions_pole(m->source->views, &n_pole);
@@ -432,7 +441,7 @@ static double sampler_density(const MaterialSampler *s, int cluster,
     return (double)light[2] / G_PI * (COSINE + (1.0 - COSINE - EVEN) * g) + EVEN / (2.0 * G_PI);
 }
 
-/* An even direction of the hemisphere. */
+/* Draws a uniform direction of the hemisphere. */
 static void sampler_even(double a, double b, float ret[3]) {
     const double flat = sqrt(fmax(1.0 - a * a, 0.0));
     ret[0] = (float)(flat * cos(2.0 * G_PI * b));

@@ -1,21 +1,21 @@
-/*
- * Distributions of light directions that follow a material's reflectance, to draw samples from.
+/* Distributions of light directions that follow a material's reflectance, for importance sampling.
  *
- * A direction is l = (x, y, z) with (x, y) = the disc's point of (a, b) in [0, 1]², by the map that
- * keeps areas (Shirley & Chiu 1997). Uniform (a, b) are directions of density z / π. A table g
- * holds CELLS × CELLS densities over (a, b), with mean 1, of a cluster of texels and a measured
- * view: each is proportional to ∫ value dω over its cell, of the cluster's mean luminance. For a
- * view between measured ones the tables are mixed as the views are interpolated (weights w_i):
+ * A direction is l = (x, y, z). (x, y) is the point of the disc that corresponds to (a, b) in [0,
+ * 1]² by the area-preserving map of Shirley & Chiu 1997. Uniform (a, b) are directions of density z
+ * / π. A table g holds CELLS × CELLS densities over (a, b), with mean 1, for a cluster of texels
+ * and a measured view. Each density is proportional to ∫ value dω over its cell, of the cluster's
+ * mean luminance. For a view between measured ones the tables are mixed in the same way as the
+ * views are interpolated (weights w_i):
  *   p(l) = z / π · (C + (1 − C − U) Σ_i w_i g_i(a, b)) + U / 2π      per solid angle
- * with C and U the shares of a cosine lobe and of the even hemisphere: p > 0 wherever z > 0, and
- * value / p stays bounded.
+ * C and U are the shares of a cosine lobe and of the uniform hemisphere. They make p > 0 wherever z
+ * > 0, and keep value / p bounded.
  *
- * If the model is a formula, a cell's value is evaluated at the cell's middle, in some texels of
- * the cluster, because formulas need not fall towards the horizon as interpolated values do.
+ * If the model is a formula, the value of a cell is evaluated at the cell's middle, in some texels
+ * of the cluster. The reason is that formulas need not fall towards the horizon as interpolated
+ * values do.
  *
- * Texels are put into clusters by the shape of their reflectance (k-means over fixed pairs of
- * measured view and light). A footprint wider than 1.5 texels takes the table of all texels.
- */
+ * Texels are clustered by the shape of their reflectance (k-means over fixed pairs of measured view
+ * and light). A footprint wider than 1.5 texels uses the table of all texels. */
 #pragma once
 
 #include "btf/direction_grid.h"
@@ -23,16 +23,17 @@
 
 #define MATERIAL_SAMPLER_CELLS 32
 
-/* The source of a sampler; it and all that it refers to outlive the sampler. */
+/* The source of a sampler. The source and all data that it refers to must outlive the sampler. */
 struct material_sampler_source {
     const struct btf_layout *layout;
     const Directions *views, *lights; /* of the layout; NULL if n_grid */
-    int n_grid; /* 0, or views and lights are the samples of btf/direction_grid.h */
-    /* One texel: n_views × n_lights × 3, as struct codec has it. */
+    /* 0, or the n of n × n samples of btf/direction_grid.h that are the views and lights */
+    int n_grid;
+    /* Reconstructs one texel: n_views × n_lights × 3, as in struct codec. */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     gconstpointer model;
-    /* If the model is a formula: evaluates a texel in a measured view under any light above the
-     * horizon. NULL: values between the measured lights are interpolated. */
+    /* If the model is a formula, evaluates a texel in a measured view under any light above the
+     * horizon. If NULL, values between the measured lights are interpolated. */
     void (*evaluate)(gconstpointer context, int view, int texel, const float light[3],
                      float ret[3]);
     gconstpointer context;
@@ -40,16 +41,17 @@ struct material_sampler_source {
 
 typedef struct MaterialSampler MaterialSampler;
 
-/* The same source gives the same tables. Takes seconds for the largest materials. */
+/* Makes a sampler. The same source gives the same tables. Takes seconds for the largest
+ * materials. */
 MaterialSampler *material_sampler_new(const struct material_sampler_source *source);
 void material_sampler_free(MaterialSampler *sampler); /* NULL is ignored */
 
-/* uv in tiles, v downwards; footprint in tiles; random: two numbers in [0, 1). Any thread.
- * Returns the density of ret_light per solid angle; 0, with ret_light 0: the view is below the
- * horizon. */
+/* Draws a direction. uv is in tiles, v downwards; footprint is in tiles; random is two numbers in
+ * [0, 1). Any thread. Returns the density of ret_light per solid angle. If the view is below the
+ * horizon, returns 0 and sets ret_light to 0. */
 float material_sampler_draw(const MaterialSampler *sampler, const float uv[2], const float view[3],
                             float footprint, const float random[2], float ret_light[3]);
-/* The density with which material_sampler_draw() draws this light; 0 if the light or the view is
- * below the horizon. */
+/* Returns the density with which material_sampler_draw() draws this light. Returns 0 if the light
+ * or the view is below the horizon. */
 float material_sampler_density(const MaterialSampler *sampler, const float uv[2],
                                const float view[3], const float light[3], float footprint);

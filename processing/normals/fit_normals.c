@@ -14,14 +14,15 @@
 #include "lobes/lobes.h"
 #include "session/session.h"
 
-#define LIGHTS      128
-#define LEAST_Z     0.15 /* of lights; lower ones, where fits are least certain, are left out */
-#define FACES       0.15 /* least cosine between normal and light */
-#define TOLERANCE   0.1  /* of the value of a light along the normal */
+#define LIGHTS 128
+/* minimum z of lights; lower lights, where fits are least certain, are left out */
+#define LEAST_Z     0.15
+#define FACES       0.15 /* minimum cosine between normal and light */
+#define TOLERANCE   0.1  /* tolerance relative to the value of a light along the normal */
 #define ROUNDS      8
 #define SHADOWED    0.25
 #define PTM_TERMS   6
-#define PTM_COLOURS 3 /* values of a texel before C0 */
+#define PTM_COLOURS 3 /* number of values of a texel before C0 */
 
 struct fit {
     struct lobes *ptm;
@@ -32,7 +33,7 @@ struct fit {
     enum fit_normals_method method;
     struct vec3 lights[LIGHTS];
     float basis[LIGHTS][HSH_MAX_TERMS];
-    float *normals; /* texels × 3; all 0: none */
+    float *normals; /* texels × 3; all 0 if a texel has none */
     guint8 *clipped, *shadowed;
 };
 
@@ -81,7 +82,7 @@ static gboolean fit_normals_open(struct fit *fit, const char *path, GError **err
                                            "leave out --maximum, or make a ptm"));
 }
 
-/* Fibonacci's spiral over the cap above the lowest light: equal areas. */
+/* Fibonacci's spiral over the cap above the lowest light, which gives equal areas. */
 static void fit_normals_choose_lights(struct fit *fit) {
     const struct direction_list *views = &fit->layout->views;
     g_autofree float *lights = direction_list_vectors(&fit->layout->lights);
@@ -105,7 +106,8 @@ static void fit_normals_choose_lights(struct fit *fit) {
     }
 }
 
-/* Coefficients of luminance: of a PTM relative to its colour, which changes no direction. */
+/* Gives the coefficients of luminance. Those of a PTM are relative to its colour, which does not
+ * change the direction. */
 static void coefficients(const struct fit *fit, gsize texel, double *ret) {
     const gsize at = fit->slice * btf_layout_texels(fit->layout) + texel;
     for (int k = 0; k < fit->n_terms; k++)
@@ -124,8 +126,8 @@ static struct vec3 maximum(const double *c, gboolean *ret_clipped) {
     return *ret_clipped ? vec3(0, 0, 0) : vec3(x, y, sqrt(1 - x * x - y * y));
 }
 
-/* Finds b of min Σ (f − b·l)² over the lights that count, by Cramer's rule; returns 0 if they do
- * not determine it. */
+/* Finds b of min Σ (f − b·l)² over the lights that count, by Cramer's rule. Returns 0 if these
+ * lights do not determine b. */
 static struct vec3 least_squares(const struct fit *fit, const double *f, const gboolean *counts) {
     struct vec3 x = vec3(0, 0, 0), y = x, z = x, sum = x; /* columns of Σ l lᵀ, and Σ f l */
     for (int i = 0; i < LIGHTS; i++)
@@ -144,7 +146,7 @@ static struct vec3 least_squares(const struct fit *fit, const double *f, const g
                       1 / volume);
 }
 
-/* Begins with all lights, those that are dark included, and repeats with those that count. */
+/* Begins with all lights, including dark ones, and repeats with the lights that count. */
 static struct vec3 lambert(const struct fit *fit, const double *c, gboolean *ret_shadowed) {
     double f[LIGHTS];
     gboolean counts[LIGHTS];

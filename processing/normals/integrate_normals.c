@@ -1,20 +1,19 @@
-/*
- * The surface whose slopes fit best in the sense of least squares (Frankot & Chellappa 1988 without
- * their periodic border): with neighbours i, j = i + 1 in a row and h the width of a texel
+/* Finds the surface whose slopes fit best in the least-squares sense (Frankot & Chellappa 1988
+ * without their periodic border). With neighbours i, j = i + 1 in a row and h the width of a texel,
  *   min Σ_rows (z_j − z_i − h (p_i + p_j) / 2)² + Σ_columns (z_j − z_i + h (q_i + q_j) / 2)²
- * over pairs of which both have slopes. Its normal equations L z = b are a Poisson equation with
- * free borders. Conjugate gradients solve them from the solution on a grid half as fine.
- */
+ * over the pairs in which both texels have slopes. The normal equations L z = b are a Poisson
+ * equation with free borders. They are solved by conjugate gradients, beginning with the solution
+ * on a grid of half the resolution. */
 #include "integrate_normals.h"
 
 #include <math.h>
 #include <string.h>
 
-#define STEEPEST 0.1 /* least z of a normal whose slope is integrated */
+#define STEEPEST 0.1 /* minimum z of a normal whose slope is integrated */
 
-#define COARSEST   8    /* texels across, below which no coarser grid helps */
-#define ITERATIONS 400  /* at most, on each grid */
-#define PRECISION  1e-7 /* residual, relative to that of all heights 0 */
+#define COARSEST   8    /* number of texels across below which a coarser grid is of no use */
+#define ITERATIONS 400  /* maximum number of iterations on each grid */
+#define PRECISION  1e-7 /* maximum residual, relative to that of heights of 0 */
 
 struct grid {
     const float *p, *q;
@@ -26,7 +25,7 @@ static gboolean joined(const struct grid *grid, gsize i, gsize j) {
     return isfinite(grid->p[i] + grid->q[i] + grid->p[j] + grid->q[j]);
 }
 
-/* L z (slopes FALSE), or b (slopes TRUE; z may be NULL): sums over a texel's pairs. */
+/* Computes L z (slopes FALSE), or b (slopes TRUE; z may be NULL), as sums over a texel's pairs. */
 static void apply(const struct grid *grid, const double *z, gboolean slopes, double *ret) {
     const gsize width = (gsize)grid->width, n = width * (gsize)grid->height;
     memset(ret, 0, sizeof(double) * n);
@@ -53,7 +52,7 @@ static double dot(const double *a, const double *b, gsize n) {
     return sum;
 }
 
-/* Conjugate gradients from what z holds; L is singular, but b has no part in its kernel. */
+/* Conjugate gradients, beginning with z. L is singular, but b has no part in its kernel. */
 static void relax(const struct grid *grid, double *z) {
     const gsize n = (gsize)grid->width * (gsize)grid->height;
     g_autofree double *r = g_new0(double, n), *along = g_new0(double, n), *l = g_new0(double, n);
@@ -79,7 +78,7 @@ static void relax(const struct grid *grid, double *z) {
     }
 }
 
-/* Means of 2 × 2 texels, of those that have slopes. */
+/* Averages 2 × 2 texels, without those that have no slopes. */
 static struct grid halve(const struct grid *grid, float *p, float *q) {
     const struct grid half = {p, q, (grid->width + 1) / 2, (grid->height + 1) / 2, 2 * grid->step};
     for (int i = 0; i < half.width * half.height; i++) {
@@ -110,7 +109,7 @@ static void integrate_grid(const struct grid *grid, double *z) {
         integrate_grid(&half, coarse);
         for (int y = 0; y < grid->height; y++)
             for (int x = 0; x < grid->width; x++) {
-                /* The middle of a coarse texel lies between four fine ones. */
+                /* The centre of a coarse texel is between four fine texels. */
                 const int i = y / 2 * width + x / 2;
                 const double dx = (x % 2 ? 0.25 : -0.25) * half.step;
                 const double dy = (y % 2 ? -0.25 : 0.25) * half.step;

@@ -16,7 +16,7 @@ struct pictures {
     const struct near_field *near_field;
     int view;
     const float **planes; /* n_lights × 3: R, G, B */
-    const float **marks;  /* n_lights; NULL: no texel is flagged */
+    const float **marks;  /* n_lights; NULL if no texel has a flag */
 };
 
 gboolean light_normals_applies(const char *path) {
@@ -25,7 +25,7 @@ gboolean light_normals_applies(const char *path) {
     return g_file_test(btf, G_FILE_TEST_IS_DIR) && !g_file_test(mdf, G_FILE_TEST_EXISTS);
 }
 
-/* Saturated values are lower bounds, holes and predicted values no measurements. */
+/* Saturated values are lower bounds. Holes and predicted values are not measurements. */
 static void read_texel(int texel, float *ret_rgb, struct vec3 *ret_lights, gpointer data) {
     const struct pictures *pictures = data;
     const int n = (int)pictures->near_field->lights.n;
@@ -132,7 +132,7 @@ static gboolean write_maps(const struct photometric_texel *found, const struct s
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-/* The cause of most holes. */
+/* Returns the cause of most holes. */
 static enum photometric_cause usual_cause(const struct light_normals_result *result) {
     int usual = PHOTOMETRIC_DARK;
     for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++)

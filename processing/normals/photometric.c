@@ -7,28 +7,30 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define BLOCK       256  /* texels of one call */
-#define SAMPLES     1536 /* texels that tell σ */
-#define BINS        8    /* of |b|, with as many samples each */
-#define TRIPLES     160  /* that are tried at most */
-#define TRUNCATED   3.0  /* σ from which a difference counts as large as any */
+#define BLOCK       256  /* number of texels of one call */
+#define SAMPLES     1536 /* number of texels from which σ is estimated */
+#define BINS        8    /* number of ranges of |b|, with the same number of samples each */
+#define TRIPLES     160  /* maximum number of triples that are tried */
+#define TRUNCATED   3.0  /* in σ: larger differences all count the same */
 #define SHADOW      0.35 /* share of the expected value below which a light is in shadow */
-#define IMPLAUSIBLE 3.0  /* times as much as others counts a light that is dimmer for no reason */
-#define AGREES      3.5  /* σ within which a light agrees */
+#define IMPLAUSIBLE 3.0  /* weight of a light that is dimmer without a cause, relative to others */
+#define AGREES      3.5  /* in σ: maximum difference of a light that agrees */
 #define ROUNDS      12
 #define TURNS       3    /* of least squares over the lights that the surface faces */
-#define PRIOR       4.0  /* degrees of freedom that σ counts in a texel's own scale */
-#define LIT         5.0  /* σ: least value of a texel that is not dark */
-#define FLATTEST    20.0 /* degrees: largest error of a normal */
-#define LEAST_REAL  1e-4 /* of |b|: least σ, for pictures without noise */
-#define VOLUME      0.02 /* least |det| of a triple of lights */
-#define REHEARSALS  256  /* made-up texels that tell how the scale of few lights is biased */
-#define QUANTILE    0.25 /* of the samples' scales that is σ: texels with highlights have more */
-#define WIDEST      32   /* times σ, tried where fewer lights agree within less */
-#define SHARE       0.4  /* least share of the facing lights that agrees */
-#define DEG         (180 / G_PI)
+#define PRIOR       4.0  /* degrees of freedom with which σ counts in a texel's own scale */
+#define LIT         5.0  /* in σ: minimum value of a texel that is not dark */
+#define FLATTEST    20.0 /* degrees: maximum error of a normal */
+#define LEAST_REAL  1e-4 /* relative to |b|: minimum σ, for pictures without noise */
+#define VOLUME      0.02 /* minimum |det| of a triple of lights */
+/* number of simulated texels that give the bias of the scale of a few lights */
+#define REHEARSALS 256
+/* quantile of the samples' scales that is σ; texels with highlights have larger scales */
+#define QUANTILE 0.25
+#define WIDEST   32  /* maximum multiple of σ that is tried if too few lights agree */
+#define SHARE    0.4 /* minimum share of the facing lights that must agree */
+#define DEG      (180 / G_PI)
 
-/* Values of a texel that are known, and their lights. */
+/* The known values of a texel, and their lights. */
 struct lit {
     int n;
     double *values; /* luminance */
@@ -66,8 +68,8 @@ static void lit_read(const struct photometric_input *input, int texel, float *rg
     }
 }
 
-/* Solves Σ w l lᵀ b = Σ w I l by Cramer's rule; columns x, y, z. FALSE: nearly singular.
- * ret_inverse: rows of the inverse, or NULL. */
+/* Solves Σ w l lᵀ b = Σ w I l by Cramer's rule, with columns x, y, z. Returns FALSE if it is nearly
+ * singular. ret_inverse are the rows of the inverse, or NULL. */
 static gboolean solve(struct vec3 x, struct vec3 y, struct vec3 z, struct vec3 sum,
                       struct vec3 *ret, struct vec3 ret_inverse[3]) {
     const struct vec3 yz = vec3_cross(y, z), zx = vec3_cross(z, x), xy = vec3_cross(x, y);
@@ -83,8 +85,8 @@ static gboolean solve(struct vec3 x, struct vec3 y, struct vec3 z, struct vec3 s
     return TRUE;
 }
 
-/* Weighted least squares over the lights that b faces; sigma 0: all weights are 1. With b = 0 all
- * lights count. */
+/* Weighted least squares over the lights that b faces. With sigma 0 all weights are 1. With b = 0
+ * all lights count. */
 static gboolean step(const struct lit *lit, struct vec3 b, double sigma, struct vec3 *ret) {
     struct vec3 x = vec3(0, 0, 0), y = x, z = x, sum = x;
     const gboolean any = !(vec3_dot(b, b) > 0);
@@ -106,7 +108,7 @@ static double residual(const struct lit *lit, int i, struct vec3 b) {
     return lit->values[i] - MAX(vec3_dot(b, lit->lights[i]), 0);
 }
 
-/* Least squares over the lights that the surface faces, from all lights on. */
+/* Least squares over the lights that the surface faces, beginning with all lights. */
 static gboolean plain(const struct lit *lit, struct vec3 *ret) {
     struct vec3 b = vec3(0, 0, 0), next;
     for (int turn = 0; turn < TURNS && step(lit, b, 0, &next); turn++)
@@ -115,11 +117,11 @@ static gboolean plain(const struct lit *lit, struct vec3 *ret) {
     return vec3_dot(b, b) > 0;
 }
 
-/* How well a solution explains all lights; less is better. */
+/* Rates how well a solution explains all lights; smaller is better. */
 typedef double (*Score)(const struct lit *lit, struct vec3 b, double sigma, double *buffer);
 
-/* Highlights add light, and shadows take nearly all: a light that is only dimmer than Lambert's law
- * says speaks against the solution. */
+/* Highlights add light, and shadows remove almost all of it. A light that is only slightly dimmer
+ * than Lambert's law predicts is therefore evidence against the solution. */
 static double truncated(const struct lit *lit, struct vec3 b, double sigma, double *buffer) {
     double sum = 0;
     for (int i = 0; i < lit->n; i++) {
@@ -135,11 +137,12 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* A quantile of |r| that half of the lights, and one more than determine b, are within (least
- * median of squares, Rousseeuw 1984). */
+/* Returns the quantile of |r| below which half of the lights are, plus one more than determine b
+ * (least median of squares, Rousseeuw 1984). */
 static double median_of(const struct lit *lit, struct vec3 b, double sigma, double *buffer) {
     int n = 0;
-    for (int i = 0; i < lit->n; i++) /* unlit lights fit anything that they do not face */
+    /* unlit lights agree with every solution that does not face them */
+    for (int i = 0; i < lit->n; i++)
         if (vec3_dot(b, lit->lights[i]) > 0)
             buffer[n++] = fabs(residual(lit, i, b));
         else if (lit->values[i] > 0)
@@ -150,8 +153,8 @@ static double median_of(const struct lit *lit, struct vec3 b, double sigma, doub
     return buffer[MAX(n / 2, 3)];
 }
 
-/* The best of the solutions of triples of lights, which are drawn from a fixed sequence, or are all
- * if these are few, and of plain least squares. */
+/* Returns the best of the solutions of triples of lights and of plain least squares. The triples
+ * are all triples, or a fixed sequence of them if there are many. */
 static gboolean best_triple(const struct lit *lit, Score score, double sigma, double *buffer,
                             struct vec3 *ret) {
     double least = HUGE_VAL;
@@ -196,7 +199,7 @@ static gboolean best_triple(const struct lit *lit, Score score, double sigma, do
     return least < HUGE_VAL;
 }
 
-/* σ by linear interpolation. */
+/* Returns σ by linear interpolation. */
 static double sigma_at(const struct solver *solver, double length, double times) {
     int k = 1;
     while (k < BINS - 1 && solver->at[k] < length)
@@ -206,7 +209,7 @@ static double sigma_at(const struct solver *solver, double length, double times)
     return times * MAX((1 - t) * solver->sigma[k - 1] + t * solver->sigma[k], LEAST_REAL * length);
 }
 
-/* Reweighted least squares from a start; sigma is that at the length of b. */
+/* Reweighted least squares from a start. sigma is that at the length of b. */
 static struct vec3 refine(const struct solver *solver, const struct lit *lit, struct vec3 b,
                           double times, gboolean *ret_ok) {
     *ret_ok = FALSE;
@@ -223,7 +226,7 @@ static struct vec3 refine(const struct solver *solver, const struct lit *lit, st
     return b;
 }
 
-/* Albedo of each colour: least squares of I_c = a_c n·l over the lights that agree. */
+/* Finds the albedo of each colour by least squares of I_c = a_c n·l over the lights that agree. */
 static void find_albedo(const struct lit *lit, const float *rgb, struct vec3 b, double sigma,
                         struct photometric_texel *ret) {
     double sums[3] = {0}, squares = 0;
@@ -239,8 +242,8 @@ static void find_albedo(const struct lit *lit, const float *rgb, struct vec3 b, 
         ret->albedo[c] = squares > 0 ? (float)(sums[c] / squares) : 0;
 }
 
-/* A light that does not show the texel, with a value of no more than noise, does not count: if only
- * two do, a solution to which a third is just grazing fits always. */
+/* A light whose value is only noise does not count. If only two lights count, there is always a
+ * solution that a third one just grazes. */
 static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double sigma,
                                     struct photometric_texel *ret) {
     int facing = 0;
@@ -261,7 +264,7 @@ static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double
     }
     if (ret->used < PHOTOMETRIC_LEAST_LIGHTS)
         return facing < PHOTOMETRIC_LEAST_LIGHTS ? PHOTOMETRIC_FEW : PHOTOMETRIC_CONTRADICT;
-    /* Three lights always agree with something. */
+    /* Three lights always agree with some solution. */
     if ((ret->used == PHOTOMETRIC_LEAST_LIGHTS && facing > PHOTOMETRIC_LEAST_LIGHTS) ||
         ret->used < SHARE * facing)
         return PHOTOMETRIC_CONTRADICT;
@@ -342,8 +345,9 @@ static double quantile(double *values, int n) {
     return values[(int)(QUANTILE * (n - 1))];
 }
 
-/* The ratio of a texel's scale, by the best triple, to the true σ, with normal errors: its quantile
- * over made-up texels of all directions under the lights of one of them. */
+/* Returns the ratio of a texel's scale, by the best triple, to the true σ, for normally distributed
+ * errors. It is the quantile over simulated texels of all directions under the lights of one
+ * texel. */
 static double rehearse(const struct lit *of, double *buffer) {
     struct lit lit = lit_new(of->n);
     g_autofree double *ratios = g_new(double, REHEARSALS);
@@ -372,7 +376,7 @@ static double rehearse(const struct lit *of, double *buffer) {
     return found > REHEARSALS / 8 ? quantile(ratios, found) : 1;
 }
 
-/* σ as a function of |b|, from texels all over the picture. */
+/* Finds σ as a function of |b| from texels of the whole picture. */
 static void find_sigma(struct solver *solver) {
     const struct photometric_input *input = solver->input;
     const int stride = MAX(1, input->n_texels / SAMPLES);

@@ -1,5 +1,5 @@
-/* Two passes over the new views: distances of all of them become the MDF, which the session takes
- * when it is made; then the values of one view after the other. */
+/* Makes the new views in two passes. First the distances of all views become the MDF, which the
+ * session takes when it is made. Then the values are computed one view after the other. */
 #include "along_surface.h"
 
 #include <glib/gstdio.h>
@@ -16,8 +16,8 @@
 #include "reprojection/reprojection.h"
 
 #define COLOURS 3
-#define BLOCKS  64  /* of a view's texels, shared out among threads */
-#define FAR_MM  1e6 /* from the sample to the camera of a new view */
+#define BLOCKS  64  /* parts of a view's texels that are distributed to threads */
+#define FAR_MM  1e6 /* distance from the sample to the camera of a new view */
 
 struct along {
     const struct work *work;
@@ -26,14 +26,14 @@ struct along {
     const struct near_field *near;
     struct btf_matrix *btf;
     Reprojection *reprojection;
-    struct direction_weights *lights; /* of each new light, of the measured ones */
+    struct direction_weights *lights; /* for each new light, the weights of the measured ones */
     float *fade;                      /* the same */
     const int *pole;                  /* of the measured lights */
     int n_pole;
     int n_texels;
     struct mdf_result **mdf; /* of each new view */
 
-    /* The view at work. */
+    /* The view that is being made. */
     int view;
     struct reprojection_tap (*taps)[REPROJECTION_MOST_TAPS]; /* of each texel */
     int *n_taps;
@@ -101,7 +101,7 @@ static void along_add(int block, gpointer data) {
         }
 }
 
-/* Sums of the taps of all texels, under the measured lights. */
+/* Sums the taps of all texels, under the measured lights. */
 static gboolean along_mix(struct along *a, float *buffer, GError **error) {
     const int n_views = (int)a->btf->layout.views.n;
     const gsize row = a->btf->layout.lights.n * COLOURS;
@@ -130,7 +130,8 @@ static void along_add_light(const struct along *a, int from, float share, float 
             ret_rgb[COLOURS * i + c] += share * a->sums[i * row + COLOURS * (gsize)from + c];
 }
 
-/* Callback of import_material(). Bicubic interpolation may undershoot: values are not negative. */
+/* Callback of import_material(). Bicubic interpolation may undershoot, so that negative values are
+ * set to 0. */
 static gboolean along_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                 GError **error) {
     struct along *a = data;

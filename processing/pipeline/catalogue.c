@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-#define ANGLES_PER_DEG 10000 /* turntable angles within 1/this degree are equal */
+/* turntable angles are compared in steps of 1/ANGLES_PER_DEG degrees */
+#define ANGLES_PER_DEG 10000
 
 static gpointer frame_key(gint64 shot, int camera) {
     return GSIZE_TO_POINTER((gsize)shot * RIG_MAX_CAMERAS + (gsize)camera);
@@ -55,7 +56,7 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
     return TRUE;
 }
 
-/* Adds a shot to the table for looking it up. */
+/* Adds a shot to the table for lookups. */
 static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_shot *shot,
                                    GError **error) {
     const int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
@@ -79,7 +80,7 @@ static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_s
     return TRUE;
 }
 
-/* Reads shots and frames again; the rest never changes. */
+/* Reads shots and frames again. All other members never change. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
     catalogue_clear_rows(catalogue);
     catalogue->frames = g_hash_table_new(NULL, NULL);
@@ -188,8 +189,8 @@ static const struct session_shot *find_shot(const struct catalogue *catalogue,
     return NULL;
 }
 
-/* Ready if the frame is committed, waiting if its shot is planned, impossible if the plan skips
- * it. */
+/* Returns whether a frame is ready (committed), awaited (its shot is planned), or impossible (the
+ * plan skips it). */
 static enum catalogue_state find_input(const struct catalogue *catalogue,
                                        const struct session_shot *shot,
                                        const struct session_direction *view, struct input *ret) {
@@ -243,7 +244,7 @@ static const struct rig *rig_at_angle(const struct catalogue *catalogue, double 
     return at;
 }
 
-/* input: NULL for a light that the plan left out for this view; the lamp's position then follows
+/* input is NULL for a light that the plan left out for this view. The lamp's position then comes
  * from shot, another shot of this light. */
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
@@ -334,7 +335,7 @@ void mdf_job_free(struct mdf_job *job) {
     g_free(job);
 }
 
-/* Standard errors of a laser; large ones for a laser that was not calibrated, since units are
+/* Standard errors of a laser. They are large for a laser that was not calibrated, because units are
  * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 

@@ -1,7 +1,5 @@
-/*
- * The state of a session for processing: of each view, whether its inputs are complete, and their
- * files. One thread at a time.
- */
+/* The state of a session for processing: the input files of each view, and whether they are
+ * complete. One thread at a time. */
 #pragma once
 
 #include "btf/btf.h"
@@ -15,32 +13,33 @@ struct catalogue {
     GHashTable *rigs; /* double, turntable angle → struct rig as the sample sees it there; empty
                          if the turntable does not wobble */
     struct session_grid grid;
-    struct laser_reference reference;           /* radius_mm 0: none */
+    struct laser_reference reference;           /* radius_mm is 0 if there is none */
     char *calibration;                          /* text of the calibration */
-    struct outputs *outputs;                    /* of the lamps */
+    struct outputs *outputs;                    /* output of the lamps */
     GPtrArray *views, *lights, *lasers, *shots; /* arrays of the session's structs */
     GHashTable *frames;                         /* shot and camera → struct session_frame */
     GPtrArray *frame_rows;
     GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
     const char *directory;
-    gboolean lines_in_pictures; /* FALSE after catalogue_load(); see struct pipeline_options */
+    gboolean lines_in_pictures; /* set to FALSE by catalogue_load(); see struct pipeline_options */
 };
 
-/* calibration: as in struct pipeline_options. */
+/* calibration is as in struct pipeline_options. */
 struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error);
 void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
 
-int catalogue_planned(const struct catalogue *catalogue); /* shots that are still to be taken */
+/* number of shots that are still to be taken */
+int catalogue_planned(const struct catalogue *catalogue);
 
 enum catalogue_state {
     CATALOGUE_READY,
-    CATALOGUE_WAITING,    /* planned frames are missing */
+    CATALOGUE_WAITING,    /* planned frames are not taken yet */
     CATALOGUE_IMPOSSIBLE, /* the plan leaves out a necessary frame */
 };
 
-/* ret is set if the view is ready; it borrows from the catalogue. */
+/* ret is set if the view is ready. It borrows from the catalogue. */
 enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int view,
                                    struct btf_view **ret);
 
@@ -64,13 +63,13 @@ struct mdf_job {
     double sight_px2[2][2]; /* covariance of where the camera sees the sample; 0: not known */
     GArray *sweeps;         /* of struct mdf_input, in order of laser position */
     gboolean lines_in_pictures;
-    char *inputs; /* hash of all of the above */
+    char *inputs; /* hash of all members above */
 };
 void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 
-/* Sweeps that the plan leaves out are not waited for. */
+/* The function does not wait for sweeps that the plan leaves out. */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 
-/* Begins the hash of the inputs that both kinds of product share. */
+/* Begins the hash with the inputs that both kinds of product share. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

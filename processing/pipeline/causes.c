@@ -10,14 +10,16 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SEEN     0.3  /* of the texels, by lasers */
-#define LEAST_LINES    0.02 /* of the pixels of a sweep that draws a line on the sample */
-#define MOST_SWEEPS    16   /* that are looked at */
-#define MOST_FRAMES    8    /* likewise, of a view */
-#define DARK           0.0005 /* mean reflectance under the steepest light; blackest paints have more */
-#define DARK_SHARE     0.02 /* of the median view's */
+#define LEAST_SEEN 0.3 /* minimum share of the texels that lasers saw */
+/* minimum share of the pixels of a sweep that draws a line on the sample */
+#define LEAST_LINES 0.02
+#define MOST_SWEEPS 16 /* maximum number of sweeps that are examined */
+#define MOST_FRAMES 8  /* maximum number of frames of a view that are examined */
+/* mean reflectance under the steepest light; that of the blackest paints is higher */
+#define DARK           0.0005
+#define DARK_SHARE     0.02 /* share of the median view's reflectance */
 #define DARK_DN        5.0
-#define MOST_SATURATED 0.5 /* of a view's values */
+#define MOST_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
 
 struct texts {
     Config *rig_conf;
@@ -28,7 +30,7 @@ struct texts {
 
 struct seen_view {
     const struct session_direction *view;
-    double mean, saturated; /* of the steepest light; share of all values */
+    double mean, saturated; /* mean under the steepest light, and share of all values */
 };
 
 static gboolean texts_read(Session *session, const char *calibration, struct texts *ret,
@@ -65,7 +67,8 @@ static const struct session_shot *shot_of(const struct texts *texts,
                : NULL;
 }
 
-/* The share of pixels with a line, in some of the sweeps; the least height of a peak in DN. */
+/* Finds the share of pixels with a line in some of the sweeps, and the minimum height of a peak in
+ * DN. */
 static void look_at_sweeps(Session *session, const struct texts *texts, double *ret_lines,
                            int *ret_sweeps) {
     g_autoptr(GPtrArray) sweeps = g_ptr_array_new();
@@ -124,7 +127,7 @@ static void explain_mdf(Session *session, const struct texts *texts,
                                 : "reference_mm and depth_mm in [sample] of the session file"));
 }
 
-/* Reads what a view's file shows; FALSE: there is no file. */
+/* Reads the values of a view's file. Returns FALSE if there is no file. */
 static gboolean see_view(const char *path, struct seen_view *ret, GError **error) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;
@@ -152,7 +155,8 @@ static gboolean see_view(const char *path, struct seen_view *ret, GError **error
     return TRUE;
 }
 
-/* The brightest of some of a view's frames: its mean at its longest exposure, in DN above dark. */
+/* Returns the mean of the brightest of some of a view's frames at its longest exposure, in DN above
+ * dark. */
 static double brightest_dn(Session *session, const struct texts *texts,
                            const struct session_direction *view, double *ret_us) {
     double most = -HUGE_VAL;
@@ -195,7 +199,8 @@ static char *name_views(const struct texts *texts, int n, int of, const struct s
         texts->calibration->rig.cameras[first->view->device].name, n == 1 ? "is" : "are");
 }
 
-/* Views that are dark, or so much darker than the others that their pictures must be. */
+/* Explains views that are dark, or so much darker than the others that their pictures must be
+ * wrong. */
 static void explain_dark(Session *session, const struct texts *texts, const GArray *seen,
                          GPtrArray *ret) {
     g_autofree double *means = g_new(double, seen->len);
@@ -235,12 +240,13 @@ static void explain_dark(Session *session, const struct texts *texts, const GArr
                                  camera->name));
     else
         g_ptr_array_add(
-            ret, g_strdup_printf("%s dark: %.2g of a white surface, though a picture of it is %.3g "
-                                 "DN above dark; response of [camera %s] = %g or the intensity of "
-                                 "the lamps is too large: measure a white tile (mesorig calibrate "
-                                 "radiometry), or correct them in %s",
-                                 which, first->mean, dn, camera->name, camera->response,
-                                 texts->imported ? "the file of nominal values" : "the rig file"));
+            ret,
+            g_strdup_printf(
+                "%s dark: %.2g of a white surface, although a picture of it is %.3g DN above dark; "
+                "response of [camera %s] = %g or the intensity of the lamps is too large: measure "
+                "a white tile (mesorig calibrate radiometry), or correct them in %s",
+                which, first->mean, dn, camera->name, camera->response,
+                texts->imported ? "the file of nominal values" : "the rig file"));
 }
 
 static void explain_saturated(const struct texts *texts, const GArray *seen, GPtrArray *ret) {
@@ -264,7 +270,7 @@ static void explain_saturated(const struct texts *texts, const GArray *seen, GPt
                                           "session file"));
 }
 
-/* Cameras that are not calibrated and whose response nobody has given. */
+/* Explains cameras that are not calibrated and whose response was not given. */
 static void explain_response(const struct texts *texts, GPtrArray *ret) {
     const struct calibration *calibration = texts->calibration;
     const char *first = NULL;
@@ -286,9 +292,8 @@ static void explain_response(const struct texts *texts, GPtrArray *ret) {
     if (first)
         g_ptr_array_add(
             ret, g_strdup_printf("brightness is right up to a factor: response of [camera %s] = %g "
-                                 "is what is taken where nothing is given (%d of %d cameras); "
-                                 "measure a white tile (mesorig calibrate radiometry), or set "
-                                 "response in %s",
+                                 "is the default (%d of %d cameras); measure a white tile (mesorig "
+                                 "calibrate radiometry), or set response in %s",
                                  first, value, n, calibration->rig.n_cameras,
                                  texts->imported ? "the file of nominal values" : "the rig file"));
 }

@@ -1,11 +1,12 @@
-/* Why a session's products hold little. */
+/* Explains why a session's products contain few values. */
 #pragma once
 
 #include "pipeline.h"
 
-/* Appends sentences (g_free()) about likely mistakes, each with a number and the key to change: no
- * texels, or few, that a laser saw; views that are dark or saturated; a camera whose response was
- * not given. Reads the headers of the products, a light of each view, and some frames. calibration:
- * the text that the session was processed with; NULL: its own. */
+/* Appends sentences (g_free()) about likely mistakes, each with a number and the key to change.
+ * They cover texels that no laser saw or only few did, views that are dark or saturated, and a
+ * camera whose response was not given. Reads the headers of the products, one light of each view,
+ * and some frames. calibration is the text that the session was processed with, or NULL for its
+ * own. */
 gboolean pipeline_causes(const char *directory, const char *calibration,
                          const struct pipeline_result *result, GPtrArray *ret, GError **error);

@@ -6,13 +6,13 @@
 
 /* If work takes longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT 0.05
-#define LITTLE_S   0.5 /* CPU time of what follows the views that says little of the rest of it */
+#define LITTLE_S   0.5 /* CPU time of work after the views below which its speed is not reliable */
 
 struct course_task {
     struct time_left_task known;
-    gint state; /* written by the thread that makes it, after the rest */
+    gint state; /* written last by the thread that makes the task */
     clockid_t clock;
-    double begun_s; /* of the thread's clock */
+    double begun_s; /* on the clock of the thread */
 };
 
 struct Course {
@@ -21,13 +21,13 @@ struct Course {
     struct time_left_rates rates;
     struct course_task *tasks;
     int n_tasks;
-    struct time_left_made made[TIME_LEFT_WORKS]; /* by this run */
+    struct time_left_made made[TIME_LEFT_WORKS]; /* measured by this run */
     double expected[TIME_LEFT_WORKS];
-    int working;     /* enum time_left_work that is under way after the views; −1: none */
+    int working;     /* enum time_left_work of the present work after the views; −1 if none */
     double worked_s; /* CPU time of the process when that began */
-    double share;    /* of it that is done; 0: not known */
+    double share;    /* share of the present work that is done; 0 if not known */
     struct time_left_speed speed;
-    int n_busy; /* threads, since the last look */
+    int n_busy; /* number of busy threads since the last measurement */
     gint64 begun_us, looked_us;
     double looked_cpu_s;
 };
@@ -39,7 +39,7 @@ static double process_cpu_s(void) {
            (double)(used.ru_utime.tv_usec + used.ru_stime.tv_usec) / G_USEC_PER_SEC;
 }
 
-/* 0: the thread has ended. */
+/* Returns 0 if the thread has ended. */
 static double course_clock_s(clockid_t clock) {
     struct timespec now;
     return clock_gettime(clock, &now) == 0 ? (double)now.tv_sec + (double)now.tv_nsec / 1e9 : 0;
@@ -57,7 +57,7 @@ Course *course_new(int n_threads) {
     return course;
 }
 
-/* Adds up what the tasks took, and forgets them. */
+/* Adds the times of the tasks to the measurements, and frees the tasks. */
 static void course_drop_tasks(Course *course) {
     for (int i = 0; i < course->n_tasks; i++) {
         const struct course_task *task = &course->tasks[i];
@@ -85,8 +85,8 @@ void course_free(Course *course) {
 
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
     course_drop_tasks(course);
-    if (course->speed.wall_s <= 0) { /* the speed before the first views says nothing about them:
-                                        files were searched for, often on a disk */
+    /* the speed before the first views is not typical: files were searched for, often on a disk */
+    if (course->speed.wall_s <= 0) {
         course->begun_us = course->looked_us = g_get_monotonic_time();
         course->looked_cpu_s = process_cpu_s();
         course->n_busy = CLAMP(n, 1, course->n_threads);
@@ -134,8 +134,8 @@ void course_end(Course *course, enum time_left_work work, gboolean whole) {
     course->working = -1;
 }
 
-/* Adds the CPU time that the process got since the last look, during which course->n_busy threads
- * were busy. n_busy: the number of busy threads from now on. */
+/* Adds the CPU time that the process got since the last call, during which course->n_busy threads
+ * were busy. n_busy is the number of busy threads from now on. */
 static void course_look(Course *course, int n_busy) {
     const gint64 now_us = g_get_monotonic_time();
     const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
@@ -163,9 +163,9 @@ static double course_slower(const struct course_pace *pace) {
     return pace->said_s > 0 ? pace->cpu_s / pace->said_s : 1;
 }
 
-/* The pace of views: the CPU time that they took, relative to what the rates predict. Processors
- * differ, and one that shares its caches and units with other work is slower. Work that has not
- * been measured yet is expected to be as slow. */
+/* Returns the pace of views: the CPU time that they took, relative to the prediction of the rates.
+ * Processors differ, and a processor that shares its caches and units with other work is slower.
+ * Work that has not been measured yet is assumed to have the same pace. */
 static struct course_pace course_views_pace(const Course *course,
                                             const struct time_left_task *tasks) {
     struct course_pace pace = {0};
@@ -177,13 +177,13 @@ static struct course_pace course_views_pace(const Course *course,
     return pace;
 }
 
-/* The work after the views has a pace of its own as soon as some of it is done, since its single
+/* The work after the views has a separate pace as soon as some of it is done, because its single
  * thread does not share a processor with a second one. */
 static double course_after_s(const Course *course, const struct course_pace *views) {
     struct course_pace pace = {0};
     const double slower = course_slower(views);
     /* The first part of this work may be slower or faster than the last, because the views of one
-     * elevation are read one after the other; therefore a small share counts little. */
+     * elevation are read one after the other. A small share therefore counts little. */
     const double weight = course->share * course->share;
     double done_s = 0, after_s = 0;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
@@ -193,7 +193,7 @@ static double course_after_s(const Course *course, const struct course_pace *vie
         course_pace_add(&pace, course, course->working, weight * done_s,
                         weight * course->share * course->expected[course->working]);
     }
-    /* Counts as if LITTLE_S more of this work had run at the pace of views. */
+    /* The same as if LITTLE_S more of this work had run at the pace of views. */
     pace.cpu_s += LITTLE_S * slower;
     pace.said_s += LITTLE_S;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++) {
@@ -201,7 +201,8 @@ static double course_after_s(const Course *course, const struct course_pace *vie
             course_slower(&pace) * course->rates.unit_s[work] * course->expected[work];
         if (work != course->working)
             after_s += all_s;
-        else if (course->share > 0) /* the more of it is done, the more its own pace counts */
+        /* the larger the share that is done, the more its own pace counts */
+        else if (course->share > 0)
             after_s +=
                 (1 - course->share) * (weight * done_s / course->share + (1 - weight) * all_s);
         else
@@ -227,7 +228,8 @@ double course_left_s(Course *course) {
         running += state == TIME_LEFT_RUNS;
         waiting += state == TIME_LEFT_WAITS;
     }
-    /* A thread that has just ended a view and not yet taken the next one is at work, too. */
+    /* A thread that has just finished a view and has not yet taken the next one also counts as
+     * busy. */
     const int n = CLAMP(running + waiting, 1, course->n_threads);
     course_look(course, n);
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)

@@ -1,5 +1,5 @@
-/* From sweep files to products/mdf.exr. The views are made independently and then settled
- * together. */
+/* Makes products/mdf.exr from sweep files. The views are first made independently, then D and P of
+ * all views are set together. */
 #include "mdf_product.h"
 
 #include <math.h>
@@ -36,7 +36,7 @@ static struct mdf_result *mdf_product_new_result(const struct session_direction 
     return result;
 }
 
-/* Compares the file's sweep with the plan's: with another one depths would be wrong. */
+/* Compares the file's sweep with the plan's, because another sweep would give wrong depths. */
 static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
                             GError **error) {
     double from = 0, to = 0, degree = G_PI / 180;
@@ -57,12 +57,12 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
                            input->steps);
 }
 
-/* A line's least height above the median of the reference region; the default of
+/* Minimum height of a line above the median of the reference region; the default of
  * laser_threshold_dn. */
 #define LINE_DN 12
 
-/* Finds lines as in the paper: reads the frames that the session has kept beside the sweep's
- * file. */
+/* Finds lines as in the paper. Reads the frames that the session has kept in the folder of the
+ * sweep's file. */
 static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_input *input,
                                  const struct laser_sweep *sweep, const struct exr_part *size,
                                  struct laser_lines *ret, GError **error) {
@@ -133,7 +133,7 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
     return TRUE;
 }
 
-/* One view: all its sweeps are added, then merged. */
+/* Makes one view: adds all its sweeps, then merges them. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error) {
     g_autoptr(MdfView) view = mdf_view_new(job->camera, job->turntable_rad, grid);
@@ -168,7 +168,7 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     return result;
 }
 
-/* Views settled by the same set of views before, by hash, are skipped. */
+/* Skips views whose D and P were already set from the same views, according to the hash. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
@@ -280,7 +280,8 @@ gboolean mdf_read(const char *path, const struct catalogue *catalogue,
     return taken != file->parts->len;
 }
 
-/* Share of measured texels; ret_predicted: share predicted by other views. */
+/* Returns the share of measured texels. ret_predicted is the share that was predicted from other
+ * views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted) {
     gint64 seen = 0, predicted = 0, all = 0;
     for (int view = 0; view < n; view++)

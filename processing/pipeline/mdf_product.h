@@ -1,4 +1,5 @@
-/* Makes the MDF of a view from its sweeps' files, and the file of all views: see pipeline.h. */
+/* Makes the MDF of a view from the files of its sweeps, and the file of all views. See
+ * pipeline.h. */
 #pragma once
 
 #include "catalogue.h"
@@ -6,11 +7,12 @@
 
 struct mdf_result {
     char *inputs; /* hash of its inputs */
-    int index;    /* of the view */
+    int index;    /* index of the view */
     double theta_deg, phi_deg;
     double centre_mm[3]; /* of the camera, in the sample frame */
-    char *agreed;        /* hash of all views that settled it; empty: not settled */
-    float *planes[6];    /* D, M, N, O, P, S of each texel: pipeline.h */
+    /* hash of all views from which D and P were set; empty if they are not set */
+    char *agreed;
+    float *planes[6]; /* D, M, N, O, P, S of each texel: pipeline.h */
     struct mdf_lines lines;
     int above; /* mdf_view_above() */
 };
@@ -21,10 +23,10 @@ void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error);
 
-/* Here and below: results of n views, NULL where there is none. */
+/* Here and below, results has n views; NULL stands for a missing view. */
 
-/* Sets D and P of all views from their measurements (mdf_views.h), unless they were set from the
- * same views before. settled is called after each view. Returns whether anything may have
+/* Sets D and P of all views from their measurements (mdf_views.h), unless they were already set
+ * from the same views. settled is called after each view. Returns whether any value may have
  * changed. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable, void (*settled)(gpointer data), gpointer data);
@@ -32,11 +34,11 @@ gboolean mdf_settle(struct mdf_result *const *results, int n, const struct sessi
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error);
 
-/* Reads the catalogue's views from the file; none if it is missing or damaged. Returns whether
- * the file differs from the results and should be written again. */
+/* Reads the catalogue's views from the file. Reads none if the file is missing or damaged. Returns
+ * whether the file differs from the results and should be written again. */
 gboolean mdf_read(const char *path, const struct catalogue *catalogue,
                   struct mdf_result **ret_results);
 
-/* Returns the share of all texels of the existing views that was measured; ret_predicted: the share
- * that other views predicted. */
+/* Returns the share of all texels of the existing views that was measured. ret_predicted is the
+ * share that was predicted from other views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted);

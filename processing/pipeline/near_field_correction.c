@@ -1,6 +1,6 @@
-/* Resamples in three passes: all views go to a scratch file [view][texel][light][lane]; blocks of
- * texels are gathered from it, resampled and written to a second file; its views become the
- * result. Memory is thus that of some views and blocks. */
+/* Resamples in three passes. All views are written to a scratch file [view][texel][light][lane].
+ * Blocks of texels are gathered from it, resampled and written to a second file. The views of the
+ * second file are the result. Memory therefore only holds some views and blocks. */
 #include "near_field_correction.h"
 
 #include <math.h>
@@ -28,8 +28,8 @@ struct job {
     struct resampler_sums **sums; /* of each block */
     struct resampler_sums *all;
     GMutex mutex;
-    GError *error;             /* of the first block that failed */
-    GCancellable *cancellable; /* cancelled on the first error, or by the user's */
+    GError *error;             /* error of the first block that failed */
+    GCancellable *cancellable; /* cancelled on the first error, or through the user's cancellable */
     const char *source;        /* the session's path */
     const struct near_field_correction_result *result;
     float *rgb;     /* of the view being written: n_lights × texels × 3 */
@@ -88,8 +88,8 @@ static gboolean near_field_read_views(struct job *job, struct near_field_correct
     return ok;
 }
 
-/* Transposes between [view][texel][light] in the scratch file and [texel][view][light] in memory.
- */
+/* Transposes between [view][texel][light] in the scratch file and [texel][view][light] in
+ * memory. */
 static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
                            GError **error) {
     const gsize row = job->near->lights.n * LANES;
@@ -116,7 +116,7 @@ static gboolean write_block(const struct job *job, int first, int n, const float
     return TRUE;
 }
 
-/* One block of texels on a thread of the pool. */
+/* Resamples one block of texels in a thread of the pool. */
 static void resample_block(int block, gpointer data) {
     struct job *job = data;
     const int first = block * BLOCK, n = MIN(BLOCK, job->n_texels - first);
@@ -157,7 +157,7 @@ static gboolean resample_texels(struct job *job, GError **error) {
     gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
     if (users)
         g_cancellable_disconnect(users, id);
-    if (job->error) { /* instead of that of cancelling */
+    if (job->error) { /* report the error instead of the cancelling */
         g_clear_error(error);
         g_propagate_error(error, g_steal_pointer(&job->error));
         ok = FALSE;
@@ -191,7 +191,7 @@ static void set_to(struct near_field_correction_band *band, const struct resampl
     band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }
 
-/* Distinct elevations; those within BAND are one. */
+/* Returns the distinct elevations. Elevations within BAND count as one. */
 static GArray *elevations(const float *theta_deg, int n) {
     GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);

@@ -1,9 +1,9 @@
-/*
- * Near-field correction: resamples a BTF to directions common to all texels. Each texel was seen
- * and lit from its own directions (near_field.h); its values are interpolated (direction_mesh.h)
- * over the lights of each view, then over views. The result is a session as of import.h, with a
- * BTF and eigen-maps but no frames, whose nominal directions are exact. An MDF is copied
- * unchanged: it contains the positions of its views, for the same texels.
+/* Near-field correction: resamples a BTF to directions that are common to all texels. In the
+ * source, each texel was seen and lit from different directions (near_field.h). Its values are
+ * interpolated (direction_mesh.h) over the lights of each view, then over views. The result is a
+ * session as of import.h, with a BTF and eigen-maps but without frames. Its nominal directions are
+ * exact. An MDF is copied unchanged, because it contains the positions of its views and is for the
+ * same texels.
  *
  * The accuracy is estimated from the values themselves:
  *
@@ -13,12 +13,11 @@
  *              values: the interpolation error counts about twice
  *   nominal    values taken for nominal directions without correction, against the result
  *
- * All are ‖difference‖ / ‖value‖ of R, G, B, without holes and predicted pictures. Attributes of
- * each part besides those of pipeline.h: resample.directions, resample.from (string: name of the
- * set, path of the session), resample.exact (int: 0 if positions of cameras and lamps are
- * unknown, as after an import), and (double) resample.left_out_view, resample.left_out_light,
- * resample.back of the whole, resample.moved_deg of the view: mean over the texels.
- */
+ * All are ‖difference‖ / ‖value‖ of R, G, B, without holes and predicted pictures. Each part has
+ * the attributes of pipeline.h, and also resample.directions, resample.from (string: name of the
+ * set, path of the session), resample.exact (int: 0 if positions of cameras and lamps are unknown,
+ * as after an import), and (double) resample.left_out_view, resample.left_out_light, resample.back
+ * of the whole, and resample.moved_deg of the view: the mean over the texels. */
 #pragma once
 
 #include "base/work.h"
@@ -31,17 +30,18 @@ struct near_field_correction_band {
     int n_views;
     double left_out_view, left_out_light, back; /* of measured views */
     double moved_deg,
-        most_moved_deg; /* of target views: angle to the texel's nearest measured direction */
-    double nominal;     /* −1: the targets are not the nominal directions */
-    double held;        /* share of values beyond the limit of extrapolation */
+        most_moved_deg; /* of target views: angle to the nearest measured direction of the texel */
+    double nominal;     /* −1 if the targets are not the nominal directions */
+    /* share of values beyond the limit of extrapolation, which are kept at that limit */
+    double held;
 };
 
 struct near_field_correction_result {
     struct import_result made;
-    gboolean exact;                  /* FALSE: all texels had the nominal directions */
-    gboolean mdf;                    /* there was an MDF; it was copied */
+    gboolean exact;                  /* FALSE if all texels had the nominal directions */
+    gboolean mdf;                    /* whether there was an MDF, which was copied */
     int n_views, n_lights;           /* of the source */
-    int sampled;                     /* texels of the leave-one-out test */
+    int sampled;                     /* number of texels of the leave-one-out test */
     gint64 holes, bounds, predicted; /* of the source (btf_matrix.h) */
     GArray *from, *to; /* of struct near_field_correction_band: of measured and of target views */
     struct near_field_correction_band all; /* of all views; theta_deg is −1 */
@@ -49,9 +49,9 @@ struct near_field_correction_result {
 };
 void near_field_correction_result_clear(struct near_field_correction_result *result);
 
-/* to: NULL for the session's own nominal directions. path must not exist. Needs the memory of
+/* to is NULL for the session's own nominal directions. path must not exist. Needs the memory of
  * some views, and temporarily 8 bytes on disk for each value and direction of source and result.
- * Stages "read", "resample", "import", "eigenmaps". */
+ * Progress stages are "read", "resample", "import" and "eigenmaps". */
 gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
                             const struct work *work, struct near_field_correction_result *ret,
                             GError **error);

@@ -1,5 +1,5 @@
-/* Views are tasks of a thread pool, which write their files; the calling thread owns the session,
- * hands out tasks, and writes the rows of finished products. */
+/* Views are tasks of a thread pool, which write their files. The calling thread owns the session,
+ * distributes tasks, and writes the rows of finished products. */
 #include "pipeline.h"
 
 #include <errno.h>
@@ -22,7 +22,7 @@
 
 #define POLL_US (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US                                                                               \
-    (30 * G_USEC_PER_SEC) /* least interval between writes while a capture is followed */
+    (30 * G_USEC_PER_SEC) /* minimum time between writes while a capture is followed */
 
 enum stage { STAGE_BTF = TIME_LEFT_BTF, STAGE_MDF = TIME_LEFT_MDF, N_STAGES = TIME_LEFT_STAGES };
 static const char *const stage_names[] = {"btf", "mdf"};
@@ -36,7 +36,7 @@ struct task {
     struct btf_view *btf;
     struct mdf_job *mdf;
     struct mdf_result *result;
-    int number; /* of the course */
+    int number; /* index in the course */
     GError *error;
 };
 
@@ -45,18 +45,18 @@ struct run {
     const struct pipeline_options *options;
     struct catalogue *catalogue;
     int n_views;
-    gboolean *made[N_STAGES]; /* of each view */
+    gboolean *made[N_STAGES]; /* for each view */
     GHashTable *whole;        /* relative paths of intact products */
     int n_damaged;            /* number of damaged products made by the pipeline */
     char *lock_path;          /* of lock: */
-    int lock;                 /* held while products are made */
+    int lock;                 /* lock file, held while products are made */
     char **btf_inputs;        /* of each view that is made */
     int *missing;             /* missing lights of each view in the BTF */
-    struct mdf_result **mdf;  /* of each view that is made */
+    struct mdf_result **mdf;  /* for each view that is made */
     gboolean mdf_dirty;
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
-    int settled; /* views of the MDF */
+    int settled; /* number of views in the MDF whose D and P are set */
     gboolean eigenmaps_made;
     Course *course;
     GCancellable *cancellable; /* cancelled by the user or on the first error */
@@ -104,7 +104,7 @@ static int count_made(const struct run *run, enum stage stage) {
     return n;
 }
 
-/* Stores a finished task. In the calling thread, which owns the session. */
+/* Stores a finished task. Runs in the calling thread, which owns the session. */
 static gboolean pipeline_accept(struct run *run, struct task *task, GError **error) {
     if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
@@ -123,7 +123,7 @@ static gboolean pipeline_accept(struct run *run, struct task *task, GError **err
     return session_add_product(run->session, relative, task->btf->inputs, error);
 }
 
-/* Whether the product exists, is intact and was made from these inputs. */
+/* Returns whether the product exists, is intact and was made from these inputs. */
 static gboolean pipeline_is_made(struct run *run, const struct task *task) {
     if (task->stage == STAGE_MDF)
         return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
@@ -135,8 +135,8 @@ static gboolean pipeline_is_made(struct run *run, const struct task *task) {
     return TRUE;
 }
 
-/* The task of a view that is ready and not made, or NULL.
- * Compares the hash of the view's inputs with the product's. */
+/* Returns the task of a view that is ready and not made, or NULL. Compares the hash of the view's
+ * inputs with the product's. */
 static struct task *pipeline_next_task(struct run *run, enum stage stage, int view) {
     if (run->made[stage][view])
         return NULL;
@@ -157,8 +157,8 @@ static struct task *pipeline_next_task(struct run *run, enum stage stage, int vi
     return NULL;
 }
 
-/* Keeps the error of the first stage and view, if there are several; tasks cancelled because of it
- * do not count. */
+/* Keeps the error of the first stage and view if there are several. Tasks that were cancelled
+ * because of it are ignored. */
 static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
                                 GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -198,7 +198,7 @@ static double megatexels(const struct run *run) {
     return (double)run->catalogue->grid.width * run->catalogue->grid.height / 1e6;
 }
 
-/* Of a view, for the time left: a million pixels of its frames. */
+/* Returns the cost of a view for the time left: a million pixels of its frames. */
 static struct time_left_task pipeline_cost(const struct run *run, enum stage stage, int view) {
     const struct catalogue *catalogue = run->catalogue;
     const struct session_direction *direction = g_ptr_array_index(catalogue->views, view);
@@ -209,8 +209,8 @@ static struct time_left_task pipeline_cost(const struct run *run, enum stage sta
                                    .units = (double)camera->width * camera->height * frames / 1e6};
 }
 
-/* Lists all views that are ready, and what they cost. Those whose frames are still to come take
- * time, too. ready: struct task, added at its end. */
+/* Lists all views that are ready, with their costs. Views whose frames are not taken yet also count
+ * in the time left. ready gets struct task at its end. */
 static void pipeline_list_views(struct run *run, const int *possible, gboolean ended,
                                 GQueue *ready) {
     g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
@@ -243,8 +243,8 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
         course_expect(run->course, TIME_LEFT_CAUSES, n[STAGE_BTF]);
 }
 
-/* Reports one stage after the other, for people. told: the views done at the last report of each
- * stage. */
+/* Reports one stage after the other, for people. told contains the number of views of each stage at
+ * its last report. */
 static void pipeline_tell_stages(struct run *run, const int *possible, int *told) {
     const double left_s = course_left_s(run->course);
     for (int stage = 0; stage < N_STAGES; stage++) {
@@ -258,8 +258,8 @@ static void pipeline_tell_stages(struct run *run, const int *possible, int *told
     }
 }
 
-/* Makes all views that are ready, BTF and MDF by turns, so that the first ones already tell how
- * long both will take. ended: no further frames will come. */
+/* Makes all views that are ready, alternately of BTF and MDF, so that the first ones show how long
+ * both will take. ended means that no further frames will come. */
 static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **error) {
     GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, pipeline_threads(run), FALSE, error);
     if (!pool)
@@ -273,8 +273,8 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
     GError *first = NULL;
     GQueue ready = G_QUEUE_INIT;
     pipeline_list_views(run, possible, ended, &ready);
-    /* With one thread, a view is begun only when the row of the view before is written, so that
-     * files and rows are written in the same order every time. */
+    /* With one thread, a view is only begun when the row of the previous view is written, so that
+     * files and rows are always written in the same order. */
     const guint most = pipeline_threads(run) == 1 ? 1 : ready.length;
     guint under_way = 0;
     while (under_way + ready.length > 0) {
@@ -332,8 +332,8 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
-/* Makes ready views until no more frames will come; asks whether the capture has ended before it
- * looks frames up, so that none is missed. */
+/* Makes ready views until no more frames will come. Checks whether the capture has ended before it
+ * looks up frames, so that none is missed. */
 static gboolean pipeline_make_views(struct run *run, GError **error) {
     for (;;) {
         g_autofree char *state = session_value(run->session, "state");
@@ -368,7 +368,8 @@ struct columns {
     int n_views;
     int *lights; /* indices */
     int n_lights;
-    int asked, to_ask; /* number of times that a column is asked for; about, if in several passes */
+    /* number of requests for a column so far, and (about, if in several passes) in total */
+    int asked, to_ask;
 };
 
 static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
@@ -418,7 +419,8 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     columns->run->eigenmaps_made = TRUE;
     g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
     const int lock =
-        file_lock_take(lock_path, path, error); /* compress -o may write the same file */
+        /* compress -o may write the same file at the same time */
+        file_lock_take(lock_path, path, error);
     if (lock < 0)
         return FALSE;
     new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
@@ -431,7 +433,7 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
                         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
                         set_number(session, "eigenmaps_error", *ret_error, error) &&
                         session_set_value(session, "eigenmaps_inputs", inputs, error);
-    if (columns->asked < columns->to_ask) /* there were fewer passes */
+    if (columns->asked < columns->to_ask) /* there were fewer passes than expected */
         course_end(columns->run->course, TIME_LEFT_COLUMNS, FALSE);
     course_end(columns->run->course, TIME_LEFT_FACTORS, ok && columns->asked >= columns->to_ask);
     eigenmaps_free(maps);
@@ -488,7 +490,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         return FALSE;
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
-    malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */
+    malloc_trim(0); /* otherwise memory freed by the threads would stay in their arenas */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
     struct columns columns = {.run = run, .views = views, .lights = lights, .n_lights = n_lights};
     for (int view = 0; view < run->n_views; view++)
@@ -526,7 +528,7 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
         !made_with_end(run->session, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
-        return TRUE; /* nothing was made: the costs of the earlier run stay */
+        return TRUE; /* nothing was made: the costs of the earlier run are kept */
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);
     double spent_s = (double)(g_get_monotonic_time() - run->started_us) / 1e6;
@@ -606,7 +608,7 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Finds causes in all products of the session, also in those of an earlier run. */
+/* Finds causes in all products of the session, including those of an earlier run. */
 static gboolean pipeline_find_causes(struct run *run, const struct pipeline_result *result,
                                      GError **error) {
     const struct pipeline_options *options = run->options;
@@ -643,7 +645,7 @@ static void forward_cancel(GCancellable *user, gpointer own) {
     g_cancellable_cancel(own);
 }
 
-/* Stages in order: BTF views, MDF views, settling of the MDF, eigen-maps. */
+/* Runs the stages in order: BTF views, MDF views, D and P of the MDF, eigen-maps. */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error) {
     g_autoptr(GError) found = NULL;
@@ -662,8 +664,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found) &&
                   pipeline_find_causes(&run, ret, &found);
-    /* A damaged frame may have been refused. Notes all damaged frames, so that one resume takes all
-     * of them again. Errors here matter less than the first one. */
+    /* A damaged frame may have been refused. Records all damaged frames, so that one resume takes
+     * all of them again. Errors here are less important than the first one. */
     g_autoptr(GPtrArray) damages =
         g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID)
             ? session_find_damage(run.session, SESSION_FRAMES, "", &options->work, NULL, NULL)

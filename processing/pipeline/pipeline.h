@@ -43,47 +43,54 @@
 #include "session/session.h"
 
 struct pipeline_options {
-    gboolean follow; /* wait for what is missing until the capture has ended */
-    int n_eigenmaps; /* Wang et al. 2005 §5: 4 */
-    /* calibration_to_text() of a calibration other than the session's own, but of the
-     * same rig; NULL: the session's. If the lamps' light is not calibrated in it, the output that
-     * marks measured during the capture is not used. calibration_path: where it is from, or
-     * "nominal"; recorded with the products (session/made_with.h). */
+    gboolean follow; /* wait for missing inputs until the capture has ended */
+    int n_eigenmaps; /* 4 in Wang et al. 2005 §5 */
+    /* calibration_to_text() of another calibration of the same rig, or NULL for the session's own.
+     * If the lamps' light is not calibrated in it, the output that the marks measured during the
+     * capture is not used. calibration_path is its origin, or "nominal"; it is recorded with the
+     * products (session/made_with.h). */
     const char *calibration, *calibration_path;
     /* Finds laser lines in each frame, as the paper does (frames/laser_pictures.h), for comparison.
      * The session must have kept its laser frames. */
     gboolean lines_in_pictures;
-    GPtrArray *causes; /* char *: pipeline_causes() are added; NULL: they are not looked for */
+    GPtrArray *causes; /* of char *: pipeline_causes() are added; NULL if they are not needed */
     struct work work;
 };
 
 struct pipeline_result {
-    int n_views, n_lights; /* in the BTF; views that are not complete are left out */
-    int n_predicted;       /* its pictures that the plan left out: predicted from others (btf.h) */
-    int n_left_out;        /* those of them that the capture left out since they can be predicted */
-    double prediction_error; /* their expected error, relative to the whole BTF; NAN: none */
+    int n_views, n_lights; /* in the BTF, without views that are not complete */
+    /* number of pictures that the plan left out, which are predicted from others (btf.h) */
+    int n_predicted;
+    /* number of pictures that the capture left out because they can be predicted */
+    int n_left_out;
+    /* their expected error, relative to the whole BTF; NAN if there are none */
+    double prediction_error;
     int n_mdf_views;
-    int n_damaged;          /* products that were damaged or gone, and are made again */
+    /* number of products that were damaged or missing, and are made again */
+    int n_damaged;
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
-    double mdf_coverage;    /* share of the texels of all views that their own view measured */
-    double mdf_predicted;   /* share that other views predicted */
-    /* Laser lines on the flat face around the sample (laser_lines.h): the number of sweeps, of
+    /* share of the texels of all views that were measured in their own view */
+    double mdf_coverage;
+    double mdf_predicted; /* share of the texels that were predicted from other views */
+    /* Laser lines on the flat face around the sample (laser_lines.h): the numbers of sweeps, of
      * sweeps that show a line, and of sweeps whose line disagrees with the calibration; the RMS and
-     * the largest disagreement, and the laser position of the largest one (−1: no line was seen).
-     */
+     * the maximum of the disagreement, and the laser position of the maximum (−1 if no line was
+     * seen). */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
     double line_width, line_scatter; /* mdf_lines.h; 0: not known */
 };
 
-/* Runs in the calling thread and a pool of its own. Products that are up to date are not made
- * again: every part names in mesorig.inputs (string) the inputs it was computed from, and its file
- * must match the session's checksum. One process at a time makes a session's products
- * (G_IO_ERROR_BUSY). The products' bytes depend on the frames alone, not on threads or order.
- * Progress: stage "btf" until its views are made, then "mdf", "eigenmaps"; views of both are made
- * by turns, and the time left is that of all stages. With follow it ends when the session's value
- * "state" is "done" or "aborted" or everything is there. Sets the session's values
- * of prediction_product.h, "eigenmaps_error", "mdf_coverage", "processing_s" and
- * "processing_peak_memory_mib". */
+/* Makes the products of a session, in the calling thread and a pool of threads. Products that are
+ * up to date are not made again: every part names in mesorig.inputs (string) the inputs from which
+ * it was computed, and its file must match the session's checksum. Only one process at a time makes
+ * the products of a session (G_IO_ERROR_BUSY). The bytes of the products depend only on the frames,
+ * not on threads or order.
+ *
+ * The progress stage is "btf" until the views of the BTF are made, then "mdf", then "eigenmaps".
+ * Views of both kinds are made alternately. The time left is that of all stages. With follow, the
+ * function ends when the session's value "state" is "done" or "aborted", or when all products are
+ * made. It sets the session's values of prediction_product.h, "eigenmaps_error", "mdf_coverage",
+ * "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

@@ -10,12 +10,12 @@
 #include "exr/exr_half.h"
 #include "prediction/prediction.h"
 
-#define PROBES 256 /* texels that the prediction is fitted to */
-#define BLOCK  32  /* texels that are predicted at once */
+#define PROBES 256 /* number of texels to which the prediction is fitted */
+#define BLOCK  32  /* number of texels that are predicted together */
 
 struct product_view {
     char *relative, *path, *inputs;
-    int *slots; /* n_lights: number of the light among those left out, or −1 */
+    int *slots; /* n_lights: index of the light among those left out, or −1 */
     int n_left_out;
     guint16 *values, *sigma; /* n_left_out × n_texels × 3, half floats */
 };
@@ -30,7 +30,7 @@ struct product_job {
     struct btf_matrix *btf;
     Prediction *prediction;
     GMutex lock;
-    GError *error; /* the first */
+    GError *error; /* the first error */
 };
 
 void prediction_product_clear(struct prediction_product *product) {
@@ -65,7 +65,7 @@ static struct vec3 product_unit(const struct exr_part *part, const char *of) {
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-/* Directions and places of a part, and whether it was left out. */
+/* Reads the directions and positions of a part, and whether it was left out. */
 static gboolean product_take_part(struct product_job *job, int view, int light,
                                   const struct exr_part *part, GError **error) {
     struct product_view *to = &job->views[view];
@@ -104,7 +104,7 @@ static gboolean product_take_view(struct product_job *job, int view, GError **er
     return TRUE;
 }
 
-/* Groups the pairs that the cameras take at once: those with one angle of the turntable and one
+/* Groups the pairs that the cameras take together: those of one angle of the turntable and one
  * light. */
 static void product_set_groups(struct product_job *job, const int *views) {
     for (int v = 0; v < job->n_views; v++) {
@@ -144,7 +144,7 @@ static gboolean product_open(struct product_job *job, Session *session,
     return TRUE;
 }
 
-/* Whether all parts that were left out name these inputs. */
+/* Returns whether all parts that were left out name these inputs. */
 static gboolean product_is_fresh(const struct product_job *job, const char *inputs) {
     for (int v = 0; v < job->n_views; v++) {
         g_autoptr(ExrFile) file =
@@ -161,7 +161,7 @@ static gboolean product_is_fresh(const struct product_job *job, const char *inpu
     return TRUE;
 }
 
-/* The centre of a texel in the reference plane (pipeline.h). */
+/* Returns the centre of a texel in the reference plane (pipeline.h). */
 static struct vec3 product_place(const struct product_job *job, gsize texel) {
     const struct session_grid *grid = &job->catalogue->grid;
     const gsize row = texel / (gsize)grid->width;
@@ -171,7 +171,8 @@ static struct vec3 product_place(const struct product_job *job, gsize texel) {
                 grid->reference_mm);
 }
 
-/* Measured values of n texels from first on, colour by colour: n × 3 × n_pairs, NaN: left out. */
+/* Gathers the measured values of n texels from first on, colour by colour: n × 3 × n_pairs, NaN if
+ * left out. */
 static gboolean product_gather(const struct product_job *job, int first, int n, float *ret,
                                GError **error) {
     const gsize lights = (gsize)job->n_lights, pairs = (gsize)job->n_views * lights;
@@ -190,7 +191,8 @@ static gboolean product_gather(const struct product_job *job, int first, int n, 
     return TRUE;
 }
 
-/* Probes are texels in steps of the golden section, so that no period of a weave meets them. */
+/* The probes are texels in steps of the golden section, so that they do not coincide with the
+ * period of a weave. */
 static gboolean product_learn(struct product_job *job, const struct work *work, GError **error) {
     const int n = (int)MIN(job->n_texels, PROBES);
     const gsize pairs = (gsize)job->n_views * (gsize)job->n_lights;
@@ -237,7 +239,7 @@ static void product_predict(int block, gpointer data) {
             }
 }
 
-/* Replaces a part by what is predicted, with all its attributes. */
+/* Replaces a part by its prediction, with all its attributes. */
 static struct exr_part *product_part(const struct product_job *job, struct exr_part *old,
                                      const guint16 *values, const guint16 *sigma,
                                      const char *inputs) {

@@ -3,18 +3,18 @@
 #include <gio/gio.h>
 #include <math.h>
 
-#define NEAR_DEG    10.0 /* elevations that differ by less take similarly long */
-#define FAR_WEIGHT  0.02 /* of a view of quite another elevation */
+#define NEAR_DEG    10.0 /* elevations that differ by less than this take a similar time */
+#define FAR_WEIGHT  0.02 /* weight of a view at a very different elevation */
 #define OVERDUE     1.25
-#define ENOUGH_S    10.0 /* CPU time of a run that says what its kinds of work take */
-#define RATE_WEIGHT 0.2  /* of what earlier runs took, beside a view of this run */
+#define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
+#define RATE_WEIGHT 0.2  /* weight of the rates of earlier runs, relative to a view of this run */
 /* If a task has run for longer than estimated, this part of it is assumed to be left. */
 #define LEAST_LEFT  0.05
-#define SCATTER     1.5 /* rates of runs of the same session differ by less */
+#define SCATTER     1.5 /* maximum factor between rates of runs of the same session */
 #define LEAST_SPEED 0.01
 #define SHORTEST_S  3.0
 #define DEGREES     91
-#define FULL_SPEED  0.95 /* from which no other program is taken to want a processor */
+#define FULL_SPEED  0.95 /* speed above which no other program is assumed to need a processor */
 #define GROUP       "CPU seconds"
 
 static const char *const keys[TIME_LEFT_WORKS] = {
@@ -28,9 +28,9 @@ static char *rates_path(void) {
 }
 
 gboolean time_left_rates_load(struct time_left_rates *ret) {
-    /* Rates of one core of an AMD EPYC beside other work, with the demo's session, as the first run
-     * of tests/bench/time_left --cpu prints them. Only their ratios matter, since the first views
-     * of a run show how much faster or slower its processor is. */
+    /* Rates of one core of an AMD EPYC with other work on its neighbours, for the demo's session,
+     * as printed by the first run of tests/bench/time_left --cpu. Only their ratios matter, because
+     * the first views of a run show how much faster or slower its processor is. */
     *ret = (struct time_left_rates){.unit_s = {[TIME_LEFT_BTF] = 0.105,
                                                [TIME_LEFT_MDF] = 0.59,
                                                [TIME_LEFT_SETTLE] = 0.028,
@@ -77,7 +77,7 @@ void time_left_rates_learn(struct time_left_rates *rates,
     }
 }
 
-/* CPU time of a unit of a stage by the elevation in whole degrees. */
+/* CPU time of a unit of a stage by elevation in whole degrees. */
 struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };
@@ -107,8 +107,8 @@ static void time_left_spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
         }
 }
 
-/* Estimates costs from the tasks that are made, and then also from tasks that already run longer
- * than this estimate: each of these is expected to take a quarter longer than it has. */
+/* Estimates costs from the tasks that are made, then also from tasks that have already run longer
+ * than this estimate. Each of these is expected to take a quarter longer than it has run so far. */
 static void time_left_costs(const struct time_left_task *tasks, int n,
                             const struct time_left_rates *rates, struct unit_costs *ret) {
     struct unit_sums of[TIME_LEFT_STAGES][DEGREES] = {0};
@@ -167,7 +167,8 @@ double time_left_speed_of(const struct time_left_speed *speed, int n) {
 }
 
 int time_left_view(int k, int n) {
-    int step = MAX((int)(n * 0.618), 1); /* near the golden section: the k-th lies in a gap */
+    /* near the golden section, so that the k-th view lies in a gap */
+    int step = MAX((int)(n * 0.618), 1);
     for (;; step++) {
         int a = step, b = n;
         while (b > 0) {

@@ -1,81 +1,82 @@
-/*
- * How long processing will still take, over all of its stages. Costs are CPU time, which other
- * programs do not change; how fast the processor gives it is measured beside it. Pure functions,
- * but for those of rates.
- */
+/* The remaining time of processing, over all of its stages. Costs are CPU time, which does not
+ * depend on other programs. The speed at which the process gets CPU time is measured separately.
+ * Pure functions, except those of rates. */
 #pragma once
 
 #include <glib.h>
 
-/* Kinds of work. The first two make views, in a pool of threads; the others follow after all views,
+/* Kinds of work. The first two make views, in a pool of threads. The others follow after all views,
  * in one thread. */
 enum time_left_work {
-    TIME_LEFT_BTF,      /* a unit: a million pixels of frames */
-    TIME_LEFT_MDF,      /* the same, of sweeps */
-    TIME_LEFT_SETTLE,   /* a million texels, times the number of views squared */
-    TIME_LEFT_MDF_FILE, /* a million texels, times views */
-    TIME_LEFT_COLUMNS,  /* a million texels, times views and lights: reading a BTF for eigen-maps */
-    TIME_LEFT_FACTORS,  /* the same: factoring it and writing them */
-    TIME_LEFT_CAUSES,   /* a view of the BTF: why little was measured, if anything */
+    TIME_LEFT_BTF,      /* unit: a million pixels of frames */
+    TIME_LEFT_MDF,      /* unit: a million pixels of sweeps */
+    TIME_LEFT_SETTLE,   /* unit: a million texels, times the number of views squared */
+    TIME_LEFT_MDF_FILE, /* unit: a million texels, times the number of views */
+    /* unit: a million texels, times the numbers of views and lights: reading a BTF for eigen-maps
+     */
+    TIME_LEFT_COLUMNS,
+    TIME_LEFT_FACTORS, /* unit: the same, for factoring the BTF and writing the eigen-maps */
+    TIME_LEFT_CAUSES,  /* unit: a view of the BTF, for finding out why little was measured */
     TIME_LEFT_WORKS,
 };
 #define TIME_LEFT_STAGES TIME_LEFT_SETTLE
 
-/* CPU time of a unit, s. */
+/* CPU time of a unit, in seconds. */
 struct time_left_rates {
     double unit_s[TIME_LEFT_WORKS];
 };
 
 /* Reads the rates of this user's earlier runs on this machine from a file in the user's cache.
- * FALSE: there is none; the rates are then those of one processor, which may be off by a factor of
- * two or three. */
+ * Returns FALSE if there is no such file. The rates are then those of one particular processor,
+ * which may be wrong by a factor of two or three. */
 gboolean time_left_rates_load(struct time_left_rates *ret);
-/* Writes the rates that are above 0. Ignores failures, since the file is useful but not
- * necessary. */
+/* Writes the rates that are above 0. Ignores failures, because the file is not necessary. */
 void time_left_rates_save(const struct time_left_rates *rates);
 
-struct time_left_made { /* of one kind of work, in a run */
+struct time_left_made { /* measured work of one kind in a run */
     double cpu_s, units;
 };
-/* Learns from what a run has measured. A rate that differs from the measured one by less than a
- * factor of 1.5, as between runs of the same session, moves halfway to it; one that differs more is
- * replaced. A run of less than 10 s of CPU time counts less, since a small session says little
- * about a large one. All kinds of work of a run count alike, so that a wrongly measured rate is
- * right again after the next run. */
+/* Updates the rates from the measurements of a run. If a rate differs from the measured one by a
+ * factor of less than 1.5, as between runs of the same session, it moves halfway to the measured
+ * one. Otherwise it is replaced. A run of less than 10 s of CPU time counts less, because a small
+ * session says little about a large one. All kinds of work of a run count equally, so that a
+ * wrongly measured rate is corrected by the next run. */
 void time_left_rates_learn(struct time_left_rates *rates,
                            const struct time_left_made made[TIME_LEFT_WORKS]);
 
-/* A view of a stage, in the order in which threads take them. */
+/* A view of a stage. Tasks are in the order in which threads take them. */
 struct time_left_task {
     enum time_left_work stage;
-    double theta_deg; /* views of one elevation take similarly long */
+    double theta_deg; /* views of one elevation take a similar time */
     double units;
     enum { TIME_LEFT_WAITS, TIME_LEFT_RUNS, TIME_LEFT_MADE } state;
-    double cpu_s; /* what it took (made), or has taken (runs) */
+    double cpu_s; /* CPU time that it took (if made), or has taken so far (if it runs) */
 };
 
-/* How long n_threads that have a processor each will need for all tasks that are not made, s. The
- * time of a view is estimated from the views that are made, of which nearer elevations count more,
- * and from the rate, which counts as a fifth of a view. */
+/* Returns the seconds that n_threads, with a processor each, will need for all tasks that are not
+ * made. The time of a view is estimated from the views that are made and from the rate. Views of
+ * nearer elevations count more. The rate counts as a fifth of a view. */
 double time_left_views_s(const struct time_left_task *tasks, int n, int n_threads,
                          const struct time_left_rates *rates);
 
-/* How fast the process has been lately; zeroed at first. */
+/* The recent speed of the process; to be zeroed before use. */
 struct time_left_speed {
     /* Decaying sums of CPU time, of the time for which threads had work, and of real time. */
     double cpu_s, thread_s, wall_s;
 };
-/* n_busy threads had work for wall_s, and used cpu_s together. elapsed_s: since the beginning. A
- * measurement at the time t counts t / elapsed_s times as much as one made now (within the first 3
- * s its weight falls by a factor e in 3 s). Other programs come and go, so that the next minutes
- * resemble the mean of all minutes before more than the last one. */
+/* Adds a measurement: n_busy threads had work for wall_s, and used cpu_s together. elapsed_s is the
+ * time since the beginning. A measurement at the time t counts t / elapsed_s times as much as one
+ * made now (within the first 3 s its weight falls by a factor e in 3 s). The weights fall slowly
+ * because other programs start and end: the next minutes resemble the mean of all earlier minutes
+ * more than the last one. */
 void time_left_speed_add(struct time_left_speed *speed, double wall_s, double cpu_s, int n_busy,
                          double elapsed_s);
-/* The CPU seconds per second that each of n threads will get, at most 1, if the process as a whole
- * gets as much as it did lately. How many threads had work then does not matter, because schedulers
- * divide processors among sessions and services, not among threads. 1: nothing was measured. */
+/* Returns the CPU seconds per second that each of n threads will get, at most 1, if the process as
+ * a whole gets as much as recently. The number of threads that had work then does not matter,
+ * because schedulers divide processors among sessions and services, not among threads. Returns 1 if
+ * nothing was measured. */
 double time_left_speed_of(const struct time_left_speed *speed, int n);
 
-/* The k-th of n views in an order that spreads the views of a ring, which take similarly long: the
- * first ones then tell how long all will take. Each view comes once. */
+/* Returns the k-th of n views in an order that spreads the views of a ring, which take a similar
+ * time. The first views then predict the time of all. Each view occurs once. */
 int time_left_view(int k, int n);

@@ -1,4 +1,4 @@
-/* Weights and error bars of missing pairs: see prediction.h. */
+/* Weights and error bars of missing pairs; see prediction.h. */
 #include "prediction.h"
 
 #include <cblas.h>
@@ -9,10 +9,10 @@
 #include "base/robust.h"
 #include "prediction_private.h"
 
-#define COVERED 0.95 /* of values left out lie within 2 σ */
-#define FILL    16   /* texels that are predicted at once */
+#define COVERED 0.95 /* share of the left-out values that must be within 2 σ */
+#define FILL    16   /* number of texels that are predicted together */
 
-/* What no particular material has: chosen on the weave. */
+/* The constants of no particular material, chosen with the material weave. */
 static const double prediction_prior[PREDICTION_CONSTANTS] = {1,   0.5, 1,   2,   0.3, 0.4,
                                                               0.8, 0.3, 0.3, 2.0, 0.01};
 
@@ -80,7 +80,7 @@ void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int 
                                        : prediction->lights[l];
 }
 
-/* g of all pairs at a place: n_pairs × 3. */
+/* Computes g of all pairs at a position: n_pairs × 3. */
 static void prediction_means(const Prediction *prediction, struct vec3 at_mm, double *ret) {
     for (int p = 0; p < prediction->n_pairs; p++) {
         struct vec3 v, l;
@@ -89,7 +89,7 @@ static void prediction_means(const Prediction *prediction, struct vec3 at_mm, do
     }
 }
 
-/* Rows of probes that have all measured pairs. */
+/* The rows of probes that have all measured pairs. */
 struct prediction_rows {
     int n;
     double *z, *g; /* n × n_measured: ratios ρ / g, and g */
@@ -143,7 +143,7 @@ static gboolean prediction_factorise(Prediction *prediction, GError **error) {
     return FALSE;
 }
 
-/* k_uᵀ K⁻¹ and the variances: with B = L⁻¹ k, they are Bᵀ L⁻¹ and k_uu − |B_u|². */
+/* Computes k_uᵀ K⁻¹ and the variances. With B = L⁻¹ k, they are Bᵀ L⁻¹ and k_uu − |B_u|². */
 static void prediction_weigh(Prediction *prediction) {
     const int m = prediction->n_measured, n = prediction->n_missing;
     g_autofree double *b = g_new(double, MAX((gsize)m * (gsize)n, 1));
@@ -166,7 +166,7 @@ static void prediction_weigh(Prediction *prediction) {
         prediction->weights[i] = (float)b[i];
 }
 
-/* s² of n rows of measured values: yᵀ K⁻¹ y / m. rows (n × m) become L⁻¹ y. */
+/* Computes s² of n rows of measured values: yᵀ K⁻¹ y / m. rows (n × m) become L⁻¹ y. */
 static void prediction_scales(const Prediction *prediction, double *rows, int n, double *ret) {
     const int m = prediction->n_measured;
     cblas_dtrsm(CblasColMajor, CblasLeft, CblasLower, CblasNoTrans, CblasNonUnit, m, n, 1,
@@ -177,8 +177,8 @@ static void prediction_scales(const Prediction *prediction, double *rows, int n,
     }
 }
 
-/* Squared errors of cross-validation in units of their variances, and what they tell. scales: s² of
- * each row. */
+/* Computes the squared errors of cross-validation in units of their variances, and the factors that
+ * follow from them. scales are s² of each row. */
 static void prediction_validate(Prediction *prediction, const struct prediction_rows *rows,
                                 const double *scales) {
     const gsize m = (gsize)prediction->n_measured, n = (gsize)rows->n, all = n * m;
@@ -211,7 +211,7 @@ static void prediction_validate(Prediction *prediction, const struct prediction_
     prediction->left_out_share = (double)within / (double)all;
 }
 
-/* Means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured and predicted. */
+/* Computes means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured and predicted. */
 static void prediction_sum_up(Prediction *prediction, const struct prediction_rows *rows,
                               const struct vec3 *at_mm, const double *scales) {
     const int m = prediction->n_measured, u = prediction->n_missing;
@@ -290,7 +290,7 @@ Prediction *prediction_new(const struct prediction_pairs *pairs, const float *pr
                            GError **error) {
     g_autoptr(Prediction) prediction = prediction_of(pairs);
     prediction_set_measured(prediction, probes, 3 * (gsize)n_probes);
-    /* Sums of several threads of OpenBLAS depend on their number. */
+    /* Sums of several threads of OpenBLAS depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     const gboolean ok = prediction->n_measured == 0 ||
@@ -318,7 +318,7 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair) {
     return low < prediction->n_measured && prediction->measured[low] == pair;
 }
 
-/* At most FILL rows: 3 a texel. */
+/* At most FILL rows, 3 per texel. */
 static void prediction_fill_rows(const Prediction *prediction, float *values, const double *means,
                                  int n, float *ret_sigma) {
     const int m = prediction->n_measured, u = prediction->n_missing;

@@ -1,13 +1,12 @@
-/*
- * The choice of shots: greedy, the sum of conditional variances of some pairs (targets) being what
- * is to become small. With the pairs S that are measured or chosen, C = k − k_·S K_S⁻¹ k_S· is the
- * conditional covariance; a shot of pairs B lowers the sum by tr (C_BB⁻¹ C_BT C_TB), and then
- * C ← C − C_·B C_BB⁻¹ C_B·.
+/* The choice of shots. It is greedy and minimises the sum of the conditional variances of some
+ * pairs (targets). Let S be the pairs that are measured or chosen. C = k − k_·S K_S⁻¹ k_S· is the
+ * conditional covariance. A shot of pairs B reduces the sum by tr (C_BB⁻¹ C_BT C_TB). Then C
+ * becomes C − C_·B C_BB⁻¹ C_B·.
  *
- * Held are C of pairs against targets, and a factor F with F Fᵀ = k − C of all pairs, from which C
- * of pairs against the chosen ones follows. A shot's gain is computed anew only if what it was
- * before would still be the largest: it changes little, and downwards (Minoux 1978).
- */
+ * Memory holds C of pairs against targets, and a factor F with F Fᵀ = k − C of all pairs, from
+ * which C of pairs against the chosen ones follows. Gains change little, and only decrease. A
+ * shot's gain is therefore computed again only if its previous value would still be the largest
+ * (Minoux 1978). */
 #include "prediction.h"
 
 #include <cblas.h>
@@ -18,20 +17,21 @@
 
 struct choice {
     const Prediction *prediction;
-    int n_pairs, n_targets; /* pairs that are looked at, and those of them that are targets */
-    int *pairs;             /* n_pairs; the targets first */
-    int *place;             /* of each pair of the material in pairs, or −1 */
+    /* numbers of pairs that are considered, and of those of them that are targets */
+    int n_pairs, n_targets;
+    int *pairs; /* n_pairs; the targets first */
+    int *place; /* for each pair of the material, its index in pairs, or −1 */
     int n_factors, room;
-    double *factors; /* F: n_pairs × room, rows one after another */
-    double *c;       /* n_pairs × n_targets, rows one after another; times g s of the target */
+    double *factors; /* F: n_pairs × room, row by row */
+    double *c;       /* n_pairs × n_targets, row by row; times g s of the target */
     double *left;    /* n_targets: conditional variances of ρ */
-    double to_all;   /* of the sum over targets to that over all missing pairs */
+    double to_all;   /* ratio of the sum over all missing pairs to that over targets */
 };
 
-/* What a block of pairs of a shot is, given what is known. */
+/* The block of the pairs of a shot, given the known pairs. */
 struct choice_block {
-    int n, *at;   /* of those that are not measured: their places */
-    double *chol; /* n², columns one after another, of C_BB */
+    int n, *at;   /* number and places of the pairs that are not measured */
+    double *chol; /* n², column by column: Cholesky factor of C_BB */
 };
 
 static void choice_clear(struct choice *choice) {
@@ -49,13 +49,15 @@ static void choice_add_pair(struct choice *choice, int pair) {
     choice->pairs[choice->n_pairs++] = pair;
 }
 
-/* A number below n that follows no order of i (Knuth 1998, §6.4, multiplicative hashing). */
+/* Returns a number below n that does not follow the order of i (Knuth 1998, §6.4, multiplicative
+ * hashing). */
 static int choice_scatter(int i, int n) {
     return (int)(((guint32)i * 2654435769u >> 8) % (guint32)n);
 }
 
-/* Targets are missing pairs, one of each of as many sections of their order, at an irregular place:
- * at even steps they could be of a few lights alone. Then come all pairs of candidates. */
+/* The targets are missing pairs. Their order is divided into as many sections, and one pair is
+ * taken at an irregular place of each. With regular steps, they could be pairs of only a few
+ * lights. All pairs of candidates follow. */
 static void choice_set_pairs(struct choice *choice, const struct prediction_shot *shots,
                              const int *candidates, int n_candidates) {
     const Prediction *prediction = choice->prediction;
@@ -76,7 +78,7 @@ static void choice_set_pairs(struct choice *choice, const struct prediction_shot
                 choice_add_pair(choice, shots[candidates[k]].pairs[i]);
 }
 
-/* C and F given the measured pairs. */
+/* Computes C and F given the measured pairs. */
 static void choice_condition(struct choice *choice) {
     const Prediction *prediction = choice->prediction;
     const int m = prediction->n_measured, n = choice->n_pairs, t = choice->n_targets;
@@ -113,7 +115,7 @@ static void choice_condition(struct choice *choice) {
     choice->to_all = sum > 0 ? all / sum : 1;
 }
 
-/* C of pairs at places a and b. */
+/* Returns C of the pairs at places a and b. */
 static double choice_covariance(const struct choice *choice, int a, int b, double prior) {
     return prior - cblas_ddot(choice->n_factors, choice->factors + (gsize)a * (gsize)choice->room,
                               1, choice->factors + (gsize)b * (gsize)choice->room, 1);
@@ -144,7 +146,7 @@ static void choice_close_block(struct choice_block *block) {
     g_clear_pointer(&block->chol, g_free);
 }
 
-/* R⁻¹ C_BT with C_BB = R Rᵀ: n × n_targets, rows one after another. */
+/* Returns R⁻¹ C_BT with C_BB = R Rᵀ: n × n_targets, row by row. */
 static double *choice_whitened(const struct choice *choice, const struct choice_block *block) {
     const int t = choice->n_targets;
     double *rows = g_new(double, (gsize)block->n *(gsize)t);
@@ -168,7 +170,8 @@ static double choice_gain(const struct choice *choice, const struct prediction_s
     return gain / shot->price_s;
 }
 
-/* Takes a shot: F gains a column a pair, C loses the outer product of the new columns. */
+/* Takes a shot: adds a column to F for each pair, and subtracts the outer product of the new
+ * columns from C. */
 static void choice_take(struct choice *choice, const struct prediction_shot *shot) {
     const Prediction *prediction = choice->prediction;
     const gsize t = (gsize)choice->n_targets, room = (gsize)choice->room;
@@ -229,7 +232,8 @@ static void choice_first_gain(int k, gpointer data) {
     job->gains[k] = choice_gain(job->choice, &job->shots[job->candidates[k]]);
 }
 
-/* The candidate of the largest gain; among equals the first. −1: none gains anything. */
+/* Returns the candidate of the largest gain, or the first of several such candidates. Returns −1 if
+ * no candidate has a gain. */
 static int choice_best(const struct choice *choice, const struct prediction_shot *shots,
                        const int *candidates, int n, double *gains) {
     int fresh = -1;
@@ -287,7 +291,7 @@ int prediction_choose(const Prediction *prediction, const struct prediction_shot
     struct choice choice = {.prediction = prediction,
                             .room = prediction->n_measured + MIN(most, n) * per_shot};
     choice_set_pairs(&choice, shots, candidates, n);
-    /* Sums of several threads of OpenBLAS depend on their number. */
+    /* Sums of several threads of OpenBLAS depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     const int chosen = choice_run(&choice, shots, candidates, n, MIN(most, n), ret, work, error);

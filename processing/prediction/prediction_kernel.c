@@ -1,4 +1,4 @@
-/* The covariance of pairs, and its constants by cross-validation. */
+/* The covariance of pairs. Its constants are fitted by cross-validation. */
 #include "prediction_private.h"
 
 #include <cblas.h>
@@ -6,22 +6,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The constants are fitted to rows evenly spread over all, and to pairs of neighbouring views, so
- * that they are as dense as all; by FIT_SWEEPS over all constants, whose first factor is FIT_STEP
- * and then its root. */
+/* The constants are fitted to rows that are evenly spread, and to pairs of neighbouring views, so
+ * that the pairs are as dense as all pairs. There are FIT_SWEEPS sweeps over all constants. The
+ * first factor is FIT_STEP, and each following factor is the root of the previous one. */
 #define FIT_ROWS   64
 #define FIT_PAIRS  500
 #define FIT_SWEEPS 3
 #define FIT_STEP   3.0
 
-#define MOST_GROUP 64      /* pairs of a group that are left out together; more: in parts */
-#define MOST_ALONE 1000000 /* covariances that one thread computes */
+/* maximum number of pairs of a group that are left out together; larger groups are divided */
+#define MOST_GROUP 64
+#define MOST_ALONE 1000000 /* maximum number of covariances that one thread computes alone */
 
 static double prediction_distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));
 }
 
-/* What depends on the two views and lights alone, of all of them: exponentials factor. */
+/* The parts that depend only on two views or on two lights, for all of them. The exponentials are
+ * products of these parts. */
 struct prediction_tables {
     double *view2, *view3, *view4;    /* n_views² */
     double *light1, *light2, *light3; /* n_lights² */
@@ -59,7 +61,7 @@ static void prediction_tables_clear(struct prediction_tables *tables) {
     g_free(tables->light3);
 }
 
-/* The half vector; where view and light are opposite, the normal. */
+/* Returns the half vector, or the normal if view and light are opposite. */
 static struct vec3 prediction_half(const Prediction *prediction, int pair) {
     const struct vec3 sum = vec3_add(prediction->views[pair / prediction->n_lights],
                                      prediction->lights[pair % prediction->n_lights]);
@@ -135,7 +137,8 @@ double prediction_prior_variance(const Prediction *prediction, int pair) {
            c[PREDICTION_NUGGET];
 }
 
-/* Pairs i … of one group, at most MOST_GROUP. order: indices into pairs, by group. */
+/* Returns the number of pairs from i on that belong to one group, at most MOST_GROUP. order has
+ * indices into pairs, sorted by group. */
 static int prediction_same_group(const Prediction *prediction, const int *pairs, int m,
                                  const int *order, int i) {
     int n = 1;
@@ -180,7 +183,8 @@ void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                 block[j * n + k] = inverse[(gsize)order[i + j] * (gsize)m + (gsize)order[i + k]];
         if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, block, n) != 0 ||
             LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', n, block, n) != 0)
-            memset(block, 0, sizeof block); /* of a positive matrix: cannot be but by rounding */
+            /* the matrix is positive definite, except for rounding errors */
+            memset(block, 0, sizeof block);
         for (int j = 0; j < n; j++)
             ret_variances[order[i + j]] = block[j * n + j];
         for (int r = 0; r < n_rows; r++) {
@@ -194,7 +198,8 @@ void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
     }
 }
 
-/* Sum of squared errors of cross-validation; INFINITY for constants that do not work. */
+/* Returns the sum of squared errors of cross-validation, or INFINITY for constants that cannot be
+ * used. */
 static double prediction_fit_error(const Prediction *prediction, const int *pairs, int m,
                                    const double *rows, const double *g, int n_rows) {
     g_autofree double *k = g_new(double, (gsize)m *(gsize)m);
@@ -226,8 +231,9 @@ static int prediction_by_azimuth(const void *a, const void *b) {
                             : (p->index > q->index) - (p->index < q->index);
 }
 
-/* Indices into measured, ascending, of at most FIT_PAIRS pairs whose views are nearest in azimuth
- * to +x or +y, where they are as dense as everywhere: two sides, for brushed metal. */
+/* Returns ascending indices into measured of at most FIT_PAIRS pairs. Their views are nearest in
+ * azimuth to +x or +y, so that they are as dense as all pairs. Two directions are used because of
+ * brushed metal. */
 static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
     const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
     g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);

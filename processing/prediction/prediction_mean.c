@@ -6,11 +6,11 @@
 #include "prediction_private.h"
 
 #define LOBES     PREDICTION_LOBES
-#define CELLS     3   /* probes are gathered into CELLS² parts of the sample */
-#define FIT_PAIRS 400 /* measured pairs that are used */
-#define STARTS    3   /* widths of lobes to begin with */
+#define CELLS     3   /* the probes are divided into CELLS² parts of the sample */
+#define FIT_PAIRS 400 /* maximum number of measured pairs that are used */
+#define STARTS    3   /* number of initial widths of lobes */
 #define LEAST_COS 0.05
-#define LEAST_RMS 1e-4 /* of ρ: what is darker counts as this */
+#define LEAST_RMS 1e-4 /* minimum of ρ: darker values count as this */
 #define TOLERANCE 1e-6
 
 /* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
@@ -40,9 +40,9 @@ void prediction_mean(const double *x, double most_gloss, struct vec3 v, struct v
 }
 
 struct prediction_mean_fit {
-    int n;              /* pairs and parts of the sample */
+    int n;              /* number of pairs and parts of the sample */
     struct vec3 *v, *l; /* n */
-    double *logarithms; /* n × 3, of the root mean squares */
+    double *logarithms; /* n × 3, logarithms of the root mean squares */
 };
 
 static int prediction_mean_residuals(void *data, int n, int n_parameters, const double *x,
@@ -60,7 +60,7 @@ static int prediction_mean_residuals(void *data, int n, int n_parameters, const 
     return flag < 0 ? flag : 0;
 }
 
-/* The cell of each probe: the box of all probes is divided into CELLS² equal parts. */
+/* Finds the cell of each probe: the box of all probes is divided into CELLS² equal parts. */
 static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     for (int i = 0; i < n; i++) {
@@ -80,7 +80,8 @@ static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
     }
 }
 
-/* Root mean squares of each cell, measured pair and colour, at the mean place of the cell. */
+/* Computes root mean squares of each cell, measured pair and colour, at the mean position of the
+ * cell. */
 static void prediction_mean_gather(const Prediction *prediction, const float *probes,
                                    const struct vec3 *at_mm, int n_probes,
                                    struct prediction_mean_fit *ret) {
@@ -121,7 +122,8 @@ static void prediction_mean_gather(const Prediction *prediction, const float *pr
     }
 }
 
-/* Diffuse as the median is, one lobe along and one across, of slopes about 1 / width. */
+/* Begins with the median as the diffuser, and with one lobe along and one across, of slopes about 1
+ * / width. */
 static void prediction_mean_begin(const struct prediction_mean_fit *fit, double width, double *x) {
     g_autofree double *values = g_new(double, fit->n);
     memset(x, 0, sizeof(double) * PREDICTION_MEAN);
@@ -143,7 +145,7 @@ static void prediction_mean_begin(const struct prediction_mean_fit *fit, double 
     }
 }
 
-/* A diffuser where there are too few values to tell lobes. */
+/* Fits only a diffuser if there are too few values to determine lobes. */
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes) {
     static const double widths[STARTS] = {2, 6, 15};

@@ -14,7 +14,7 @@
 #define GRID    DIRECTION_GRID_MAX
 #define SAMPLES (GRID * GRID)
 
-/* A lower light counts as if its cosine were this one: f_r = B / (π cos θ) would be noise. */
+/* The cosine of a lower light is replaced by this, because f_r = B / (π cos θ) would be noise. */
 #define LEAST_COSINE 0.05
 
 struct Abrdf {
@@ -39,7 +39,7 @@ const struct abrdf_info *abrdf_info(const Abrdf *abrdf) {
     return &abrdf->info;
 }
 
-/* Sizes, directions and region, before values are read. */
+/* Checks sizes, directions and region, before values are read. */
 static gboolean abrdf_begin(Abrdf *abrdf, const char *path, int width, int height,
                             const struct direction_list *views, const struct direction_list *lights,
                             const struct import_region *region, GError **error) {
@@ -133,7 +133,7 @@ static gboolean abrdf_read_material(Abrdf *abrdf, const char *path,
     return TRUE;
 }
 
-/* The nearest light of the same view that has a value; −1: none. */
+/* Returns the nearest light of the same view that has a value, or −1 if there is none. */
 static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view, gsize light) {
     const gsize n = abrdf->info.lights.n;
     gssize nearest = -1;
@@ -149,7 +149,7 @@ static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view,
     return nearest;
 }
 
-/* From sums to f_r, 3 × n_views × n_lights. */
+/* Converts sums to f_r, 3 × n_views × n_lights. */
 static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error) {
     const gsize n_views = abrdf->info.views.n, n = abrdf->info.lights.n, pairs = n_views * n;
     g_autofree float *lights = direction_list_vectors(&abrdf->info.lights);
@@ -171,7 +171,7 @@ static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error)
     return g_steal_pointer(&f);
 }
 
-/* samples of colour c = V · f · Lᵀ with the operators of views and lights. */
+/* Computes the samples of colour c, V · f · Lᵀ, with the operators of views and lights. */
 static gboolean abrdf_resample(Abrdf *abrdf, const float *f, GError **error) {
     const int n_views = (int)abrdf->info.views.n, n_lights = (int)abrdf->info.lights.n;
     const gsize pairs = abrdf->info.views.n * abrdf->info.lights.n;

@@ -3,7 +3,7 @@
 #include "brdf/merl.h"
 #include "brdf/rgl.h"
 
-#define TURNS 12 /* of a mean about the normal: 30° each */
+#define TURNS 12 /* number of rotations of a mean about the normal: 30° each */
 
 gboolean export_brdf(const char *material, const char *file,
                      const struct export_brdf_options *options, const struct work *work,

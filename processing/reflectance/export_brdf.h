@@ -9,9 +9,10 @@
 #include "brdf/brdf.h"
 
 struct export_brdf_options {
-    enum brdf_kind kind;         /* BRDF_RGL or BRDF_MERL */
-    struct import_region region; /* the texels whose mean it is; all 0: all */
-    gboolean isotropic;          /* of BRDF_RGL: the mean over turns about the normal */
+    enum brdf_kind kind; /* BRDF_RGL or BRDF_MERL */
+    /* the texels over which the mean is taken; zeros mean all texels */
+    struct import_region region;
+    gboolean isotropic; /* for BRDF_RGL: the mean over rotations about the normal */
 };
 
 struct export_brdf_result {
@@ -19,10 +20,11 @@ struct export_brdf_result {
     gint64 holes;
     int filled; /* see struct abrdf_info */
     double error, lowest_deg;
-    double spread; /* of BRDF_MERL: see struct merl_result; else −1 */
+    double spread; /* for BRDF_MERL, see struct merl_result; otherwise −1 */
 };
 
-/* material: a session, or a file of “mesorig compress”. Stages "read" and "export". */
+/* material is a session, or a file of “mesorig compress”. Progress stages are "read" and
+ * "export". */
 gboolean export_brdf(const char *material, const char *file,
                      const struct export_brdf_options *options, const struct work *work,
                      struct export_brdf_result *ret, GError **error);
@@ -31,9 +33,10 @@ enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
 
 struct export_rti_options {
     enum export_rti_kind kind;
-    gboolean rgb;     /* six terms for each colour; else one brightness and a colour (LRGB) */
-    int view;         /* index; −1: the one nearest to straight from above */
-    gboolean replace; /* the files of a folder that exists; else that is an error */
+    gboolean rgb; /* six terms for each colour; otherwise one brightness and a colour (LRGB) */
+    int view;     /* index; −1 means the view nearest to the normal */
+    /* replaces the files of an existing folder; otherwise an existing folder is an error */
+    gboolean replace;
 };
 
 struct export_rti_result {
@@ -44,7 +47,7 @@ struct export_rti_result {
     gint64 clipped, holes; /* numbers of values */
 };
 
-/* Needs the memory of a view. Stage "read". */
+/* Needs the memory of one view. The progress stage is "read". */
 gboolean export_rti(const char *session, const char *output,
                     const struct export_rti_options *options, const struct work *work,
                     struct export_rti_result *ret, GError **error);

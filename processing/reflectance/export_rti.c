@@ -11,7 +11,7 @@ struct export_rti_source {
     const struct session_view_files *files;
     const struct work *work;
     gint64 begun_us;
-    float *pictures; /* n_lights × height × width × 3, sRGB; NaN: a hole */
+    float *pictures; /* n_lights × height × width × 3, sRGB; NaN for a hole */
 };
 
 static float export_rti_encode(float linear) {

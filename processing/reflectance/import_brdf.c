@@ -8,7 +8,7 @@
 #include "hsh/hsh.h"
 #include "rti/rti.h"
 
-#define LOWEST_RAD 0.15 /* of HSH: as RTIViewer and OpenLIME, no light is lower */
+#define LOWEST_RAD 0.15 /* for HSH: no light is lower, as in RTIViewer and OpenLIME */
 
 static struct btf_directions *import_brdf_directions(const char *table, gboolean utia,
                                                      GError **error) {
@@ -30,7 +30,7 @@ static struct btf_directions *import_brdf_directions(const char *table, gboolean
 
 struct import_brdf_source {
     Brdf *brdf;
-    gsize texels; /* of all */
+    gsize texels; /* total number */
     const struct btf_directions *directions;
     float *views, *lights; /* unit vectors */
 };

@@ -10,18 +10,18 @@ struct session_view_files {
     struct direction_list views, lights;
 };
 
-/* Lights are those of the first view; those of the others are compared when they are read.
- * DATA_ERROR_INCOMPLETE: there is no BTF yet. */
+/* Opens the files. The lights are those of the first view. They are compared with the lights of
+ * other views when these are read. The error is DATA_ERROR_INCOMPLETE if there is no BTF yet. */
 gboolean session_view_files_open(struct session_view_files *ret, const char *session,
                                  GError **error);
 void session_view_files_clear(struct session_view_files *files);
 
-/* A picture of a view: planes are R, G, B and "mark" (NULL where no texel has a flag), borrowed. */
+/* A picture of a view. planes are R, G, B and "mark" (NULL if no texel has a flag), borrowed. */
 typedef gboolean (*SessionPicture)(int view, int light, const float *const planes[4], gpointer data,
                                    GError **error);
 
-/* Calls func for each light of a view, in order. Reads the whole file where that takes at most 512
- * MiB, else picture by picture. DATA_ERROR_INVALID: the view's lights or size differ from those of
- * the first view. */
+/* Calls func for each light of a view, in order. Reads the whole file if that takes at most 512
+ * MiB, otherwise picture by picture. The error is DATA_ERROR_INVALID if the view's lights or size
+ * differ from those of the first view. */
 gboolean session_view_files_read(const struct session_view_files *files, int view,
                                  SessionPicture func, gpointer data, GError **error);

@@ -7,26 +7,27 @@
 #include <math.h>
 #include <string.h>
 
-/* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen on the weave and the brick of
+/* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen with the weave and the brick of
  * tests/bench/fast_materials, see docs/fast.md. */
-#define TOLERANCE 0.5  /* of a texel, see T_i */
-#define ERRORS    2.0  /* standard errors, likewise */
+#define TOLERANCE 0.5  /* in texels, see T_i */
+#define ERRORS    2.0  /* in standard errors, see T_i */
 #define EPSILON   0.05 /* see w_i */
-#define SHORTER   0.7  /* likewise */
-#define NEAREST   8    /* views that have a weight h, at most */
-#define STEP      0.25 /* of a texel: between points of a ray that are examined */
-#define ONE_SURFACE                                                                                \
-    0.75 /* of a texel, over the cosine of the view's polar angle: neighbours with a larger step   \
-            in distance lie on different surfaces */
-/* The same limit for texels whose values are mixed. It is larger, because a value belongs to a
- * texel's whole area, and at a step a mix of two values is nearer to the truth than one alone. */
+#define SHORTER   0.7  /* see w_i */
+#define NEAREST   8    /* maximum number of views that have a weight h */
+#define STEP      0.25 /* in texels: distance between the points of a ray that are examined */
+/* in texels, divided by the cosine of the view's polar angle: neighbours with a larger step in
+ * distance are on different surfaces */
+#define ONE_SURFACE 0.75
+/* The same limit for texels whose values are mixed. It is larger, because a value belongs to the
+ * whole area of a texel. At a step, a mix of two values is then nearer to the truth than one of
+ * them. */
 #define ONE_COLOUR 1.6
-#define CUBIC      (-0.6F) /* of Keys' kernel */
-#define HALVINGS   6       /* of STEP, once the surface lies within it */
+#define CUBIC      (-0.6F) /* parameter of Keys' kernel */
+#define HALVINGS   6       /* number of times that STEP is halved when the surface is within it */
 
 struct eye { /* a view */
     struct mdf_eye mdf;
-    struct vec3 direction; /* from the plane's centre, unit */
+    struct vec3 direction; /* from the plane's centre, unit vector */
     float step_mm;         /* see ONE_SURFACE */
     float colour_mm;       /* see ONE_COLOUR */
     float *distance, *error_mm;
@@ -39,7 +40,7 @@ struct Reprojection {
     gboolean tiled;
     Directions *directions;
     double radius_mm;  /* mean distance of the cameras from the plane's centre */
-    double deepest_mm; /* below the reference plane */
+    double deepest_mm; /* maximum depth below the reference plane */
 };
 
 static struct vec3 reprojection_centre(const double centre_mm[3]) {
@@ -133,7 +134,8 @@ struct vec3 reprojection_towards(const Reprojection *s, const struct reprojectio
     return vec3_unit(vec3_sub(target->at, vec3(at_mm[0], at_mm[1], s->plane.reference_mm)));
 }
 
-/* Index of the view among the weights, which is added if it is not there; −1: they are full. */
+/* Returns the index of the view among the weights. The view is added if it is missing. Returns −1
+ * if the weights are full. */
 static int reprojection_weight_of(struct reprojection_weights *weights, int view) {
     for (int k = 0; k < weights->n; k++)
         if (weights->view[k] == view)
@@ -145,8 +147,8 @@ static int reprojection_weight_of(struct reprojection_weights *weights, int view
     return weights->n++;
 }
 
-/* h: Franke and Little's weights of the NEAREST views; ret_view is by distance. Returns their
- * number. */
+/* Computes h: Franke and Little's weights of the NEAREST views. ret_view is sorted by distance.
+ * Returns their number. */
 static int reprojection_nearest(const Reprojection *s, struct vec3 v, int ret_view[NEAREST],
                                 double ret_weight[NEAREST]) {
     double r[NEAREST + 1] = {0}, sum = 0;
@@ -209,8 +211,8 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     }
 }
 
-/* Moves a texel onto the plane: repeats it if the sample is tiled, otherwise takes the nearest
- * texel of the border. */
+/* Moves a texel onto the plane. If the sample is tiled, the texel is repeated; otherwise the
+ * nearest texel of the border is used. */
 static int reprojection_texel(const Reprojection *s, int x, int y) {
     const int width = s->plane.width, height = s->plane.height;
     if (s->tiled) {
@@ -220,13 +222,13 @@ static int reprojection_texel(const Reprojection *s, int x, int y) {
     return CLAMP(y, 0, height - 1) * width + CLAMP(x, 0, width - 1);
 }
 
-/* A position among texels: the one before it in both directions, and the rest, 0 … 1. */
+/* A position among texels: the texel before it in both dimensions, and the remainders, 0 … 1. */
 struct place {
     int i, j;
     float u, v;
 };
 
-/* FALSE: outside of the texels. */
+/* Returns FALSE if the position is outside of the texels. */
 static gboolean reprojection_place(const Reprojection *s, double column, double row,
                                    struct place *ret) {
     if (!(fabs(column) < 1e6 && fabs(row) < 1e6))
@@ -239,7 +241,7 @@ static gboolean reprojection_place(const Reprojection *s, double column, double 
                         row <= s->plane.height - 0.5);
 }
 
-/* The four texels around a place, and their bilinear weights. */
+/* Gives the four texels around a place, and their bilinear weights. */
 static void reprojection_four(const Reprojection *s, const struct place *at, int ret_texel[4],
                               float ret_weight[4]) {
     for (int k = 0; k < 4; k++) {
@@ -248,7 +250,7 @@ static void reprojection_four(const Reprojection *s, const struct place *at, int
     }
 }
 
-/* Weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
+/* Gives the weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
 static void reprojection_cubic(float u, float ret[4]) {
     const float a = CUBIC;
     for (int k = 0; k < 4; k++) {
@@ -258,13 +260,13 @@ static void reprojection_cubic(float u, float ret[4]) {
     }
 }
 
-/* What a view shows of a point. */
+/* The texels of a view that show a point. */
 struct look {
-    double q; /* INFINITY: nothing */
+    double q; /* INFINITY if the view shows nothing */
     struct place at;
     float distance; /* of the nearest texel */
     int texel[4];
-    float weight[4]; /* sum 1; 0: of another surface */
+    float weight[4]; /* the sum is 1; 0 for a texel of another surface */
 };
 
 static void reprojection_examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
@@ -301,7 +303,8 @@ static void reprojection_examine(const Reprojection *s, const struct eye *eye, s
     ret->q = (mm - (double)(distance / sum)) / tolerance;
 }
 
-/* The texels of a value: 4 × 4 where all of them lie on one surface, else the four around. */
+/* Gives the texels of a value: 4 × 4 if all of them are on one surface, otherwise the four around
+ * the position. */
 static int reprojection_spread(const Reprojection *s, int view, const struct look *look,
                                double weight, struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];
@@ -315,7 +318,7 @@ static int reprojection_spread(const Reprojection *s, int view, const struct loo
         const float d = eye->distance[texel];
         ret[k] =
             (struct reprojection_tap){view, texel, (float)weight * across[k % 4] * down[k / 4]};
-        /* Two texels apart, where the step may be twice as large. */
+        /* These texels are two texels apart, so that the step may be twice as large. */
         one = d >= 0 && fabsf(d - look->distance) <= 2 * eye->colour_mm;
     }
     if (one)
@@ -340,7 +343,7 @@ static double reprojection_visible(double q) {
     return CLAMP(2 - fabs(q), 0, 1);
 }
 
-/* F at a point. */
+/* Returns F at a point. */
 static double reprojection_vote(const Reprojection *s, struct vec3 p,
                                 const struct reprojection_weights *weights) {
     double sum = 0;
@@ -358,7 +361,8 @@ static struct vec3 reprojection_point(const Reprojection *s, const double at_mm[
     return vec3_sub(vec3(at_mm[0], at_mm[1], s->plane.reference_mm), vec3_scale(v, mm));
 }
 
-/* Marches along the ray to where F rises through 0, and halves the last step. −1: nowhere. */
+/* Marches along the ray until F rises through 0, and halves the last step. Returns −1 if F does not
+ * rise through 0. */
 static double reprojection_march(const Reprojection *s, const double at_mm[2], struct vec3 v,
                                  const struct reprojection_weights *weights) {
     const double step = STEP * s->plane.texel_mm, end = (s->deepest_mm + step) / MAX(v.z, 0.05);

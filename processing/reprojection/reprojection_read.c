@@ -1,4 +1,4 @@
-/* The MDF of a session, for predicting along its surface. */
+/* Reads the MDF of a session for predictions along its surface. */
 #include "reprojection.h"
 
 #include "base/data_error.h"
@@ -8,9 +8,9 @@
 #include <math.h>
 
 #define SAME_COSINE                                                                                \
-    0.99999 /* of the angle between directions of the same view: a quarter of a degree */
+    0.99999 /* cosine of the angle between directions of the same view: a quarter of a degree */
 
-/* The part whose view has the direction; NULL: none. */
+/* Returns the part whose view has the direction, or NULL if there is none. */
 static const struct exr_part *reprojection_part(const struct exr_file *file, float theta_deg,
                                                 float phi_deg) {
     float to[3], of[3];

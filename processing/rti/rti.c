@@ -37,7 +37,7 @@ static gboolean rti_is_blank(guint8 c) {
     return c == ' ' || c == '\t' || c == '\r' || c == '\n';
 }
 
-/* The next word of the text before the bytes; FALSE: there is none. */
+/* Reads the next word of the text before the bytes. Returns FALSE if there is none. */
 static gboolean rti_word(struct head *head, char ret[MAX_NUMBER + 1]) {
     gsize length = 0;
     while (head->at < head->n && head->at < MAX_HEAD && rti_is_blank(head->bytes[head->at]))
@@ -62,7 +62,7 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
     return TRUE;
 }
 
-/* Blanks up to the end of the line, after which the bytes begin. */
+/* Skips blanks up to the end of the line, after which the bytes begin. */
 static gboolean rti_line_end(struct head *head, GError **error) {
     while (head->at < head->n && head->bytes[head->at] != '\n' &&
            rti_is_blank(head->bytes[head->at]))
@@ -93,7 +93,7 @@ static gboolean rti_read_size(struct head *head, struct rti *rti, GError **error
     return TRUE;
 }
 
-/* Memory for the texels, whose bytes must be in the file. */
+/* Allocates memory for the texels, whose bytes must be in the file. */
 static gboolean rti_make_bytes(const struct head *head, struct rti *rti, GError **error) {
     const gsize texels = (gsize)rti->width * (gsize)rti->height;
     const gsize each = (gsize)rti->n_terms * (rti->lrgb ? 1 : 3);

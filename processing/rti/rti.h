@@ -1,8 +1,7 @@
-/*
- * Files of reflectance transformation imaging: a picture whose texels are functions of the light,
- * seen from one view, straight from above. A texel's colours are sums of a basis b of the light,
- * f(l) = Σ_j c_j b_j(l), of sRGB where 1 is white; in lrgb the sum is a brightness that multiplies
- * the texel's colour.
+/* Files of reflectance transformation imaging: a picture whose texels are functions of the light,
+ * seen from one view along the normal. A texel's colours are sums of a basis b of the light, f(l) =
+ * Σ_j c_j b_j(l), in sRGB with 1 as white. In lrgb the sum is a brightness that multiplies the
+ * texel's colour.
  *   .ptm     "PTM_1.2" (Malzbender & Gelb 2001, PTM File Format Version 1.2): text lines with the
  *            version, PTM_FORMAT_RGB or PTM_FORMAT_LRGB, width, height, six scales and six biases;
  *            then bytes. LRGB: six bytes per texel, then (before 1.2: after each six) red, green
@@ -15,8 +14,7 @@
  *            row comes first. b is that of hsh.h, c_j = byte / 255 · scale_j + bias_j.
  *   Relight  info.json and planes of coefficients as pictures, see
  *            processing/formats/import_relight.c
- * Any thread.
- */
+ * Any thread. */
 #pragma once
 
 #include <gio/gio.h>
@@ -26,25 +24,27 @@
 
 struct rti {
     int width, height; /* row 0 is the top one */
-    gboolean hsh;      /* the basis is hsh_basis() of 4, 9 or 16 terms, else rti_ptm_basis() of 6 */
+    /* the basis is hsh_basis() of 4, 9 or 16 terms, otherwise rti_ptm_basis() of 6 */
+    gboolean hsh;
     gboolean lrgb;
     int n_terms;
     double scale[RTI_MAX_TERMS], bias[RTI_MAX_TERMS]; /* c_j = (byte − bias_j) · scale_j */
     /* height × width × n_terms (lrgb) or × 3 (R, G, B) × n_terms. The terms of a PTM are in the
      * order of .ptm files. */
     guint8 *bytes;
-    guint8 *colours; /* lrgb: height × width × 3 */
+    guint8 *colours; /* for lrgb: height × width × 3 */
 };
 
 void rti_free(struct rti *rti); /* NULL is ignored */
 typedef struct rti Rti;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rti, rti_free)
 
-/* lx², ly², lx ly, lx, ly, 1 */
+/* Computes the basis lx², ly², lx ly, lx, ly, 1. */
 void rti_ptm_basis(const float light[3], float ret[RTI_PTM_TERMS]);
 
-/* A .ptm or .rti, told apart by how it begins. Errors: DATA_ERROR_INVALID and DATA_ERROR_IO name
- * the file. PTMs of JPEGs, LUTs and luminance are refused with a sentence. */
+/* Reads a .ptm or .rti. The first bytes tell which it is. Errors are DATA_ERROR_INVALID and
+ * DATA_ERROR_IO, and name the file. PTMs of JPEGs, LUTs and luminance are refused with a
+ * message. */
 struct rti *rti_read(const char *path, GError **error);
 
 /* Computes R, G, B (sRGB, not limited to 0 … 1) of a texel for these values of the basis. */
@@ -53,24 +53,25 @@ void rti_evaluate(const struct rti *rti, gsize texel, const float *basis, float 
 /* Writes a PTM. */
 gboolean rti_write_ptm(const char *path, const struct rti *rti, GError **error);
 
-/* Writes a PTM as the new folder of OpenLIME's: info.json and plane_0.png … beside it. lights: n ×
- * 3, under which it was made. The folder must not exist, and appears complete or not at all. */
+/* Writes a PTM as a new folder for OpenLIME: info.json and plane_0.png … in the same folder. lights
+ * (n × 3) are the lights from which it was made. The folder must not exist, and appears complete or
+ * not at all. */
 gboolean rti_write_relight(const char *folder, gboolean replace, const struct rti *rti,
                            const float *lights, int n, double texel_mm, GError **error);
 
-/*
- * Fitting a PTM to pictures under n lights (Malzbender et al. 2001): least squares for each texel
- * and each colour or, with lrgb, for the brightness that multiplies the texel's mean colour. Values
- * that are NaN do not count; a texel with too few of them is black.
- */
+/* The result of fitting a PTM to pictures under n lights (Malzbender et al. 2001). The fit is by
+ * least squares for each texel and each colour or, with lrgb, for the brightness that multiplies
+ * the texel's mean colour. Values that are NaN do not count. A texel with too few values is
+ * black. */
 struct rti_fit_result {
-    double error;   /* RMS of what the file gives back against the pictures, sRGB, of all values */
-    gint64 clipped; /* values that the file cannot show, since they are above 1 */
-    gint64 holes;   /* values that are NaN */
+    /* RMS difference between the values of the file and the pictures, sRGB, over all values */
+    double error;
+    gint64 clipped; /* number of values that the file cannot show because they are above 1 */
+    gint64 holes;   /* number of values that are NaN */
 };
 
-/* pictures: n × height × width × 3 (R, G, B), sRGB. NULL with DATA_ERROR_INVALID: the lights do not
- * determine six terms. name: for errors. */
+/* Fits a PTM. pictures is n × height × width × 3 (R, G, B), sRGB. Returns NULL with
+ * DATA_ERROR_INVALID if the lights do not determine six terms. name is for errors. */
 struct rti *rti_fit(const char *name, const float *pictures, int width, int height,
                     const float *lights, int n, gboolean lrgb, struct rti_fit_result *ret,
                     GError **error);

@@ -5,14 +5,15 @@
 
 #include "base/data_error.h"
 
-#define TERMS       RTI_PTM_TERMS
-#define LEAST_PIVOT 1e-6 /* of the largest: below it lights do not determine all terms */
+#define TERMS RTI_PTM_TERMS
+/* relative to the largest pivot; smaller ones mean that the lights do not determine all terms */
+#define LEAST_PIVOT 1e-6
 
 struct normal {
     double a[TERMS][TERMS], b[TERMS];
 };
 
-/* Cholesky's method; FALSE: a is not positive definite. */
+/* Cholesky's method. Returns FALSE if a is not positive definite. */
 static gboolean rti_solve(const struct normal *normal, double ret[TERMS]) {
     double l[TERMS][TERMS] = {{0}}, largest = 0;
     for (int i = 0; i < TERMS; i++)
@@ -45,12 +46,12 @@ static gboolean rti_solve(const struct normal *normal, double ret[TERMS]) {
 
 struct fitting {
     const float *pictures;
-    gsize texels, n;      /* n: lights */
+    gsize texels, n;      /* n is the number of lights */
     float *basis;         /* n × TERMS */
-    struct normal *whole; /* of all lights */
+    struct normal *whole; /* the normal equations of all lights */
 };
 
-/* Least squares of one number per light, at values + light · stride; NaN is left out. */
+/* Fits one number per light, at values + light · stride, by least squares. NaN is left out. */
 static gboolean rti_fit_terms(const struct fitting *fitting, const double *values,
                               double ret[TERMS]) {
     struct normal normal = {.b = {0}};
@@ -72,7 +73,8 @@ static gboolean rti_fit_terms(const struct fitting *fitting, const double *value
     return rti_solve(&normal, ret);
 }
 
-/* The mean colour of a texel, its brightest channel 1, as bytes; black: white. */
+/* Gives the mean colour of a texel as bytes, scaled so that its brightest channel is 1. A black
+ * texel gets white. */
 static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]) {
     double sums[3] = {0}, most = 0;
     for (gsize l = 0; l < fitting->n; l++)
@@ -86,8 +88,8 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
         ret[c] = most > 0 ? (guint8)lround(255 * sums[c] / most) : 255;
 }
 
-/* The values to be fitted: those of channel c, or the brightness that explains R, G and B best as a
- * multiple of the colour C: Σ C s / Σ C². */
+/* Gives the values to be fitted: those of channel c, or the brightness that best explains R, G and
+ * B as a multiple of the colour C: Σ C s / Σ C². */
 static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
                          double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
@@ -101,8 +103,8 @@ static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, co
     }
 }
 
-/* Chooses scale and bias of each term so that the bytes reach from its least value to its greatest.
- * The range always includes 0, because a bias is a byte. */
+/* Chooses scale and bias of each term so that the bytes cover the range from its minimum to its
+ * maximum. The range always includes 0, because a bias is a byte. */
 static void rti_quantise(struct rti *rti, const float *terms, gsize n) {
     for (int j = 0; j < TERMS; j++) {
         double least = 0, most = 0;
@@ -110,7 +112,7 @@ static void rti_quantise(struct rti *rti, const float *terms, gsize n) {
             least = MIN(least, (double)terms[i * TERMS + (gsize)j]);
             most = MAX(most, (double)terms[i * TERMS + (gsize)j]);
         }
-        /* A step more than needed, so that rounding the bias cuts neither end off. */
+        /* One step more than needed, so that rounding the bias does not cut off either end. */
         rti->scale[j] = most > least ? (most - least) / 254 : 1 / 255.0;
         rti->bias[j] = (double)lround(-least / rti->scale[j]);
         for (gsize i = 0; i < n; i++)

@@ -12,10 +12,10 @@
 
 #define TERMS RTI_PTM_TERMS
 
-/* Relight's order of the terms, 1, lx, ly, lx², lx ly, ly², in that of .ptm files. */
+/* The index in .ptm files of each term in Relight's order 1, lx, ly, lx², lx ly, ly². */
 static const gsize order[TERMS] = {5, 3, 4, 0, 2, 1};
 
-/* The source of channel k among all planes: −1: the texel's colour; otherwise a term. */
+/* Returns the source of channel k among all planes: −1 for the texel's colour, otherwise a term. */
 static int rti_term(const struct rti *rti, int k) {
     if (!rti->lrgb)
         return (int)order[k / 3];
@@ -47,8 +47,8 @@ static void rti_append(GString *text, gboolean first, double value) {
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
 }
 
-/* OpenLIME computes c = (byte / 255 − bias) · scale, so that its scale is 255 times that of struct
- * rti, and its bias a 255th. */
+/* OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255 times that of
+ * struct rti, and its bias a 255th. */
 static gboolean rti_write_info(const char *folder, const struct rti *rti, const float *lights,
                                int n, double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;
@@ -93,7 +93,7 @@ static gboolean rti_fail_folder(const char *folder, GError **error) {
     return FALSE;
 }
 
-/* Only files that this process has written. */
+/* Removes only files that this process has written. */
 static void rti_remove_folder(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     const char *name;
@@ -119,8 +119,7 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
         return rti_fail_folder(folder, error);
     GError *failed = NULL;
     const gboolean ok = rti_write_files(beside, rti, lights, n, texel_mm, &failed);
-    if (failed) { /* in a folder that is about to go: of interest is the one that it was to become
-                   */
+    if (failed) { /* the folder is removed: the error must name the final folder */
         g_auto(GStrv) parts = g_strsplit(failed->message, beside, -1);
         g_autofree char *message = g_strjoinv(folder, parts);
         g_set_error_literal(error, failed->domain, failed->code, message);

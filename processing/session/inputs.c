@@ -14,7 +14,7 @@ void input_clear(struct input *input) {
     g_clear_pointer(&input->sha256, g_free);
 }
 
-/* The checksum is verified first: a damaged file must not reach a decoder. */
+/* The checksum is verified first, because a damaged file must not reach a decoder. */
 struct exr_part *input_read(const struct input *input, const char *const *channels,
                             GError **error) {
     g_autoptr(GError) cause = NULL;
@@ -85,7 +85,7 @@ const float *input_mosaic(const char *path, struct exr_part *part, const char **
     return mosaic;
 }
 
-/* Includes the terminating 0, so that consecutive texts are unambiguous. */
+/* Includes the terminating 0, so that a sequence of texts is unambiguous. */
 void input_hash(GChecksum *checksum, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

@@ -1,7 +1,5 @@
-/*
- * Reads the frames of a capture: a frame's file is checked against its row in the session before
- * it is used. Any thread.
- */
+/* Reads the frames of a capture. The file of a frame is compared with its row in the session before
+ * it is used. Any thread. */
 #pragma once
 
 #include "base/data_error.h"
@@ -9,24 +7,27 @@
 
 struct input {
     char *path;   /* absolute */
-    char *sha256; /* as in the session; NULL: not checked */
+    char *sha256; /* as in the session; NULL if it is not to be checked */
     gint64 shot;
     int width, height;    /* size of the camera's pictures */
-    double turntable_deg; /* while it was exposed, in the middle */
+    double turntable_deg; /* in the middle of the exposure */
 };
 
 void input_clear(struct input *input);
 
-/* Reads the first part of the file. DATA_ERROR_INVALID: checksum or size differ from the
- * session's, the file cannot be read, or one of the channels (NULL-terminated) is missing. */
+/* Reads the first part of the file. The error is DATA_ERROR_INVALID if the checksum or the size
+ * differs from the session's, if the file cannot be read, or if one of the channels
+ * (NULL-terminated) is missing. */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
-/* The mosaic of a frame that input_read() or exr_read_part() has read from path: height × width,
- * borrowed, and its colour filter. For a picture in colour ("rgb"), the mosaic is what a sensor
- * behind "rggb" would have seen, so that measurements on mosaics can use it; it overwrites the
- * channel G. NULL: a channel or attribute is missing. */
+/* Returns the mosaic (height × width, borrowed) of a frame that input_read() or exr_read_part() has
+ * read from path, and its colour filter. For a picture in colour ("rgb") the function computes the
+ * mosaic that a sensor behind "rggb" would have recorded, so that code for mosaics can use it. This
+ * mosaic overwrites the channel G. Returns NULL with an error if a channel or an attribute is
+ * missing. */
 const float *input_mosaic(const char *path, struct exr_part *part, const char **ret_cfa,
                           GError **error);
 
-/* Adds a text to the hash of a product's inputs; the end of each text counts, too. */
+/* Adds a text to the hash of a product's inputs. The end of the text is hashed as well, so that two
+ * texts differ from their concatenation. */
 void input_hash(GChecksum *checksum, const char *format, ...) G_GNUC_PRINTF(2, 3);

@@ -11,7 +11,8 @@
 gboolean made_with_read(Session *session, struct made_with *ret, GError **error) {
     g_autofree char *mixed = NULL, *where = NULL, *begun_with = NULL;
     *ret = (struct made_with){0};
-    /* An error must not look like a value that is not set: that means the session's own. */
+    /* An error must not be treated as a value that is not set, which means the session's own
+     * calibration. */
     if (!session_read_value(session, MIXED, &mixed, error) ||
         !session_read_value(session, WHERE, &where, error) ||
         !session_read_value(session, "calibration", &begun_with, error))
@@ -23,7 +24,8 @@ gboolean made_with_read(Session *session, struct made_with *ret, GError **error)
     ret->mixed = mixed != NULL;
     ret->where = where        ? g_steal_pointer(&where)
                  : begun_with ? g_steal_pointer(&begun_with)
-                              : g_strdup("nominal"); /* imported, or made by a test */
+                              /* the session was imported, or made by a test */
+                              : g_strdup("nominal");
     return TRUE;
 }
 

@@ -1,5 +1,5 @@
-/* The output of a shot is the mean of its cameras weighted by 1/σ², with the error of the
- * calibration added to each σ². */
+/* The output of a shot is the mean of its cameras weighted by 1/σ². The error of the calibration is
+ * added to each σ². */
 #include "outputs.h"
 #include "session_private.h"
 
@@ -7,13 +7,13 @@
 #include <string.h>
 
 #define PREFIX "lamp_output/"
-/* Error of the calibration, added to each camera's: it keeps one camera with little noise from
- * outweighing the others. */
+/* Error of the calibration, which is added to the error of each camera. It prevents one camera with
+ * little noise from outweighing the others. */
 #define CALIBRATION_ERROR 1e-3
 
 struct output {
     double sum, weight, value;
-    int lamp; /* −1: not a shot of a lamp */
+    int lamp; /* −1 if the shot is not of a lamp */
 };
 
 struct outputs {
@@ -56,7 +56,7 @@ static gboolean add_all(struct outputs *outputs, Session *session, GError **erro
     return TRUE;
 }
 
-/* The nearest measured shot of a lamp in one direction (±1); 0: none. */
+/* Returns the nearest measured shot of a lamp in one direction (±1), or 0 if there is none. */
 static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int direction) {
     for (gint64 i = shot + direction; i >= 1 && i <= outputs->n; i += direction)
         if (outputs->of[i].weight > 0 && outputs->of[i].lamp == outputs->of[shot].lamp)
@@ -64,7 +64,8 @@ static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int di
     return 0;
 }
 
-/* Linear interpolation between the nearest measured shots; the nearer one alone at the ends. */
+/* Interpolates linearly between the nearest measured shots. At the ends, only the nearest one is
+ * used. */
 static double outputs_between(const struct outputs *outputs, gint64 shot) {
     gint64 before = outputs_nearest(outputs, shot, -1), after = outputs_nearest(outputs, shot, 1);
     if (before == 0 && after == 0)

@@ -1,20 +1,20 @@
-/*
- * The lamps' output during a capture, measured by the fiducials on the turntable: of each shot
- * and camera, relative to the session's calibration. Stored as the session's values
- * "lamp_output/SHOT/CAMERA" = "OUTPUT ERROR" (standard error). One thread at a time.
- */
+/* The output of the lamps during a capture, measured by the fiducials on the turntable. There is a
+ * value for each shot and camera, relative to the session's calibration. It is stored as the
+ * session's value "lamp_output/SHOT/CAMERA" = "OUTPUT ERROR" (standard error). One thread at a
+ * time. */
 #pragma once
 
 #include "session.h"
 
-/* For capture, before the shot is committed; a later take replaces it. */
+/* Stores a measurement. For capture, before the shot is committed. A later take of the shot
+ * replaces the value. */
 gboolean outputs_store(Session *session, gint64 shot, const char *camera, double output,
                        double output_error, GError **error);
 
-/* The output of each shot: the mean over all cameras weighted by the standard errors. A shot
- * without a measurement gets the linear interpolation, by shot number, of the nearest measured
- * shots of its lamp before and after. It is 1 for a lamp without measured shots, and in sessions
- * without fiducials. */
+/* Returns the output of each shot: the mean over all cameras weighted by the standard errors. For a
+ * shot without a measurement, the output is interpolated linearly, by shot number, between the
+ * nearest measured shots of its lamp before and after it. It is 1 for a lamp without measured
+ * shots, and in sessions without fiducials. */
 struct outputs;
 struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error);
 void outputs_free(struct outputs *outputs); /* NULL is ignored */

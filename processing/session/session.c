@@ -1,4 +1,4 @@
-/* Opening and locking a session, and its texts, values, events and products. */
+/* Opens and locks a session, and reads and writes its texts, values, events and products. */
 #include "session_private.h"
 
 #include "exr/exr.h"
@@ -11,7 +11,7 @@
 
 G_DEFINE_QUARK(session_error, session_error)
 
-/* The kernel releases the lock when its holder ends, for whatever reason. */
+/* The kernel releases the lock when its holder ends for any reason. */
 int session_lock(const char *path, GError **error) {
     g_autofree char *file = g_build_filename(path, "capture.lock", NULL);
     int fd = open(file, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
@@ -40,8 +40,8 @@ int session_lock(const char *path, GError **error) {
     return -1;
 }
 
-/* Syncs the names in a folder. One that may not be read cannot be synced, nor can folders of some
- * file systems. */
+/* Syncs the names in a folder. A folder that may not be read cannot be synced, nor can folders of
+ * some file systems. */
 static gboolean session_sync_folder(const char *folder, GError **error) {
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     const gboolean ok = fd < 0 ? errno == EACCES : fsync(fd) == 0 || errno == EINVAL;
@@ -53,8 +53,8 @@ static gboolean session_sync_folder(const char *folder, GError **error) {
                               folder, g_strerror(saved));
 }
 
-/* The program that made the session may have ended before it synced the session's name, and a power
- * cut would then lose the session with all its frames. */
+/* The program that made the session may have ended before it synced the session's name. A power cut
+ * would then lose the session with all its frames. */
 static gboolean session_sync_name(const Session *session, GError **error) {
     g_autofree char *parent = g_path_get_dirname(session->path);
 
@@ -70,7 +70,7 @@ static gboolean session_start(Session *session, GError **error) {
                             g_file_test(session->path, G_FILE_TEST_EXISTS)
                                 ? "it is a file; give the directory of a session"
                                 : "there is no such directory");
-    /* Check first, so that other directories do not get a lock file. */
+    /* The check comes first, so that other directories do not get a lock file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);
@@ -79,8 +79,8 @@ static gboolean session_start(Session *session, GError **error) {
     }
     if (!session_db_open(session, FALSE, error))
         return FALSE;
-    /* The name of the write-ahead log: SQLite takes it for synced when it cannot open the folder,
-     * and a power cut would then leave a database that is partly of the log. */
+    /* Syncs the name of the write-ahead log. SQLite assumes that it is synced if it cannot open the
+     * folder, and a power cut would then leave a database without a part of the log. */
     if (session->mode != SESSION_READ && !session_sync_folder(session->path, error))
         return FALSE;
     if (session_db_one_text(session, "SELECT name FROM session WHERE id = 1", NULL, &session->name,
@@ -90,8 +90,8 @@ static gboolean session_start(Session *session, GError **error) {
                      session->path);
     if (!session->name)
         return FALSE;
-    /* Refuses symbolic links in place of folders: writing into a session must not write elsewhere.
-     */
+    /* Refuses symbolic links instead of folders, because writing into a session must not write
+     * outside of it. */
     for (gsize i = 0; session->mode != SESSION_READ && i < G_N_ELEMENTS(folders); i++) {
         g_autofree char *folder = session_file(session, folders[i]);
 
@@ -140,7 +140,7 @@ char *session_file(const Session *session, const char *relative) {
     return g_build_filename(session->path, relative, NULL);
 }
 
-/* Neither absolute nor with a component "..". */
+/* Returns whether a path is neither absolute nor has a component "..". */
 gboolean session_is_relative(const char *path) {
     g_auto(GStrv) parts = NULL;
 
@@ -242,7 +242,7 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                           "dsss", time_s == time_s ? time_s : 0.0, level, from, says);
 }
 
-/* The file is hashed here: the row must describe what is on disk. */
+/* The file is hashed here, because the row must describe the file on disk. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error) {
     g_autofree char *file = session_file(session, relative), *sha256 = NULL;

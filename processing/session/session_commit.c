@@ -1,5 +1,5 @@
 /* Commits shots with their frames, and verifies frames when a capture resumes. A frame's row is
- * written only after its file is on disk, so that a row always has a file. */
+ * written only after its file is on disk, so that every row has its file. */
 #include "session_private.h"
 
 #include "base/new_file.h"
@@ -16,7 +16,8 @@ static gboolean session_commit_refuse(const struct session_frame *frame, const c
                         frame->camera, frame->path ? frame->path : "", what);
 }
 
-/* −1: there is no such file, or no regular one. −2, with errno: it cannot be examined. */
+/* Returns −1 if there is no such file, or if it is not a regular file. Returns −2, with errno, if
+ * it cannot be examined. */
 static gint64 session_commit_size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
@@ -76,10 +77,10 @@ static gboolean store_turned(Session *session, const struct session_frame *frame
                              error);
 }
 
-/* Within the caller's transaction. */
+/* Runs within the caller's transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
-    /* All names that begin with the first: '0' follows '/'. */
+    /* All names from the first up to the second: '0' follows '/'. */
     g_autofree char *from = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "/", shot);
     g_autofree char *to = g_strdup_printf(SESSION_TURNED "%" G_GINT64_FORMAT "0", shot);
     gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot) &&
@@ -94,7 +95,7 @@ static gboolean replace_frames(Session *session, gint64 shot, const struct sessi
     return ok;
 }
 
-/* Checks come before the transaction, so that a reader never sees half of a shot. */
+/* The checks come before the transaction, so that a reader never sees half of a shot. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error) {
@@ -119,8 +120,9 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
     return session_set_value(session, key, what, error);
 }
 
-/* Removes all frames of every shot that has lost a frame, since a shot is captured as a whole. why:
- * the reason for each frame, or NULL. One short transaction: the files were checked before. */
+/* Removes all frames of every shot that has lost a frame, because a shot is captured as a whole.
+ * why is the reason for each frame, or NULL. Uses one short transaction; the files were checked
+ * before. */
 static gboolean forget_shots(Session *session, const GPtrArray *frames, const GPtrArray *why,
                              GError **error) {
     g_autofree char *clock = session_value(session, "clock_s");
@@ -149,7 +151,7 @@ static gboolean forget_shots(Session *session, const GPtrArray *frames, const GP
     return FALSE;
 }
 
-/* Set of the frames whose checksums are compared if not all are. */
+/* Returns the set of the frames whose checksums are compared if not all are compared. */
 static GHashTable *suspects(Session *session, GError **error) {
     g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
     g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
@@ -178,7 +180,7 @@ void session_remove_unfinished(const Session *session) {
     new_file_remove_left(session->path, "laser", "");
 }
 
-/* A disk that does not answer has lost nothing: all shots would be planned again. */
+/* A disk that does not answer has lost nothing; otherwise all shots would be planned again. */
 static gboolean session_commit_unreadable(const Session *session, const char *relative,
                                           const char *why, GError **error) {
     return session_fail(error, SESSION_ERROR_IO,
@@ -187,7 +189,8 @@ static gboolean session_commit_unreadable(const Session *session, const char *re
                         session->path, relative, why);
 }
 
-/* What is wrong with a committed frame, or NULL; ret_ok is FALSE if the disk does not tell. */
+/* Describes the damage of a committed frame, or returns NULL if it is intact. ret_ok is FALSE if
+ * the disk cannot be read. */
 static char *session_commit_damage(const Session *session, const struct session_frame *frame,
                                    gboolean hashed, gboolean *ret_ok, GError **error) {
     const gint64 size = session_commit_size_of(session, frame->path);
@@ -214,7 +217,7 @@ static char *session_commit_damage(const Session *session, const struct session_
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;
-    g_autoptr(GPtrArray) why = g_ptr_array_new_with_free_func(g_free); /* of each frame */
+    g_autoptr(GPtrArray) why = g_ptr_array_new_with_free_func(g_free); /* for each frame */
     int lost = 0;
 
     if (!session_may(session, SESSION_CAPTURE, error) ||

@@ -26,7 +26,7 @@ static gboolean session_create_fail_errno(const char *path, int saved, GError **
                         path, g_strerror(saved));
 }
 
-/* Makes new directory entries durable. */
+/* Syncs a folder, so that new directory entries are durable. */
 static gboolean sync_folder(const char *path, GError **error) {
     int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     gboolean ok = fd >= 0 && fsync(fd) == 0;
@@ -83,7 +83,7 @@ static gboolean insert_directions(Session *session, const struct session_directi
     return TRUE;
 }
 
-/* All rows of the plan, in one transaction of the caller. */
+/* Inserts all rows of the plan, within one transaction of the caller. */
 static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
     const struct session_grid *grid = &plan->grid;
     gboolean ok =
@@ -172,7 +172,7 @@ static void remove_all(const char *path) {
     g_rmdir(path);
 }
 
-/* Renames without ever replacing something, not even an empty directory. */
+/* Renames without ever replacing anything, not even an empty directory. */
 static gboolean move_in_place(const char *from, const char *to, GError **error) {
     return output_file_move(from, to) || session_create_fail_errno(to, errno, error);
 }

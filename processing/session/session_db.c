@@ -1,5 +1,5 @@
-/* Access to SQLite. A database is opened only if its format, its tables' texts and its structure
- * are those of this program: it may come from a stranger. */
+/* Access to SQLite. A database may come from a stranger. It is opened only if its format, the texts
+ * of its tables and its structure are those of this program. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #define MAX_TEXT    (64 << 20)
-#define PATIENCE_MS 10000 /* longest wait for another program's transaction */
+#define PATIENCE_MS 10000 /* maximum time to wait for another program's transaction */
 
 gboolean session_fail(GError **error, enum session_error code, const char *format, ...) {
     va_list list;
@@ -38,14 +38,14 @@ static gboolean session_db_damaged(const Session *session, const char *what, GEr
                         session->path, valid);
 }
 
-/* Whether a file that SQLite has open can be read to its end. Reads through SQLite, because closing
- * another descriptor of the file would release this process's locks on it. */
+/* Returns whether a file that SQLite has open can be read to its end. Reads through SQLite, because
+ * closing another descriptor of the file would release this process's locks on it. */
 static gboolean can_read_all(sqlite3 *db, int which) {
     sqlite3_file *file = NULL;
     sqlite3_int64 size = 0;
     guint8 block[4096];
     if (sqlite3_file_control(db, "main", which, &file) != SQLITE_OK || !file || !file->pMethods)
-        return TRUE; /* there is no such file */
+        return TRUE; /* the file does not exist */
     if (file->pMethods->xFileSize(file, &size) != SQLITE_OK)
         return FALSE;
     for (sqlite3_int64 at = 0; at < size; at += (sqlite3_int64)sizeof block) {
@@ -57,9 +57,10 @@ static gboolean can_read_all(sqlite3 *db, int which) {
     return TRUE;
 }
 
-/* Tells a damaged database from a disk that fails: SQLite also calls a page damaged if the disk
- * fails to read it (SQLITE_IOERR_CORRUPTFS becomes SQLITE_CORRUPT while a statement runs). TRUE:
- * the whole database can be read now, and a new connection finds it damaged. */
+/* Distinguishes a damaged database from a failing disk. SQLite also reports a page as damaged if
+ * the disk fails to read it (SQLITE_IOERR_CORRUPTFS becomes SQLITE_CORRUPT while a statement runs).
+ * Returns TRUE if the whole database can be read now, and a new connection still finds it
+ * damaged. */
 static gboolean is_truly_damaged(const Session *session) {
     if (!can_read_all(session->db, SQLITE_FCNTL_FILE_POINTER) ||
         !can_read_all(session->db, SQLITE_FCNTL_JOURNAL_POINTER))
@@ -84,7 +85,7 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
 
     if (primary == SQLITE_FULL || (primary == SQLITE_IOERR && (saved == ENOSPC || saved == EDQUOT)))
         return session_fail(error, SESSION_ERROR_FULL,
-                            "%s: the disk is full; nothing was lost: free some space and go on",
+                            "%s: the disk is full; nothing was lost: free some space and continue",
                             session->path);
     if (primary == SQLITE_NOTADB)
         return session_fail(error, SESSION_ERROR_FORMAT,
@@ -192,7 +193,7 @@ void session_rollback(Session *session) {
         session_db_run(session, NULL, "ROLLBACK", "");
 }
 
-/* For queries that always have a row, unless the file is damaged. */
+/* For queries that always return a row, unless the file is damaged. */
 static char *must_text(Session *session, const char *sql, const char *key, GError **error) {
     char *text = NULL;
 
@@ -201,8 +202,8 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     return text;
 }
 
-/* SQLite's check of the structure reports a page that cannot be read as if it were damaged, with
- * the code of the error in its text. */
+/* SQLite's check of the structure reports a page that cannot be read as if it were damaged. The
+ * code of the error is in its text. */
 static gboolean session_db_unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);
@@ -215,8 +216,8 @@ static gboolean session_db_unsound(const Session *session, const char *says, GEr
 }
 
 /* Returns a table's text without its comments, which differ between versions. If a text hides code
- * behind a quoted or bracketed “--”, its quote or bracket stays in the result; no table of the
- * schema has one, so that the texts differ. */
+ * behind a quoted or bracketed “--”, its quote or bracket stays in the result. No table of the
+ * schema has a quote or bracket there, so that the texts differ. */
 static char *session_db_without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);
@@ -278,7 +279,7 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
-/* alone: the index of the WAL is kept in memory, for this process only. */
+/* With alone, the index of the WAL is kept in memory, for this process only. */
 static gboolean connect(Session *session, const char *name, int flags, gboolean alone,
                         GError **error) {
     int rc = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_URI, NULL);
@@ -309,7 +310,7 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
     struct stat status;
 
     if (create) {
-        /* SQLite would make a file that only its owner may write, whatever the umask. */
+        /* SQLite would create a file that only its owner may write, regardless of the umask. */
         int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 
         if (fd < 0)
@@ -321,10 +322,10 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
         return FALSE;
     if (connect(session, uri, flags, FALSE, &own) && session_db_check(session, &own))
         return TRUE;
-    /* The index of the WAL, which processes share, cannot be made on a read-only medium, nor on a
-     * full disk; so no other process has the session open. If the WAL is empty, the database file
-     * alone is complete; otherwise the index is kept in memory, which needs a connection without
-     * locks of the file. */
+    /* The index of the WAL, which processes share, cannot be created on a read-only medium or on a
+     * full disk. In this case no other process has the session open. If the WAL is empty, the
+     * database file alone is complete. Otherwise the index is kept in memory, which needs a
+     * connection without locks of the file. */
     const int rc = sqlite3_errcode(session->db) & 0xff;
     const gboolean full = g_error_matches(own, SESSION_ERROR, SESSION_ERROR_FULL);
     const gboolean has_wal = stat(wal, &status) == 0 && status.st_size > 0;

@@ -1,5 +1,5 @@
-/* Verifies files against the checksums in the database. Hashes are remembered for the life of the
- * process, since several commands verify the same products. */
+/* Verifies files against the checksums in the database. Hashes are kept for the life of the
+ * process, because several commands verify the same products. */
 #include "session_private.h"
 
 #include "base/data_error.h"
@@ -14,7 +14,7 @@
 #include <sys/stat.h>
 
 #define PATIENCE_US                                                                                \
-    (10 * G_USEC_PER_SEC) /* longest wait for a writer between its file and its row */
+    (10 * G_USEC_PER_SEC) /* maximum time to wait for a writer between its file and its row */
 #define POLL_US (G_USEC_PER_SEC / 10)
 
 static GMutex known_mutex;
@@ -39,7 +39,8 @@ static void keep_known(const char *identity, const char *sha256) {
     g_mutex_unlock(&known_mutex);
 }
 
-/* SHA-256 of a file; NULL with the reason: it is missing, unreadable, or not a regular file. */
+/* Returns the SHA-256 of a file, or NULL with the reason: it is missing, unreadable, or not a
+ * regular file. */
 static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_unreadable,
                        char **ret_wrong) {
     struct stat status;
@@ -55,7 +56,7 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
     if (S_ISLNK(status.st_mode)) {
         struct stat target;
         *ret_wrong = g_strdup_printf(
-            "it is a symbolic link to what is %s, not a regular file of the session",
+            "it is a symbolic link to something that is %s, not a regular file of the session",
             stat(path, &target) == 0 ? input_file_kind(target.st_mode) : "not there");
         return NULL;
     }
@@ -64,7 +65,7 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
-    /* While all this is unchanged the file is not hashed again. */
+    /* While none of these changes, the file is not hashed again. */
     const gint64 changed_ns = nanoseconds(&status.st_ctim);
     g_autofree char *identity =
         g_strdup_printf("%ju %ju %jd %" G_GINT64_FORMAT " %" G_GINT64_FORMAT,
@@ -75,8 +76,8 @@ static char *hash_file(const char *path, gboolean *ret_missing, gboolean *ret_un
         return sha256;
     sha256 = exr_sha256(path, NULL, &error);
     *ret_unreadable = sha256 == NULL;
-    /* A file changed within the file system's clock tick may change again without a new time stamp:
-     * its hash is not kept. */
+    /* A file that changed within the current clock tick of the file system may change again without
+     * a new time stamp. Its hash is therefore not kept. */
     if (!sha256)
         *ret_wrong = g_strdup(error->message);
     else if (g_get_real_time() * 1000 - changed_ns > 50 * 1000000)
@@ -135,7 +136,7 @@ static void row_free(gpointer data) {
     g_free(row);
 }
 
-/* Rows of the files whose names begin with prefix. */
+/* Reads the rows of the files whose names begin with prefix. */
 static GPtrArray *session_files_read_rows(Session *session, gboolean frames, const char *prefix,
                                           GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
@@ -204,7 +205,7 @@ GPtrArray *session_list_products(Session *session, GError **error) {
 struct examination {
     const Session *session;
     const GPtrArray *rows;
-    struct session_damage **damages; /* of each row, or NULL */
+    struct session_damage **damages; /* for each row; NULL if it is not damaged */
 };
 
 static void examine_row(int number, gpointer data) {
@@ -214,7 +215,7 @@ static void examine_row(int number, gpointer data) {
     examination->damages[number] = session_examine(examination->session, row->path, row->sha256);
 }
 
-/* Reads the rows first, then hashes in parallel without the database. */
+/* Reads the rows first, then hashes the files in parallel without the database. */
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error) {
     const gboolean frames = files == SESSION_FRAMES;
@@ -240,7 +241,7 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
     return ret;
 }
 
-/* Repeats the check while a writer may still be adding its row: a program that makes products
+/* Repeats the check while a writer may still be adding a row, because a program that makes products
  * writes a file shortly before its row. */
 gboolean session_check_products(Session *session, const char *prefix, const struct work *work,
                                 GError **error) {
@@ -266,7 +267,7 @@ gboolean session_check_products(Session *session, const char *prefix, const stru
     }
 }
 
-/* The session of a file in products/… or products/btf/…; NULL: none. */
+/* Returns the session of a file in products/… or products/btf/…, or NULL if there is none. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"/products", "/products/btf"};
     g_autofree char *inner = g_path_get_dirname(file);

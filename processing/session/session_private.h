@@ -10,43 +10,46 @@ struct Session {
     char *path; /* absolute */
     char *name;
     enum session_mode mode;
-    int lock;        /* file descriptor that holds the capture lock, or −1 */
-    gboolean is_new; /* session_create() is making it: there is nothing to lose yet */
+    int lock; /* file descriptor that holds the capture lock, or −1 */
+    /* session_create() is still making the session, so that a failure loses nothing */
+    gboolean is_new;
 };
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(sqlite3_stmt, sqlite3_finalize)
 
-/* Sets an error of SESSION_ERROR. Always FALSE. */
+/* Sets an error of SESSION_ERROR. Always returns FALSE. */
 gboolean session_fail(GError **error, enum session_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
-/* Sets the error for an SQLite result code, with what the user can do about it. Always FALSE. */
+/* Sets the error for an SQLite result code and adds advice for the user. Always returns FALSE. */
 gboolean session_db_fail(const Session *session, int rc, GError **error);
 
-/* Runs a statement without result rows. types: one letter per argument, i int, l gint64, d
- * double, s const char * (NULL is stored as NULL). */
+/* Runs a statement without result rows. types has one letter per argument: i for int, l for gint64,
+ * d for double, s for const char * (NULL is stored as NULL). */
 gboolean session_db_run(Session *session, GError **error, const char *sql, const char *types, ...);
 
-/* Prepares a query, with arguments as above. NULL on error. */
+/* Prepares a query, with arguments as above. Returns NULL on error. */
 sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql, const char *types,
                                ...);
 
-/* Steps to the next row. 1: there is one; 0: there are no more; −1: error. */
+/* Steps to the next row. Returns 1 if there is a row, 0 if there are no more rows, −1 on error. */
 int session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
 
 char *session_db_text(sqlite3_stmt *statement, int column); /* g_free() */
 
-/* The text in the first column of the first row. key: ?1 of the query; NULL: it has none. Returns
- * as session_db_next(). */
+/* Gives the text in the first column of the first row. key is ?1 of the query, or NULL if the query
+ * has no parameter. Returns the same values as session_db_next(). */
 int session_db_one_text(Session *session, const char *sql, const char *key, char **ret,
                         GError **error);
 
-/* Opens session.db of session->path in its mode and refuses anything but a complete session. */
+/* Opens session.db of session->path in its mode. Refuses anything that is not a complete
+ * session. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);
 
-/* Takes ownership of lock; −1: SESSION_CAPTURE takes the lock itself. */
+/* Opens a session and takes ownership of lock. If lock is −1 and the mode is SESSION_CAPTURE, takes
+ * the lock. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
-int session_lock(const char *path, GError **error); /* −1: another process holds it */
+int session_lock(const char *path, GError **error); /* −1 if another process holds the lock */
 
 gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);
@@ -54,13 +57,13 @@ void session_rollback(Session *session);
 
 gboolean session_may(const Session *session, enum session_mode least, GError **error);
 
-/* Whether a path stays inside of the session directory. */
+/* Returns whether a path stays inside of the session directory. */
 gboolean session_is_relative(const char *path);
 
 extern const char *const session_shot_kinds[];  /* by enum session_shot_kind, NULL-terminated */
 extern const char *const session_shot_states[]; /* by enum session_shot_state */
 
-/* Checks of every plan, both before it is stored and after it is read. */
+/* Check the parts of a plan, both before it is stored and after it is read. */
 gboolean session_check_grid(const struct session_grid *grid, GError **error);
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error);

@@ -1,4 +1,4 @@
-/* Reads the plan and the frames, with the checks that creating a session applies, since the
+/* Reads the plan and the frames, with the same checks as when a session is created, because the
  * database may have been edited. */
 #include "session_private.h"
 
@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define MAX_TEXELS  16384
-#define MAX_NUMBER  1000000 /* largest number of devices, poses and steps */
+#define MAX_NUMBER  1000000 /* maximum number of devices, poses and steps */
 #define MAX_CAMERAS 32
 
 const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
@@ -43,7 +43,7 @@ gboolean session_check_direction(const struct session_direction *direction, int 
            session_read_wrong(error, "the note is not UTF-8: direction", index);
 }
 
-/* Ids are consecutive; devices and sources must exist in the calibration. */
+/* Ids are consecutive. Devices and sources must exist in the calibration. */
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error) {
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
@@ -65,14 +65,14 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
            session_read_wrong(error, "the note is not UTF-8: shot", id);
 }
 
-/* Values out of range become one that no check accepts. */
+/* Replaces values out of range by one that no check accepts. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
     return value < G_MININT || value > G_MAXINT ? G_MININT : (int)value;
 }
 
-/* NAN: the text is not a number. */
+/* Returns NAN if the text is not a number. */
 static double column_number(sqlite3_stmt *statement, int column) {
     g_autofree char *text = session_db_text(statement, column);
     char *end = text;
@@ -87,7 +87,7 @@ static int column_choice(sqlite3_stmt *statement, int column, const char *const 
 
     while (choices[i] && g_strcmp0(choices[i], text) != 0)
         i++;
-    return i; /* invalid index: session_check_shot() refuses it */
+    return i; /* invalid index, which session_check_shot() refuses */
 }
 
 gboolean session_origin(Session *session, char **ret_program, char **ret_created, GError **error) {
@@ -126,10 +126,10 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
     return session_check_grid(ret, error);
 }
 
-/* Makes an element from a row and checks it; number is its position. */
+/* Makes an element from a row and checks it. number is its position. */
 typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
 
-/* key: ?1 of the query, and data of read_row; NULL: it has none. */
+/* key is ?1 of the query, and data of read_row; NULL if the query has none. */
 static GPtrArray *session_read_rows(Session *session, const char *sql, const char *key,
                                     GDestroyNotify free_row, ReadRow read_row, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(free_row);
@@ -193,7 +193,7 @@ static void shot_free(gpointer data) {
     g_free(shot);
 }
 
-/* NULL with an error: the row violates the checks. */
+/* Returns NULL with an error if the row violates the checks. */
 static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError **error) {
     struct session_shot *shot = g_new0(struct session_shot, 1);
     gint64 cameras = sqlite3_column_int64(row, 7);

@@ -3,17 +3,19 @@
 #include <math.h>
 #include <string.h>
 
-#define GRID   16  /* cells of the sample each way; counts per cell show how evenly it is covered */
-#define EVENLY 0.1 /* what this counts beside mean and variance of a picture */
-#define TRIES  24  /* positions of a centre of which the best is taken */
-#define SWEEPS 3   /* after all centres are placed, each is placed again */
-#define SPREAD                                                                                     \
-    1.3 /* of the range in which they are drawn and then clamped, so that some lie at its ends */
-#define SEED 0x656e646cu
+/* cells of the sample in each dimension; counts per cell show how evenly it is covered */
+#define GRID   16
+#define EVENLY 0.1 /* weight of even coverage, relative to mean and variance of a picture */
+#define TRIES  24  /* number of positions of a centre that are tried */
+#define SWEEPS 3   /* number of times that each centre is placed again when all are placed */
+/* factor of the range in which centres are drawn before they are clamped, so that some are at its
+ * ends */
+#define SPREAD 1.3
+#define SEED   0x656e646cu
 
-/* What a hexagon shows, or several: sums over pixels. */
+/* The visible texels of one or several hexagons, as sums over pixels. */
 struct shown {
-    double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES]; /* of pictures as below */
+    double n, values[ENDLESS_PICTURES], squares[ENDLESS_PICTURES]; /* of the pictures below */
     double cells[GRID * GRID];
 };
 
@@ -23,8 +25,8 @@ struct endless_choice {
     struct shown all;                 /* of the centres that are placed */
 };
 
-/* In tiles: the farthest that a hexagon reaches from its centre, each way. Flat sides face left and
- * right. */
+/* Gives the maximum extent of a hexagon from its centre in each dimension, in tiles. The flat sides
+ * are at the left and right. */
 static void endless_reach(const struct endless *e, float ret[2]) {
     const double column = ENDLESS_COLUMN * MIN(e->width, e->height);
     ret[0] = (float)(0.5 * column / e->width);
@@ -41,7 +43,7 @@ static void endless_add_pixel(const struct endless_pictures *p, int i, int j, st
     ret->cells[j * GRID / p->height * GRID + i * GRID / p->width]++;
 }
 
-/* What the hexagon around a centre shows. */
+/* Sums the pixels that the hexagon around a centre shows. */
 static void endless_show(const struct endless_choice *c, const float centre[2], struct shown *ret) {
     const struct endless_pictures *p = &c->pictures;
     float reach[2];
@@ -66,8 +68,8 @@ static void endless_add(struct shown *to, const struct shown *one, double sign) 
         to->cells[k] += sign * one->cells[k];
 }
 
-/* How far all that is shown would differ from the sample with one more hexagon: in the mean and
- * variance of the pictures, and in how evenly the sample is covered. */
+/* Returns the difference of all visible texels from the sample after adding one hexagon: in the
+ * mean and variance of the pictures, and in the evenness of the coverage. */
 static double endless_cost(const struct endless_choice *c, const struct shown *one) {
     const double n = c->all.n + one->n;
     double cost = 0, uneven = 0;
@@ -90,7 +92,7 @@ static void endless_draw(const struct endless *e, GRand *random, float ret[2]) {
     }
 }
 
-/* again: it has a place already, which may stay. */
+/* again means that the centre already has a place, which it may keep. */
 static void endless_place_centre(struct endless_choice *c, int k, gboolean again, GRand *random) {
     float *centre = c->endless->centres[k];
     double least = G_MAXDOUBLE;
@@ -114,7 +116,7 @@ static void endless_place_centre(struct endless_choice *c, int k, gboolean again
     endless_add(&c->all, &best, 1);
 }
 
-/* Copies with means of 0 and deviations of 1; a picture without any contrast becomes 0. */
+/* Returns copies with means of 0 and deviations of 1. A picture without contrast becomes 0. */
 static float *endless_normalise(int pixels, int n, const float *pictures) {
     float *ret = g_new(float, (gsize)pixels *(gsize)n);
     for (int k = 0; k < n; k++) {
@@ -163,7 +165,7 @@ void endless_lattice_init(struct endless_lattice *lattice, const struct endless 
     lattice->cells[1] = (float)(lattice->period[1] / tiles_v);
 }
 
-/* A hash of two integers, pcg2d. */
+/* Returns a hash of two integers, pcg2d. */
 static guint32 endless_hash(guint32 x, guint32 y) {
     x = x * 1664525u + 1013904223u;
     y = y * 1664525u + 1013904223u;
@@ -175,12 +177,13 @@ static guint32 endless_hash(guint32 x, guint32 y) {
     return x ^ (x >> 16);
 }
 
-/* The largest multiple of b that is not above a, over b. */
+/* Returns the largest multiple of b that is not above a, divided by b. */
 static int endless_turns(int a, int b) {
     return (a >= 0 ? a : a - b + 1) / b;
 }
 
-/* Where a point lies in the part of the sample that the hexagon around a vertex shows. */
+/* Gives the position of a point in the part of the sample that the hexagon around a vertex
+ * shows. */
 static void endless_look_up(const struct endless *e, const struct endless_lattice *lattice,
                             const float x[2], const int vertex[2], float ret[2]) {
     const int *period = lattice->period, turn = endless_turns(vertex[1], period[1]);

@@ -73,7 +73,8 @@ static gboolean index_map_fail(const char *path, GError **error, const char *wha
     return FALSE;
 }
 
-/* A level from its part, of which sizes are checked. NULL, or what is wrong. */
+/* Reads a level from its part, whose size is checked. Returns a description of the defect, or NULL
+ * if there is none. */
 static const char *index_map_take(struct index_map *map, const struct exr_part *part, int level) {
     const int most[] = {map->sample_width, map->sample_height};
     const float *planes[] = {exr_part_plane(part, "X"), exr_part_plane(part, "Y")};

@@ -1,7 +1,7 @@
-/*
- * An index map: a larger picture of a material, of which each texel says which texel of the sample
- * stands there (the index texture of Meseth et al. 2003 §6, after Tong et al. 2002). It holds no
- * values, so that every codec of the sample, and its MDF, is drawn through the same map.
+/* An index map, which is a larger picture of a material. Each of its texels contains the position
+ * of a texel of the sample, which is shown there (the index texture of Meseth et al. 2003 §6, after
+ * Tong et al. 2002). It contains no values, so that every codec of the sample, and its MDF, is
+ * drawn through the same map.
  *
  * On disk, one EXR:
  *   part "index"          channels "X", "Y", width × height, float: column and row of a texel of
@@ -9,18 +9,17 @@
  *   part "mip<n>.index"   the same for level n, of ⌈width / 2ⁿ⌉ × ⌈height / 2ⁿ⌉: the block of 2ⁿ ×
  *                         2ⁿ texels at (2ⁿ i, 2ⁿ j) looks like that of the sample whose first
  *                         texel is (X, Y)
- * attributes of "index": mesorig.kind = "index", mesorig.method (string), sample_width,
- * sample_height (int), texel_mm (double)
+ * The attributes of "index" are mesorig.kind = "index", mesorig.method (string), sample_width,
+ * sample_height (int) and texel_mm (double).
  *
- * The map repeats: what is to the right of its last column is its first. Plain data; any thread.
- */
+ * The map repeats: its first column is to the right of its last one. Plain data; any thread. */
 #pragma once
 
 #include <glib.h>
 
-#define INDEX_MAP_LEVELS 12        /* at most */
-#define INDEX_MAP_MOST   8192      /* texels each way */
-#define INDEX_MAP_SAMPLE (1 << 14) /* of the sample each way */
+#define INDEX_MAP_LEVELS 12        /* maximum number of levels */
+#define INDEX_MAP_MOST   8192      /* maximum number of texels in each dimension */
+#define INDEX_MAP_SAMPLE (1 << 14) /* maximum number of texels of the sample in each dimension */
 
 struct index_map {
     int width, height;
@@ -28,11 +27,11 @@ struct index_map {
     double texel_mm;
     char *method; /* "textons", "quilting" or "tileable" */
     int n_levels; /* at least 1 */
-    /* Each level is its height × width × 2: column and row in the sample. */
+    /* Each level is height × width × 2 numbers: column and row in the sample. */
     guint16 *levels[INDEX_MAP_LEVELS];
 };
 
-/* With level 0 alone, all 0. */
+/* Makes a map with only level 0, in which all values are 0. */
 struct index_map *index_map_new(int width, int height, int sample_width, int sample_height,
                                 double texel_mm, const char *method);
 struct index_map *index_map_copy(const struct index_map *from);
@@ -40,12 +39,13 @@ typedef struct index_map IndexMap;
 void index_map_free(struct index_map *map); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(IndexMap, index_map_free)
 
-/* Columns or rows of a level, from those of level 0: ⌈size / 2^level⌉. */
+/* Returns the columns or rows of a level from those of level 0: ⌈size / 2^level⌉. */
 int index_map_size(int size, int level);
 
 gboolean index_map_write(const char *path, const struct index_map *map, GError **error);
-/* EXR_ERROR: the file is damaged, of another kind, or refers to texels beyond the sample. */
+/* Reads a map. The error is in EXR_ERROR if the file is damaged or of another kind, or if it refers
+ * to texels outside the sample. */
 struct index_map *index_map_read(const char *path, GError **error);
 
-/* Bytes of all levels, four per texel, as on the graphics card. */
+/* Returns the bytes of all levels on a graphics card, four per texel. */
 gint64 index_map_bytes(const struct index_map *map);

@@ -7,7 +7,7 @@ struct min_cut {
     const float *costs, *turns;
     int length, width;
     float *sums;   /* length × width */
-    gint8 *before; /* from which column each is reached: −1, 0, +1 */
+    gint8 *before; /* the column from which each is reached: −1, 0, +1 */
 };
 
 static float min_cut_step(const struct min_cut *c, int row, int from, int to) {
@@ -16,7 +16,7 @@ static float min_cut_step(const struct min_cut *c, int row, int from, int to) {
     return c->turns[2 * ((gsize)row * (gsize)c->width + (gsize)from) + (to > from ? 1 : 0)];
 }
 
-/* Paths that begin at a column of the first row; −1: at any. */
+/* Computes the costs of paths that begin at a column of the first row, or at any column with −1. */
 static void min_cut_sums(const struct min_cut *c, int begin) {
     const gsize width = (gsize)c->width;
     for (int i = 0; i < c->width; i++)
@@ -42,7 +42,7 @@ static void min_cut_sums(const struct min_cut *c, int begin) {
         }
 }
 
-/* The cheapest end for a path that began at a column, with its cost. */
+/* Returns the end of least cost for a path that began at a column, with its cost. */
 static float min_cut_end(const struct min_cut *c, int begin, int *ret_end) {
     const float *last = c->sums + (gsize)(c->length - 1) * (gsize)c->width;
     float least = FLT_MAX;

@@ -1,14 +1,12 @@
-/* Minimum-error cuts: a path through a strip, from its first row to its last, of least cost (Efros
- * and Freeman 2001 §2.1), by dynamic programming. */
+/* Minimum-error cuts: the path of minimum cost through a strip, from its first row to its last
+ * (Efros and Freeman 2001 §2.1), found by dynamic programming. */
 #pragma once
 
 #include <glib.h>
 
-/*
- * costs: length × width, the cost of a cut through a column of a row. The path's column changes by
- * at most 1 from row to row; turns, which may be NULL, is length × width × 2: the further cost of
- * going from (row, column) to column − 1 and + 1 of the next row. cyclic: the last row goes on into
- * the first. Returns the cost; ret_path: length columns.
- */
+/* costs is length × width: the cost of a cut through a column of a row. The column of the path
+ * changes by at most 1 from row to row. turns, which may be NULL, is length × width × 2: the
+ * additional cost of going from (row, column) to column − 1 and + 1 of the next row. With cyclic,
+ * the first row follows the last. Returns the cost. ret_path has length columns. */
 float min_cut(const float *costs, const float *turns, int length, int width, gboolean cyclic,
               int *ret_path);

@@ -5,7 +5,7 @@
 #define LEAST_PEAK 0.3
 #define LEAST_RISE 0.1
 #define LEAST_LAG  3    /* texels */
-#define DRAWN      2048 /* places of a map that are looked at */
+#define DRAWN      2048 /* number of places of a map that are examined */
 #define SEED       0x6f726465u
 
 struct order_sums {
@@ -25,7 +25,7 @@ static double order_of(const struct order_sums *sums) {
     return scale > 0 ? sums->product / scale : 0;
 }
 
-/* ρ of the sample; dy is not negative. */
+/* Returns ρ of the sample. dy is not negative. */
 static double order_sample(const struct texel_features *f, int dx, int dy) {
     struct order_sums sums = {0};
     for (int y = 0; y + dy < f->height; y++)
@@ -42,7 +42,7 @@ static const float *order_in_map(const struct texel_features *f, const struct in
     return texel_features_at(f, s[0], s[1]);
 }
 
-/* ρ of a map, from the places that were drawn. */
+/* Returns ρ of a map, from the places that were drawn. */
 static double order_map(const struct texel_features *f, const struct index_map *map,
                         const int *places, int dx, int dy) {
     struct order_sums sums = {0};

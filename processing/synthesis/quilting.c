@@ -7,10 +7,12 @@
 #include "min_cut.h"
 #include "order.h"
 
-#define TOLERANCE 0.1F /* of the least error: blocks within it are drawn from at random */
-#define COMPARED  600  /* texels of an overlap that the choice of a block looks at, at most */
-#define OVERLAPS  4    /* a block's side over the width of its overlap */
-#define LEAST     8    /* texels a block has each way */
+/* a block is drawn at random from those whose error is within this of the least error */
+#define TOLERANCE 0.1F
+/* maximum number of texels of an overlap that are compared for the choice of a block */
+#define COMPARED 600
+#define OVERLAPS 4 /* a block's side over the width of its overlap */
+#define LEAST    8 /* minimum number of texels of a block in each dimension */
 
 struct quilt {
     const struct texel_features *sample;
@@ -18,11 +20,12 @@ struct quilt {
     guint8 *filled; /* of each texel of the map */
     int block;
     int column, row; /* of the block's first texel in the map */
-    /* The choice of the block: texels of it that are filled, and the features there. */
+    /* For the choice of the block: the texels of the block that are already filled, and their
+     * features. */
     int n_compared;
-    int *compared;     /* 2 each: column and row in the block */
+    int *compared;     /* 2 numbers each: column and row in the block */
     float *wanted;     /* n_compared × sample->n */
-    int columns, rows; /* first texels that a block may have in the sample */
+    int columns, rows; /* number of columns and rows of the sample at which a block may begin */
     float *errors;     /* rows × columns */
 };
 
@@ -38,13 +41,13 @@ static gsize quilt_at(const struct quilt *quilt, int x, int y) {
     return (gsize)((quilt->row + y) % height) * (gsize)width + (gsize)((quilt->column + x) % width);
 }
 
-/* The features that stand in the map at a texel of the block. */
+/* Returns the features of the map at a texel of the block. */
 static const float *quilt_there(const struct quilt *quilt, int x, int y) {
     const guint16 *s = quilt->map->levels[0] + 2 * quilt_at(quilt, x, y);
     return texel_features_at(quilt->sample, s[0], s[1]);
 }
 
-/* The errors of all blocks of the sample whose first texel is in this row. */
+/* Computes the errors of all blocks of the sample whose first texel is in this row. */
 static void quilt_compare_row(int row, gpointer data) {
     const struct quilt *quilt = data;
     const int n = quilt->sample->n;
@@ -59,13 +62,13 @@ static void quilt_compare_row(int row, gpointer data) {
     }
 }
 
-/* What the block overlaps, thinned out evenly. */
+/* Gathers the texels that the block overlaps, thinned out evenly. */
 static void quilt_gather(struct quilt *quilt) {
     const int n = quilt->sample->n;
     int n_filled = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++)
         n_filled += quilt->filled[quilt_at(quilt, k % quilt->block, k / quilt->block)];
-    /* A step that is odd and no divisor of the side meets all columns and rows. */
+    /* An odd step that does not divide the side meets all columns and rows. */
     int step = MAX(1, n_filled / COMPARED) | 1, seen = 0;
     quilt->n_compared = 0;
     for (int k = 0; k < quilt->block * quilt->block; k++) {
@@ -80,7 +83,7 @@ static void quilt_gather(struct quilt *quilt) {
     }
 }
 
-/* The first texel in the sample of a block that fits. */
+/* Chooses a block that fits, and returns its first texel in the sample. */
 static gboolean quilt_choose(struct quilt *quilt, GRand *random, const struct work *work,
                              int ret[2], GError **error) {
     const int n = quilt->columns * quilt->rows;
@@ -104,10 +107,12 @@ static gboolean quilt_choose(struct quilt *quilt, GRand *random, const struct wo
     return TRUE;
 }
 
-/* The sides of a block, each with a strip that overlaps what is there: how wide it is, 0: not. */
+/* The sides of a block. Each side may have a strip that overlaps texels that are already filled.
+ * The width of the strip is 0 if there is no overlap. */
 enum quilt_side { QUILT_LEFT, QUILT_TOP, QUILT_RIGHT, QUILT_BOTTOM, QUILT_SIDES };
 
-/* The texel of a block that is along the side's direction and so far from its edge. */
+/* Gives the texel of a block at the position along in the side's direction, and inwards texels from
+ * its edge. */
 static void quilt_of_side(const struct quilt *quilt, enum quilt_side side, int along, int inwards,
                           int ret[2]) {
     const int from =
@@ -116,7 +121,8 @@ static void quilt_of_side(const struct quilt *quilt, enum quilt_side side, int a
     ret[side == QUILT_LEFT || side == QUILT_RIGHT ? 1 : 0] = along;
 }
 
-/* For each texel along a side, how far inwards the block begins: at the path of least error. */
+/* Finds, for each texel along a side, how far inwards the block begins. The boundary is the path of
+ * least error. */
 static void quilt_cut(const struct quilt *quilt, enum quilt_side side, int wide, const int from[2],
                       int *ret_path) {
     const gsize n = (gsize)wide;
@@ -162,12 +168,12 @@ static void quilt_lay(struct quilt *quilt, const int wide[QUILT_SIDES], const in
         }
 }
 
-/* Where the k-th of n blocks begins. */
+/* Returns the position at which the k-th of n blocks begins. */
 static int quilt_begin(int size, int k, int n) {
     return (int)((gint64)size * k / n);
 }
 
-/* How far a block reaches over the next, the last one over the first. */
+/* Returns the width by which a block overlaps the next block. The last block overlaps the first. */
 static int quilt_overlap(int size, int k, int n, int block) {
     return MAX(0, quilt_begin(size, k, n) + block - quilt_begin(size, k + 1, n));
 }

@@ -1,19 +1,19 @@
-/*
- * Synthesis by image quilting (Efros and Freeman 2001): square blocks of the sample are laid over
- * each other, each chosen so that it fits what it overlaps, and cut along the path where both
- * differ least. What a block holds is kept, and with it the order of the sample.
- */
+/* Synthesis by image quilting (Efros and Freeman 2001). Square blocks of the sample are laid over
+ * each other. Each block is chosen so that it fits the blocks that it overlaps, and is cut along
+ * the path where both differ least. The interior of a block is kept, and with it the order of the
+ * sample. */
 #pragma once
 
 #include "index_map.h"
 #include "texel_features.h"
 
-/* The side of the blocks, in texels: half as long again as the sample's period where it has one,
- * else 3/8 of its shorter side, within a quarter and a half of that. */
+/* Returns the side of the blocks, in texels: 1.5 times the sample's period if it has one, otherwise
+ * 3/8 of its shorter side. The side is limited to between a quarter and a half of the shorter
+ * side. */
 int quilting_block(const struct texel_features *features);
 
-/* Fills level 0 of the map, whose sample is that of the features. block: as quilting_block() gives
- * it, or another. The result depends on the seed and the features only, not on the number of
- * threads. FALSE when cancelled. */
+/* Fills level 0 of the map, whose sample is that of the features. block is the result of
+ * quilting_block(), or another side. The result depends only on the seed and the features, not on
+ * the number of threads. Returns FALSE when cancelled. */
 gboolean quilting_synthesize(const struct texel_features *features, int block, guint32 seed,
                              const struct work *work, struct index_map *map, GError **error);

@@ -9,12 +9,12 @@
 #include "textons.h"
 #include "tileable.h"
 
-#define LEAST_SAMPLE 16 /* texels each way */
+#define LEAST_SAMPLE 16 /* minimum number of texels in each dimension */
 #define LEAST_MAP    16
 
 const char *const synthesis_names[SYNTHESIS_METHODS] = {"auto", "textons", "quilting", "tileable"};
 
-/* The mean of what stands in the map in a block of side × side texels of level 0; those beyond the
+/* Gives the mean of the map's texels in a block of side × side texels of level 0. Texels beyond the
  * edge do not count. */
 static void synthesis_block_mean(const struct texel_features *f, const struct index_map *map, int x,
                                  int y, int side, float *ret) {
@@ -124,9 +124,10 @@ static gboolean synthesis_check(const struct synthesis_options *options, const c
     const int sides[] = {options->width, options->height};
     const int least = (int)MIN(layout->width, layout->height);
     if (least < LEAST_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
-        return data_error_fail(path, 0, error,
-                               "the sample has %zu × %zu texels; synthesis takes %d to %d each way",
-                               layout->width, layout->height, LEAST_SAMPLE, INDEX_MAP_SAMPLE);
+        return data_error_fail(
+            path, 0, error,
+            "the sample has %zu × %zu texels; synthesis accepts %d to %d in each dimension",
+            layout->width, layout->height, LEAST_SAMPLE, INDEX_MAP_SAMPLE);
     for (int k = 0; k < 2 && options->method != SYNTHESIS_TILEABLE; k++)
         if (sides[k] < LEAST_MAP || sides[k] > INDEX_MAP_MOST)
             return data_error_fail(path, 0, error, "--size %dx%d: each must be %d to %d texels",

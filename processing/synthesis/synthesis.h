@@ -1,7 +1,5 @@
-/*
- * Synthesis of a larger material from a sample, as an index map (index_map.h): from a whole BTF and
- * its MDF to the map with its mip levels, and the figures of how well it went.
- */
+/* Synthesis of a larger material from a sample, as an index map (index_map.h): from a whole BTF and
+ * its MDF to the map with its mip levels, with figures of its quality. */
 #pragma once
 
 #include "index_map.h"
@@ -9,9 +7,9 @@
 #include "texel_features.h"
 
 enum synthesis_method {
-    SYNTHESIS_AUTO, /* makes both of the next and takes textons, which repeat no whole blocks,
-                       unless quilting keeps the sample's order better (order.h) by more than
-                       SYNTHESIS_SPARE */
+    /* makes both of the next two. Chooses textons, which repeat no whole blocks, unless quilting
+     * keeps the sample's order better (order.h) by more than SYNTHESIS_SPARE */
+    SYNTHESIS_AUTO,
     SYNTHESIS_TEXTONS,
     SYNTHESIS_QUILTING,
     SYNTHESIS_TILEABLE, /* a part of the sample that can be repeated (tileable.h) */
@@ -24,37 +22,37 @@ extern const char *const synthesis_names[SYNTHESIS_METHODS];
 
 struct synthesis_options {
     enum synthesis_method method;
-    int width, height; /* of the map, in texels; not of SYNTHESIS_TILEABLE */
-    int block;         /* of quilting; 0: quilting_block() */
+    int width, height; /* of the map, in texels; ignored by SYNTHESIS_TILEABLE */
+    int block;         /* for quilting; 0 means quilting_block() */
     guint32 seed;
 };
 
 struct synthesis_result {
-    enum synthesis_method method;    /* that the map was made by */
-    double order[SYNTHESIS_METHODS]; /* order_difference() of those that were tried, else −1 */
+    enum synthesis_method method; /* the method by which the map was made */
+    /* order_difference() of the methods that were tried, otherwise −1 */
+    double order[SYNTHESIS_METHODS];
     struct order_seams seams;
     int n_features;
     double explained, relief; /* see struct texel_features */
 };
 
-/* From features. Sizes and block must be possible, as synthesis_of_session() checks them. NULL when
- * cancelled. */
+/* Synthesises a map from features. Sizes and block must be valid, as checked by
+ * synthesis_of_session(). Returns NULL when cancelled. */
 struct index_map *synthesis_of_features(const struct texel_features *features,
                                         const struct synthesis_options *options,
                                         const struct work *work, struct synthesis_result *ret,
                                         GError **error);
 
-/* The same from a session, of which the BTF must be there and the MDF is used if it is. memory: as
- * of btf_matrix_read_within(). DATA_ERROR_INVALID names the option that is out of range. */
+/* The same from a session. The session must have a BTF. Its MDF is used if it has one. memory is as
+ * in btf_matrix_read_within(). DATA_ERROR_INVALID names the option that is out of range. */
 struct index_map *synthesis_of_session(const char *path, gint64 memory,
                                        const struct synthesis_options *options,
                                        const struct work *work, struct synthesis_result *ret,
                                        GError **error);
 
-/*
- * Makes the mip levels of a map from level 0. A block of level n is one of the blocks of level n −
- * 1 that it is made of, moved to where it belongs, so that it stays within the sample; of these,
- * the one whose mean in the sample is nearest to the mean of what stands in the map. Levels end
- * where a block has a quarter of the sample's shorter side.
- */
+/* Makes the mip levels of a map from level 0. A block of level n is one of the blocks of level n −
+ * 1 of which it consists, moved to the position of the new block so that it stays within the
+ * sample. Of these candidates, the function chooses the block whose mean in the sample is nearest
+ * to the mean of the texels in the map. The last level is the one in which a block has a quarter of
+ * the sample's shorter side. */
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map);

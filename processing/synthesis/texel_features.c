@@ -8,24 +8,25 @@
 #include "base/data_error.h"
 
 #define SPARE   8                        /* oversampling */
-#define WIDE    (TEXEL_FEATURES + SPARE) /* columns of Ω */
+#define WIDE    (TEXEL_FEATURES + SPARE) /* number of columns of Ω */
 #define ROWS    256                      /* texels of a block */
 #define SEED    0x74657874u
-#define LEAST   1e-3 /* of the variance: components with less are left out */
+#define LEAST   1e-3 /* share of the variance; components with less are left out */
 #define COLOURS 3
 
-/* The matrix A in blocks of columns: one per view of the BTF, and one that is the MDF. */
+/* The matrix A in blocks of columns: one block for each view of the BTF, and one for the MDF. */
 struct columns {
     const struct btf_matrix *btf;
     int n_texels, n_views, a_view; /* columns of a view */
-    float *depths;                 /* n_texels × n_depths, scaled, means removed; NULL: none */
+    /* n_texels × n_depths, scaled, means removed; NULL if there are none */
+    float *depths;
     int n_depths;
     float *means;  /* n_views × a_view */
     float *omega;  /* (n_views × a_view + n_depths) × WIDE */
     float *y;      /* n_texels × WIDE */
-    double *parts; /* of each block of columns: the sum of its squares */
+    double *parts; /* for each block of columns: the sum of its squares */
     GMutex lock;
-    GError *error; /* the first */
+    GError *error; /* the first error */
 };
 
 struct texel_features *texel_features_new(int width, int height, int n, double texel_mm) {
@@ -54,7 +55,8 @@ static void columns_clear(struct columns *c) {
     g_mutex_clear(&c->lock);
 }
 
-/* Rows first … first + n − 1 of a view's columns, without their means: n × a_view in ret. */
+/* Gives the rows first … first + n − 1 of a view's columns, without their means: n × a_view in
+ * ret. */
 static gboolean columns_rows(struct columns *c, int view, int first, int n, float *buffer,
                              float *ret) {
     gsize stride = 0;
@@ -76,7 +78,7 @@ static gboolean columns_rows(struct columns *c, int view, int first, int n, floa
     return TRUE;
 }
 
-/* Means of a view's columns, and the sum of its squares without them. */
+/* Computes the means of a view's columns, and the sum of squares without these means. */
 static void columns_mean(int view, gpointer data) {
     struct columns *c = data;
     const gsize wide = (gsize)c->a_view;
@@ -98,7 +100,7 @@ static void columns_mean(int view, gpointer data) {
     }
 }
 
-/* Y = A Ω for a block of rows. */
+/* Computes Y = A Ω for a block of rows. */
 static void columns_times_omega(int block, gpointer data) {
     struct columns *c = data;
     const int first = block * ROWS, n = MIN(ROWS, c->n_texels - first);
@@ -118,7 +120,7 @@ static void columns_times_omega(int block, gpointer data) {
                     c->omega + (gsize)c->n_views * wide * WIDE, WIDE, 1, y, WIDE);
 }
 
-/* Ω = Aᵀ Y, the rows of a block of columns. */
+/* Computes Ω = Aᵀ Y, the rows of a block of columns. */
 static void columns_transposed(int block, gpointer data) {
     struct columns *c = data;
     const gsize wide = (gsize)c->a_view;
@@ -139,7 +141,8 @@ static void columns_transposed(int block, gpointer data) {
     }
 }
 
-/* Depths without the mean of each view, scaled. Returns the sum of their squares. */
+/* Subtracts the mean of each view from the depths, and scales them. Returns the sum of their
+ * squares. */
 static double columns_take_depths(struct columns *c, const struct mdf_table *mdf, double squares) {
     const gsize n = (gsize)c->n_texels;
     double sum = 0;
@@ -180,7 +183,7 @@ static void columns_orthogonalise(float *matrix, int rows) {
     LAPACKE_sorgqr(LAPACK_ROW_MAJOR, rows, WIDE, WIDE, matrix, WIDE, tau);
 }
 
-/* With Q in y and AᵀQ in omega: the components U Σ of QᵀA. */
+/* With Q in y and AᵀQ in omega, computes the components U Σ of QᵀA. */
 static struct texel_features *columns_components(const struct columns *c, gsize n_columns,
                                                  double squares) {
     double gram[WIDE * WIDE] = {0}, values[WIDE];

@@ -3,33 +3,37 @@
 #include <float.h>
 #include <string.h>
 
-#define TEXTONS     256 /* at most */
-#define PER_TEXTON  8   /* texels, on average, at least */
+#define TEXTONS     256 /* maximum number */
+#define PER_TEXTON  8   /* minimum of the average number of texels of a texton */
 #define MEANS_STEPS 12
-#define REACH       2 /* of a neighbourhood, each way */
+#define REACH       2 /* extent of a neighbourhood in each direction */
 #define SIDE        (2 * REACH + 1)
-#define SIMILAR     4  /* texels of a like neighbourhood that are candidates beside each texel */
-#define COUSINS     3  /* textons searched for those, beside the texel's own */
-#define PASSES      3  /* over a level that is complete */
-#define LEVELS      4  /* at most */
-#define COARSEST    12 /* the sample keeps at least so many texels each way at the coarsest level */
-#define JUMP        1.1F /* factor on the cost of a candidate that continues no neighbour */
+/* number of texels of a similar neighbourhood that are candidates in addition to each texel */
+#define SIMILAR 4
+/* number of textons that are searched for these, in addition to the texel's own */
+#define COUSINS 3
+#define PASSES  3 /* number of passes over a level that is complete */
+#define LEVELS  4 /* maximum number */
+/* minimum size of the sample at the coarsest level, in texels in each dimension */
+#define COARSEST 12
+#define JUMP     1.1F /* factor on the cost of a candidate that continues no neighbour */
 
 struct texton_level {
     const struct texel_features *sample;
-    int step; /* texels of the sample a place: 2^level */
+    int step; /* texels of the sample at a place: 2^level */
     int n_textons;
-    guint16 *textons;  /* of each texel of the sample */
-    float *squares;    /* n_textons × n_textons: distances of centres */
-    float outside;     /* the cost of a neighbour beyond the sample's edge */
-    int columns, rows; /* valid first texels of squares of step × step */
-    int *similar;      /* SIMILAR a texel, −1: none */
+    guint16 *textons; /* for each texel of the sample */
+    float *squares;   /* n_textons × n_textons: distances of centres */
+    float outside;    /* the cost of a neighbour outside of the sample */
+    /* number of columns and rows of the sample at which squares of step × step may begin */
+    int columns, rows;
+    int *similar; /* SIMILAR per texel; −1 if there are fewer */
 };
 
-/* The picture while it grows: places of step × step texels. */
+/* The picture during its synthesis: places of step × step texels. */
 struct texton_picture {
     int width, height;
-    int *at; /* 2 a place: column and row in the sample; −1: nothing yet */
+    int *at; /* 2 numbers per place: column and row in the sample; −1 if not filled yet */
 };
 
 static int texton_nearest(const float *centres, int n_centres, const float *value, int n) {
@@ -49,7 +53,8 @@ static gboolean texton_is_valid(const struct texton_level *level, int x, int y) 
     return x >= 0 && y >= 0 && x < level->columns && y < level->rows;
 }
 
-/* Centres, the first drawn at random and each further one the texel farthest from all before. */
+/* Chooses centres: the first at random, and each further one as the texel that is farthest from all
+ * previous ones. */
 static void texton_start(const struct texton_level *level, const struct texel_features *values,
                          GRand *random, float *centres) {
     const gsize n = (gsize)values->n, texels = (gsize)level->columns * (gsize)level->rows;
@@ -71,7 +76,7 @@ static void texton_start(const struct texton_level *level, const struct texel_fe
     }
 }
 
-/* k-means of the averaged features; then the distances of its centres. */
+/* k-means of the averaged features, then the distances of its centres. */
 static void texton_cluster(struct texton_level *level, const struct texel_features *values,
                            GRand *random) {
     const gsize n = (gsize)values->n, textons = (gsize)level->n_textons;
@@ -114,7 +119,7 @@ static float texton_square(const struct texton_level *level, int x, int y, int o
     return level->squares[a * (gsize)level->n_textons + b];
 }
 
-/* The difference between two neighbourhoods of the sample, up to a limit. */
+/* Returns the difference between two neighbourhoods of the sample, up to a limit. */
 static float texton_unlike(const struct texton_level *level, const int a[2], const int b[2],
                            float most) {
     float sum = 0;
@@ -130,7 +135,7 @@ static float texton_unlike(const struct texton_level *level, const int a[2], con
     return sum;
 }
 
-/* Keeps the SIMILAR least of the differences. */
+/* Keeps the SIMILAR smallest differences. */
 static void texton_insert(int *similar, float *least, int index, float unlike) {
     int at = SIMILAR;
     for (; at > 0 && unlike < least[at - 1]; at--)
@@ -148,10 +153,10 @@ struct texton_search {
     const struct texton_level *level;
     const int *members;  /* indices of texels in order of their texton */
     const int *starts;   /* n_textons + 1 */
-    const guint16 *near; /* of each texton its COUSINS + 1 nearest, itself first */
+    const guint16 *near; /* for each texton its COUSINS + 1 nearest ones, beginning with itself */
 };
 
-/* A row of the sample: the texels whose neighbourhoods are most like those of each. */
+/* Finds, for each texel of a row of the sample, the texels with the most similar neighbourhoods. */
 static void texton_find_similar(int row, gpointer data) {
     const struct texton_search *search = data;
     const struct texton_level *level = search->level;
@@ -224,7 +229,7 @@ static float texton_cost(const struct texton_level *level, const struct texton_p
     return sum;
 }
 
-/* The best candidate of a place. */
+/* Chooses the best candidate of a place. */
 static void texton_choose(const struct texton_level *level, const struct texton_picture *picture,
                           int px, int py, GRand *random, int ret[2]) {
     const int width = level->sample->width;
@@ -274,7 +279,7 @@ static gboolean texton_passes(const struct texton_level *level, struct texton_pi
     return TRUE;
 }
 
-/* Each place becomes four, which continue it. */
+/* Each place becomes four places, which continue it. */
 static void texton_refine(struct texton_picture *picture, int step) {
     const int width = 2 * picture->width, height = 2 * picture->height;
     int *at = g_new(int, 2 * (gsize)width * (gsize)height);
@@ -326,7 +331,7 @@ gboolean textons_synthesize(const struct texel_features *features, guint32 seed,
     GRand *random = g_rand_new_with_seed(seed);
     gboolean good = TRUE;
     for (int k = n_levels - 1; good && k >= 0; k--) {
-        /* One pass more lets the picture grow. */
+        /* One pass more fills the picture. */
         good = texton_level_run(features, 1 << k, k == n_levels - 1 ? PASSES + 1 : PASSES, random,
                                 work, &picture, error);
         if (k > 0)

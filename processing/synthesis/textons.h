@@ -1,19 +1,17 @@
-/*
- * Synthesis texel by texel (Tong et al. 2002): the texels of the sample are clustered into textons,
+/* Synthesis texel by texel (Tong et al. 2002). The texels of the sample are clustered into textons,
  * and the map is filled from coarse to fine. Each texel p of the map gets a texel s of the sample
  * whose neighbourhood has the textons that are already around p.
  *
  * The cost of s at p is Σ_d |c (t (p + d)) − c (t (s + d))|² over the 5 × 5 offsets d, with t the
  * texton of a texel and c its centre. Candidates are texels that continue a neighbour of p in the
- * sample (the texel s (p + d) − d), and texels whose neighbourhood is like that of such a texel.
- * This follows the statistics of the sample, but not an order of long range.
- */
+ * sample (the texel s (p + d) − d), and texels whose neighbourhood is similar to that of such a
+ * texel. The result has the statistics of the sample, but not its long-range order. */
 #pragma once
 
 #include "index_map.h"
 #include "texel_features.h"
 
-/* Fills level 0 of the map, whose sample is that of the features. Runs in one thread; the result
- * depends on the seed and the features only. FALSE when cancelled. */
+/* Fills level 0 of the map, whose sample is that of the features. Runs in one thread. The result
+ * depends only on the seed and the features. Returns FALSE when cancelled. */
 gboolean textons_synthesize(const struct texel_features *features, guint32 seed,
                             const struct work *work, struct index_map *map, GError **error);

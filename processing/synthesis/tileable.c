@@ -6,29 +6,31 @@
 #include "min_cut.h"
 
 #define SPARE        1.1F
-#define SPARE_INSIDE 0.01F /* of the mean square of neighbours' distances */
-#define OVERLAP      4     /* a side over the width of its overlap, at most */
-#define LEAST        3     /* texels an overlap has */
+#define SPARE_INSIDE 0.01F /* tolerance, relative to the mean square of neighbours' distances */
+#define OVERLAP      4     /* minimum ratio of a side to the width of its overlap */
+#define LEAST        3     /* minimum number of texels of an overlap */
 
-/* Texels of the sample in rows along the seam: at (along, across) stands places[2 (across × length
- * + along)]. */
+/* Texels of the sample in rows along the seam. The texel at (along, across) is places[2 (across ×
+ * length + along)]. */
 struct tileable {
     const struct texel_features *features;
     const guint16 *places;
-    int length, across; /* along the seam; texels across it, from which the period is cut */
+    /* texels along the seam, and texels across it, from which the period is cut */
+    int length, across;
     gboolean cyclic;
 };
 
 struct tileable_cut {
     int period, overlap;
-    int *path; /* length: 1 … overlap − 1, where the picture of before the seam ends */
+    /* length values of 1 … overlap − 1: the column at which the picture before the seam ends */
+    int *path;
 };
 
 static const guint16 *tileable_place(const struct tileable *t, int across, int along) {
     return t->places + 2 * ((gsize)across * (gsize)t->length + (gsize)along);
 }
 
-/* The distance of the texels at two places. */
+/* Returns the distance of the texels at two places. */
 static float tileable_square(const struct tileable *t, int across, int along, int other_across,
                              int other_along) {
     const guint16 *a = tileable_place(t, across, along);
@@ -37,13 +39,13 @@ static float tileable_square(const struct tileable *t, int across, int along, in
                                  texel_features_at(t->features, b[0], b[1]), t->features->n);
 }
 
-/* By how much both pictures differ beside a cut before column c. */
+/* Returns the difference of both pictures next to a cut before column c. */
 static float tileable_mismatch(const struct tileable *t, int period, int c, int along) {
     return 0.5F * (tileable_square(t, c - 1 + period, along, c - 1, along) +
                    tileable_square(t, c + period, along, c, along));
 }
 
-/* A cut before column c ends the picture that begins a period later at c − 1. */
+/* A cut before column c means that the picture that begins one period later ends at c − 1. */
 static float tileable_cut_cost(const struct tileable *t, int period, int c, int along) {
     return tileable_square(t, c - 1 + period, along, c, along) +
            tileable_mismatch(t, period, c, along);
@@ -71,7 +73,7 @@ static float tileable_cut_at(const struct tileable *t, int period, int overlap, 
     return sum / (float)t->length;
 }
 
-/* The mean square of the distance between neighbours across the seam. */
+/* Returns the mean square of the distance between neighbours across the seam. */
 static float tileable_inside(const struct tileable *t) {
     double sum = 0;
     for (int across = 0; across + 1 < t->across; across++)
@@ -80,7 +82,7 @@ static float tileable_inside(const struct tileable *t) {
     return (float)(sum / ((double)(t->across - 1) * t->length));
 }
 
-/* The best period, and its path. */
+/* Chooses the best period and its path. */
 static struct tileable_cut tileable_choose(const struct tileable *t) {
     const int first = (t->across + 1) / 2, last = t->across - LEAST;
     g_autofree float *costs = g_new0(float, last - first + 1);
@@ -100,7 +102,7 @@ static struct tileable_cut tileable_choose(const struct tileable *t) {
     return cut;
 }
 
-/* Lays one period down: across × length places, in the order of t. */
+/* Writes one period: across × length places, in the order of t. */
 static guint16 *tileable_lay(const struct tileable *t, const struct tileable_cut *cut) {
     guint16 *to = g_new0(guint16, 2 * (gsize)cut->period * (gsize)t->length);
     for (int across = 0; across < cut->period; across++)
@@ -120,11 +122,11 @@ struct index_map *tileable_make(const struct texel_features *features) {
             all[2 * (x * height + y)] = (guint16)x;
             all[2 * (x * height + y) + 1] = (guint16)y;
         }
-    /* Left and right: the seam runs down. */
+    /* Left and right edges: the seam is vertical. */
     const struct tileable sides = {features, all, (int)height, (int)width, FALSE};
     const struct tileable_cut down = tileable_choose(&sides);
     g_autofree guint16 *cut_down = tileable_lay(&sides, &down);
-    /* Upper and lower edge: the seam runs along the rows of what is left, and closes. */
+    /* Upper and lower edges: the seam follows the rows of the remaining part, and closes. */
     g_autofree guint16 *rows = g_new0(guint16, 2 * (gsize)down.period * height);
     for (gsize x = 0; x < (gsize)down.period; x++)
         for (gsize y = 0; y < height; y++)

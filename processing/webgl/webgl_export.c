@@ -6,14 +6,15 @@
 #include "webgl_page.h"
 #include "webgl_source.h"
 
-#define HEADER 4096 /* of a material's file, at most */
+#define HEADER 4096 /* maximum header of a material's file */
 
 static gboolean webgl_export_is_page(const char *output) {
     g_autofree char *lower = g_ascii_strdown(output, -1);
     return g_str_has_suffix(lower, ".html");
 }
 
-/* The finest grid whose sections fit even if they do not compress at all; 0 with an error. */
+/* Returns the finest grid whose sections fit even if they do not compress at all, or 0 with an
+ * error. */
 static int webgl_export_grid(const struct webgl_export *asked, const struct webgl_pack *pack,
                              GError **error) {
     const gboolean page = webgl_export_is_page(asked->output);
@@ -32,8 +33,8 @@ static int webgl_export_grid(const struct webgl_export *asked, const struct webg
     const struct btf_layout *layout = &pack->levels[0]->layout;
     data_error_set(asked->path, 0, error,
                    "%zu × %zu texels in %d clusters of %d components take %s, and --size allows "
-                   "%s; give a larger --size, or export what “mesorig compress” made with fewer "
-                   "clusters and components%s",
+                   "%s; give a larger --size, or export a file that “mesorig compress” made with "
+                   "fewer clusters and components%s",
                    layout->width, layout->height, pack->levels[0]->n_clusters,
                    pack->levels[0]->n_components, least, limit,
                    own > 0 ? " or a coarser --grid" : "");

@@ -3,24 +3,25 @@
 
 #include "base/work.h"
 
-#define WEBGL_EXPORT_SIZE ((gint64)20000000) /* bytes, unless another is given */
+#define WEBGL_EXPORT_SIZE ((gint64)20000000) /* default size in bytes */
 
 struct webgl_export {
     const char *path;   /* a session or a compressed material, see webgl_source.h */
-    const char *mdf;    /* NULL: the mdf.exr beside it, if there is one */
-    const char *output; /* NAME.html: a page; NAME.mesoweb: the material alone */
-    gint64 size;        /* of the output, at most */
+    const char *mdf;    /* NULL means the mdf.exr in the same folder, if there is one */
+    const char *output; /* NAME.html for a page, NAME.mesoweb for the material without a page */
+    gint64 size;        /* maximum size of the output */
 };
 
 struct webgl_export_result {
     int width, height, clusters, components, levels, grid;
-    int mdf_terms;       /* 0: without MDF */
-    gboolean compressed; /* the material was compressed for this */
+    int mdf_terms;       /* 0 if there is no MDF */
+    gboolean compressed; /* whether the material was compressed for this export */
     gint64 bytes;
 };
 
-/* Chooses the finest grid of directions, 16 at most, that is sure to fit into size. Replaces an
- * existing output; callers with the name of a user's file go through base/output_file.h. The output
- * appears complete or not at all. Stages of webgl_source.h and webgl_pack.h. */
+/* Exports with the finest grid of directions, at most 16, that is certain to fit into size.
+ * Replaces an existing output. Callers with the name of a user's file must use base/output_file.h.
+ * The output appears complete or not at all. Progress stages are those of webgl_source.h and
+ * webgl_pack.h. */
 gboolean webgl_export(const struct webgl_export *asked, const struct work *work,
                       struct webgl_export_result *ret, GError **error);

@@ -1,14 +1,12 @@
-/*
- * The file that a material becomes for WebGL, which renderer/web/material_file.js reads:
+/* The file format of a material for WebGL, which renderer/web/material_file.js reads:
  *
  *   bytes 0 … 7     "mesoweb1"
  *   bytes 8 … 11    length of the header, little-endian
- *   header          JSON in UTF-8: what the caller says of the material, and "sections", an array
- *                   of {"name", "bytes", "size"}: bytes in the file, size once inflated
+ *   header          JSON in UTF-8: the caller's description of the material, and "sections", an
+ *                   array of {"name", "bytes", "size"}: bytes in the file, size after inflating
  *   sections        one after the other, each a zlib stream; numbers in them are little-endian
  *
- * One thread at a time.
- */
+ * One thread at a time. */
 #pragma once
 
 #include <gio/gio.h>
@@ -19,10 +17,10 @@ WebglFile *webgl_file_new(void);
 void webgl_file_free(WebglFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(WebglFile, webgl_file_free)
 
-/* Compresses size bytes into a section at the end; data is only read. */
+/* Compresses size bytes and adds them as a section at the end. data is only read. */
 gboolean webgl_file_add(WebglFile *file, const char *name, gconstpointer data, gsize size,
                         GError **error);
 
-/* Returns the whole file. info, a dictionary with string keys, becomes its header, to which
- * "sections" is added; a floating reference is taken. g_bytes_unref() */
+/* Returns the whole file. info is a dictionary with string keys and becomes the header; "sections"
+ * is added to it. A floating reference is taken. g_bytes_unref() */
 GBytes *webgl_file_bytes(const WebglFile *file, GVariant *info);

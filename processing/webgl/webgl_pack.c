@@ -45,7 +45,7 @@ gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid) {
     return (gint64)bytes;
 }
 
-/* Clusters, counted through all levels, and weights. */
+/* Adds the clusters, counted through all levels, and the weights. */
 static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack,
                                   const struct totals *all, GError **error) {
     const gsize components = (gsize)all->components;
@@ -81,16 +81,16 @@ static gboolean webgl_pack_texels(WebglFile *file, const struct webgl_pack *pack
                           error);
 }
 
-/* Where the tables of all levels go. */
+/* The destination of the tables of all levels. */
 struct volumes {
     int n;
     gsize components, block;
     guint16 *means;
     gint8 *brdfs;
-    float *scales, *values; /* values: of one block */
+    float *scales, *values; /* values has those of one block */
 };
 
-/* All tables of one cluster. */
+/* Adds all tables of one cluster. */
 static gboolean webgl_pack_cluster(struct volumes *to, const struct lpca *grid, int cluster,
                                    gsize at, const char *name, GError **error) {
     const gsize samples = (gsize)to->n * (gsize)to->n, size = 3 * samples * samples;

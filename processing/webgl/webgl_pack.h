@@ -25,19 +25,19 @@
 #define WEBGL_PACK_GRID_MIN 4
 #define WEBGL_PACK_GRID_MAX 16
 
-/* The parts that are packed; borrowed. */
+/* The parts that are packed. They are borrowed. */
 struct webgl_pack {
     const char *name;
-    struct lpca *const *levels; /* LPCA_RGB, of more than one cluster if packed */
+    struct lpca *const *levels; /* LPCA_RGB, with more than one cluster if they were packed */
     int n_levels;
-    const struct mdf_factors *mdf; /* NULL: none */
+    const struct mdf_factors *mdf; /* NULL if there is none */
 };
 
-/* Bytes of all sections before compression, on a grid of n. */
+/* Returns the bytes of all sections before compression, on a grid of n. */
 gint64 webgl_pack_bytes(const struct webgl_pack *pack, int n_grid);
 
-/* Packs with eigen-BRDFs on a grid of n_grid; a local PCA that is already on a grid keeps its own.
- * Stage "pack". DATA_ERROR_INVALID for values that are not finite, or more clusters than a texture
- * counts. */
+/* Packs with eigen-BRDFs on a grid of n_grid. A local PCA that is already on a grid keeps its grid.
+ * The progress stage is "pack". The error is DATA_ERROR_INVALID if values are not finite, or if
+ * there are more clusters than a texture can count. */
 GBytes *webgl_pack(const struct webgl_pack *pack, int n_grid, const struct work *work,
                    GError **error);

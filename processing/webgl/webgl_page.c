@@ -3,12 +3,13 @@
 #include <gio/gio.h>
 #include <string.h>
 
-#define PAGE  "/org/mesorig/webgl/page.html"
-#define CHUNK (3 << 17) /* bytes between two steps of the page's progress; a multiple of 3 */
+#define PAGE "/org/mesorig/webgl/page.html"
+/* number of bytes between two steps of the page's progress; a multiple of 3 */
+#define CHUNK (3 << 17)
 #define TITLE "<!--TITLE-->"
-#define DATA  "<!--DATA-->" /* in the page once, after what shows the progress */
+#define DATA  "<!--DATA-->" /* occurs once in the page, after the elements of the progress */
 
-/* Generated: the page in the program. */
+/* Generated: the page as a resource of the program. */
 GResource *webgl_resource_get_resource(void);
 
 static const char *webgl_page_template(GBytes **ret_owner) {
@@ -16,7 +17,7 @@ static const char *webgl_page_template(GBytes **ret_owner) {
     *ret_owner = g_resource_lookup_data(webgl_resource_get_resource(), PAGE,
                                         G_RESOURCE_LOOKUP_FLAGS_NONE, &error);
     g_assert_no_error(error);
-    return g_bytes_get_data(*ret_owner, NULL); /* ends in NUL, as all resources do */
+    return g_bytes_get_data(*ret_owner, NULL); /* a resource always ends in NUL */
 }
 
 static gint64 webgl_page_chunks(gint64 material) {
@@ -30,8 +31,8 @@ gint64 webgl_page_bytes(gint64 material) {
            webgl_page_chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
 }
 
-/* Each piece of the data is a script of its own: the browser runs one while it still reads the
- * next, so that the page can show its progress. */
+/* Each piece of the data is a separate script. The browser runs a script while it still reads the
+ * next one, so that the page can show its progress. */
 static void webgl_page_append_data(GString *page, GBytes *material) {
     gsize size;
     const guint8 *data = g_bytes_get_data(material, &size);

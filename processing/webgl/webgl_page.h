@@ -1,11 +1,11 @@
-/* The page that shows a material in a browser: one file, with renderer/web's program, its shaders
- * and the material in it. Any thread. */
+/* The page that shows a material in a browser. The page is one file that contains the program of
+ * renderer/web, its shaders and the material. Any thread. */
 #pragma once
 
 #include <glib.h>
 
-/* Bytes of a page that holds a material file of so many bytes. */
+/* Returns the bytes of a page with a material file of the given size. */
 gint64 webgl_page_bytes(gint64 material);
 
-/* name: the title. g_bytes_unref() */
+/* Returns the page. name is its title. g_bytes_unref() */
 GBytes *webgl_page(const char *name, GBytes *material);

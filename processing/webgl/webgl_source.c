@@ -7,11 +7,11 @@
 #include "mdf_codecs/mdf_packed.h"
 #include "session/session.h"
 
-#define CLUSTERS   32 /* as “mesorig compress” has them */
+#define CLUSTERS   32 /* defaults of “mesorig compress” */
 #define COMPONENTS 8
 #define TERMS      8
 
-/* The values of a material that was compressed otherwise, as a BTF again. */
+/* Converts the values of a material that was compressed with another codec to a BTF. */
 static struct btf_matrix *webgl_source_matrix(const Material *material, const char *path,
                                               GError **error) {
     const struct material_info *info = material_info(material);
@@ -59,7 +59,7 @@ static gboolean webgl_source_convert(struct webgl_source *source, const char *pa
     return ok;
 }
 
-/* A packed one has one cluster with too many components to be drawn. */
+/* A packed local PCA has one cluster with too many components for drawing. */
 static gboolean webgl_source_make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -82,7 +82,7 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
         exr_get_string(clusters, "mesorig.kind", &kind, NULL);
         exr_get_string(clusters, "mesorig.colours", &colours, NULL);
     }
-    /* Logarithms are not interpolated as reflectances are. */
+    /* Logarithms cannot be interpolated in the same way as reflectances. */
     if (g_strcmp0(kind, "lpca") != 0 || g_strcmp0(colours, "log") == 0)
         return webgl_source_convert(source, file, work, error);
     if (!session_check_product(file, error))

@@ -1,7 +1,5 @@
-/*
- * What is exported for WebGL, from a session or a compressed material: a local PCA in R, G, B, and
- * the MDF as factors. Other forms are converted. Any thread.
- */
+/* The source of an export for WebGL, read from a session or a compressed material: a local PCA in
+ * R, G, B, and the MDF as factors. Other forms are converted. Any thread. */
 #pragma once
 
 #include "base/work.h"
@@ -11,12 +9,13 @@
 struct webgl_source {
     struct lpca *levels[LPCA_MAX_LEVELS];
     int n_levels;
-    struct mdf_factors *mdf; /* NULL: there is none */
-    gboolean compressed;     /* the local PCA was computed for this */
+    struct mdf_factors *mdf; /* NULL if there is none */
+    gboolean compressed;     /* whether the local PCA was computed for this export */
 };
 
-/* path: a session, whose products/lpca.exr is taken, else its BTF is compressed; or a file of any
- * codec. mdf: the file; NULL: the mdf.exr beside it, if there is one. Stages of lpca.h and "read".
+/* Opens a source. path is a file of any codec, or a session. Of a session, products/lpca.exr is
+ * used; if it does not exist, the BTF is compressed. mdf is the file of the MDF; NULL means the
+ * mdf.exr in the same folder, if there is one. Progress stages are those of lpca.h and "read". Call
  * webgl_source_clear() afterwards, also after an error. */
 gboolean webgl_source_open(struct webgl_source *source, const char *path, const char *mdf,
                            const struct work *work, GError **error);

@@ -1,11 +1,9 @@
-/*
- * The contract of a codec: one way to store a BTF in less space. Each codec fills one constant
- * struct codec in its own folder; the array codecs[] (codecs/codecs.h) lists them all. The command
- * line, material_open() and the comparisons know codecs by that array alone.
+/* The contract of a codec, which stores a BTF in less space. Each codec fills one constant struct
+ * codec in its own folder. The array codecs[] (codecs/codecs.h) lists them all. The command line,
+ * material_open() and the comparisons find codecs only in that array.
  *
- * A model is what a codec makes of a BTF, in memory. The functions that take a const model may be
- * called from several threads at once.
- */
+ * A model is the compressed form of a BTF in memory. The functions that take a const model may be
+ * called from several threads at the same time. */
 #pragma once
 
 #include "base/options.h"
@@ -15,29 +13,34 @@
 
 /* Properties of every material. Arrays belong to the material or its model. */
 struct material_info {
-    char *label; /* distinguishes it from others: the file's or the session's name, or a method's */
+    /* distinguishes it from other materials: the name of the file or session, or the name of a
+     * method */
+    char *label;
     const char *kind; /* "btf", or the name of its codec */
     const struct btf_layout *layout;
-    gint64 bytes; /* as a renderer holds it; the BTF in halves */
+    gint64 bytes; /* bytes in a renderer's memory; for a BTF those of its values as halves */
 };
 
-/* What encode() is given. */
+/* The input of encode(). */
 struct codec_job {
     const struct btf_matrix *btf; /* with values in memory unless memory > 0 */
     gconstpointer options;        /* the struct that the codec's option table describes */
-    gint64 memory;                /* bytes for values and work; 0: any (only of bounded codecs) */
-    const struct work *work;      /* never NULL */
-    Checkpoint *checkpoint;       /* where work is kept; NULL: nowhere. Only resumable codecs */
+    /* maximum bytes for values and work; 0 if not limited. Only for bounded codecs */
+    gint64 memory;
+    const struct work *work; /* never NULL */
+    /* stores the state of the work, or NULL. Only for resumable codecs */
+    Checkpoint *checkpoint;
 };
 
-/* What encode() found. The caller sets all to 0 and frees levels. */
+/* The result of encode(). The caller sets all members to 0, and frees levels. */
 struct codec_result {
-    GPtrArray *levels; /* models, with a free function: the BTF's own, then its mip levels */
-    int clusters, components, grid; /* the numbers used; components: terms, lobes, … */
+    /* models with a free function: that of the BTF, then those of its mip levels */
+    GPtrArray *levels;
+    int clusters, components, grid; /* the numbers that were used; components are terms, lobes, … */
     double error; /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of the values read back from the file */
-    double exact_error;     /* the same before numbers were rounded for the file */
-    double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
-    gboolean packed;        /* its size is that of the file, not that in a renderer */
+    double exact_error;     /* the same before the numbers were rounded for the file */
+    double luminance_error; /* mean |Y − Ŷ|; −1 if the codec does not compute it */
+    gboolean packed;        /* bytes are counted in the file, not in a renderer's memory */
 };
 
 struct codec;
@@ -45,26 +48,29 @@ struct codec;
 /* One point of a curve of error against size. */
 struct codec_point {
     const char *series; /* a codec may have several */
-    char *label;  /* distinguishes the sizes of a codec, as in "8 clusters"; the callee takes it */
-    gint64 bytes; /* as a renderer holds it */
-    double error; /* relative RMS; −1: the callee measures model */
-    gconstpointer model; /* needed for that alone */
+    /* distinguishes the sizes of a codec, as in "8 clusters"; the function that is called frees it
+     */
+    char *label;
+    gint64 bytes; /* bytes in a renderer's memory */
+    double error; /* relative RMS error; −1 if the function that is called must measure model */
+    gconstpointer model; /* only needed if error is −1 */
 };
 typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
                                gpointer data, GError **error);
 
-/* Two directions between the measured ones, prepared once for all texels. */
+/* A view and a light between the measured directions, prepared once for all texels. */
 struct codec_query {
     float view[3], light[3]; /* unit vectors above the horizon */
-    /* The views around one and the lights around the other, and their weights, which are above 0;
-     * those of views sum to 1, those of lights to directions_fade(). */
+    /* The measured views around the view, the measured lights around the light, and their weights,
+     * which are above 0. The weights of the views sum to 1, those of the lights to
+     * directions_fade(). */
     int n_views, n_lights;
     const int *views, *lights;
     const float *view_weights, *light_weights;
 };
 
 #define CODEC_MAX_TEXELS 512
-/* Texels of a model, and the weight of each in the sum that is asked for. */
+/* Texels of a model, and the weight of each in the requested sum. */
 struct codec_texels {
     int n; /* at most CODEC_MAX_TEXELS */
     const int *index;
@@ -72,51 +78,52 @@ struct codec_texels {
 };
 
 struct codec {
-    const char *name;  /* of --method, and mesorig.kind of its files */
+    const char *name;  /* the argument of --method, and mesorig.kind of its files */
     const char *title; /* for people, as in "local PCA" */
-    const char *help;  /* what it is, one sentence without a full stop */
-    int variant;       /* for codecs that share their functions */
+    const char *help;  /* one sentence without a full stop that describes the codec */
+    int variant;       /* distinguishes codecs that share their functions */
 
-    /* The options that --method=name takes, besides --memory and -o: their names are those of the
-     * command line's options, without "--". Options that are not given take their fallback, or 0 if
-     * they have none. */
+    /* The options of --method=name besides --memory and -o. Their names are those of the command
+     * line's options, without "--". An option that is not given has its fallback, or 0 if it has no
+     * fallback. */
     const struct option *options;
     gsize options_size;
-    /* Returns how options contradict each other, as a sentence without a full stop; NULL: they do
-     * not. May be NULL. */
+    /* Checks whether options contradict each other. Returns a sentence without a full stop that
+     * says how, or NULL if they do not. The member may be NULL. */
     const char *(*check)(gconstpointer options, gint64 memory);
 
-    gboolean bounded;      /* keeps to --memory */
-    gboolean resumable;    /* keeps what is done in a checkpoint */
-    gboolean from_process; /* products/NAME.exr is written by process, so compress needs -o */
+    gboolean bounded;      /* encode() keeps within --memory */
+    gboolean resumable;    /* encode() stores its state in a checkpoint and can continue from it */
+    gboolean from_process; /* process writes products/NAME.exr, so that compress needs -o */
 
     gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
                        struct codec_result *ret, GError **error);
-    /* Describes what encode() made, as in "3 clusters of 2 components". g_free() */
+    /* Describes the result of encode(), as in "3 clusters of 2 components". g_free() */
     char *(*describe)(const struct codec *codec, const struct codec_result *result);
     gboolean (*write)(const char *path, gpointer const *levels, int n_levels, GError **error);
 
     /* Reads the model of level 0. The caller has checked that mesorig.kind is the codec's name. */
     gpointer (*read)(const char *path, GError **error);
-    /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
+    /* Returns one line about a file of which only the headers were read, or NULL if parts are
+     * missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);
 
     void (*free)(gpointer model);         /* NULL is ignored */
     gsize layout;                         /* offset of a model's struct btf_layout */
-    gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
-    /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
+    gint64 (*bytes)(gconstpointer model); /* bytes in a renderer's memory */
+    /* Reconstructs one texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
     void (*reconstruct)(gconstpointer model, int texel, float *ret);
     /* Adds Σ_k share_k B(texel_k, view, light) to ret (R, G, B). Evaluates only these values and
      * reconstructs no whole texel. If the model is a table, B is interpolated between the measured
-     * directions; if it is a formula, B is the formula's value, at least 0. */
+     * directions. If it is a formula, B is the value of the formula, at least 0. */
     void (*evaluate)(gconstpointer model, const struct codec_query *query,
                      const struct codec_texels *texels, float ret[3]);
-    /* Optional: returns n if the model's views and lights are the n × n samples of
-     * direction_grid.h; 0: they are the measured ones. */
+    /* Optional. Returns n if the model's views and lights are the n × n samples of
+     * direction_grid.h, or 0 if they are the measured directions. */
     int (*grid)(gconstpointer model);
-    gsize error; /* offset of a model's relative RMS error, a double; 0: it does not know it */
-    /* Optional: all mip levels of a file, models from level 0 on, with a free function; NULL: its
-     * files have level 0 alone. */
+    gsize error; /* offset of a model's relative RMS error, a double; 0 if a model has none */
+    /* Optional. Reads all mip levels of a file: models from level 0 on, with a free function. NULL
+     * if the files of the codec have only level 0. */
     GPtrArray *(*read_levels)(const char *path, GError **error);
 
     /* Encodes the BTF at several sizes and reports each by calling tell(). */

@@ -11,7 +11,7 @@
 #define BLOCKS  64
 #define SAME    0.01F /* degrees */
 
-/* Sums over values of one view, one light or everything. */
+/* Sums over the values of one view, of one light or of all. */
 struct compare_totals {
     double residual, all; /* Σ (a − b)², Σ a² over R, G, B */
     double luminance, delta_e, n;
@@ -20,7 +20,8 @@ struct compare_totals {
 struct compare_block {
     struct compare_totals *totals; /* n_views, then n_lights */
     double largest;                /* |a − b| */
-    const Material *damaged; /* NULL, or what gives infinite values or no numbers, first at texel */
+    /* NULL, or the material that gives infinite values or no numbers, first at texel */
+    const Material *damaged;
     int texel;
 };
 
@@ -66,7 +67,7 @@ static double cos_deg(double angle) {
     return cos(angle * G_PI / 180);
 }
 
-/* Difference and mean of two hues, the shorter way round; grey has none. */
+/* Gives the difference and the mean of two hues along the shorter arc. Grey has no hue. */
 static void compare_hues(double h1, double h2, gboolean grey, double *ret_difference,
                          double *ret_mean) {
     double difference = grey ? 0 : h2 - h1, mean = grey ? h1 + h2 : (h1 + h2) / 2;
@@ -152,7 +153,7 @@ static struct compare_sums compare_finish(const struct compare_totals *totals) {
                                  totals->delta_e / totals->n};
 }
 
-/* NULL with an error if a block met damage. */
+/* Returns NULL with an error if a block found damaged values. */
 static struct comparison *compare_summarise(const struct compare_run *run, GError **error) {
     const gsize views = run->layout->views.n, lights = run->layout->lights.n;
     const int width = (int)run->layout->width;

@@ -8,7 +8,7 @@ struct Material {
     struct material_info info;
     const struct codec *codec;
     gpointer model;
-    gboolean borrowed; /* the model is the caller's */
+    gboolean borrowed; /* the caller owns the model */
 };
 
 static void material_btf_free(gpointer model) {
@@ -26,7 +26,7 @@ static void material_btf_reconstruct(gconstpointer model, int texel, float *ret)
     memcpy(ret, btf->values + (gsize)texel * n, sizeof(float) * n);
 }
 
-/* Σ_a Σ_b g_a h_b B(x, v_a, l_b). */
+/* Computes Σ_a Σ_b g_a h_b B(x, v_a, l_b). */
 static void material_btf_evaluate(gconstpointer model, const struct codec_query *query,
                                   const struct codec_texels *texels, float ret[COLOURS]) {
     const struct btf_matrix *btf = model;

@@ -8,8 +8,8 @@
 #include "exr/exr_half.h"
 
 #define COLOURS 3
-#define BLOCK   16              /* texels compared by a thread at a time */
-#define MOST    (G_MAXINT / 64) /* texels, and values of a texel */
+#define BLOCK   16              /* number of texels that a thread compares at a time */
+#define MOST    (G_MAXINT / 64) /* maximum number of texels, and of values of a texel */
 
 void texel_model_write_head(const struct texel_model_head *head, const struct btf_layout *layout,
                             struct exr_file *file) {

@@ -23,13 +23,13 @@ static char *eigenmaps_map_name(int term, gsize light) {
     return g_strdup_printf("E%03d_light_%04zu", term, light);
 }
 
-/* height × width × 3 (R, G, B). */
+/* Returns a map: height × width × 3 (R, G, B). */
 static float *eigenmaps_map(const struct eigenmaps *maps, int term, gsize light) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
-/* The parts of a file, those of the maps without pixels. */
+/* Creates the parts of a file. The parts of the maps have no pixels yet. */
 static struct exr_file *eigenmaps_new_file(const struct eigenmaps *maps, int n_terms,
                                            const float *of_views) {
     static const char *const channels[] = {"W", NULL}, *const bgr[] = {"B", "G", "R", NULL};

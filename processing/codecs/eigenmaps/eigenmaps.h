@@ -1,14 +1,12 @@
-/*
- * Eigen-maps of a BTF (Wang et al. 2005 §5): A with rows (texel, light, channel) and columns (view)
- * is factored by SVD, BTF(x, y, v, l) ≈ Σ_i W_i(v) E_i(x, y, l).
+/* Eigen-maps of a BTF (Wang et al. 2005 §5). A matrix A with rows (texel, light, channel) and
+ * columns (view) is factored by SVD: BTF(x, y, v, l) ≈ Σ_i W_i(v) E_i(x, y, l).
  *
  * On disk, one EXR "eigenmaps.exr":
  *   part "weights"            channel "W", width n_views, height n_terms, float; row i is W_i(v)
  *   part "views", "lights"    channels "phi_deg","theta_deg", width n, height 1, float
  *   part "E000_light_0000"    channels B G R, half, width × height texels; term, light
- * attributes of "weights": mesorig.kind = "eigenmaps", mesorig.name (string), texel_mm (double),
- * reference_mm (double)
- */
+ * The attributes of "weights" are mesorig.kind = "eigenmaps", mesorig.name (string), texel_mm
+ * (double) and reference_mm (double). */
 #pragma once
 
 #include "btf/btf_layout.h"
@@ -25,42 +23,42 @@ struct eigenmaps {
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
 struct eigenmaps *eigenmaps_read(const char *path, GError **error);
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
-/* Writes the eigen-maps of a BTF of one view: the BTF itself is the only term, with weight 1 and
+/* Writes the eigen-maps of a BTF of one view. The BTF itself is the only term, with weight 1 and
  * without error. fill() gives the part of each light ("E000_light_<light>") when it is written, so
- * that memory holds only one. Only name and layout of maps are used. */
+ * that memory holds only one part. Only name and layout of maps are used. */
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error);
 
 /* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Allocates and fills weights and maps; the caller has set all other members. The largest entry of
+/* Allocates and fills weights and maps. The caller has set all other members. The largest entry of
  * each W_i is positive. The result does not depend on the number of threads. ret_error is ‖A − Â‖_F
- * / ‖A‖_F. Where all columns fit into EIGENMAPS_MEMORY it is exact, else randomised. */
+ * / ‖A‖_F. If all columns fit into EIGENMAPS_MEMORY the method is exact, otherwise randomised. */
 #define EIGENMAPS_MEMORY ((gsize)256 << 20)
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
 
-/*
- * Exact: W_i are the unit eigenvectors of AᵀA, in double precision, E_i = A·W_i. The Gram matrix
- * has the squares of the singular values, so that those down to 1e-8 of the largest are found;
- * halves need 5e-4. Columns that do not fit are asked for repeatedly, about n_views/fit/2 + 2 times
- * each.
+/* Exact method: W_i are the unit eigenvectors of AᵀA, in double precision, and E_i = A·W_i. The
+ * Gram matrix has the squares of the singular values, so that singular values down to 1e-8 of the
+ * largest are found; halves need 5e-4. If the columns do not fit into memory, each is requested
+ * about n_views/fit/2 + 2 times.
  *
- * Randomised, asking for each column twice, or with a target sometimes three times: the range of Aᵀ
- * is that of its sketch (Halko, Martinsson and Tropp 2011, algorithm 4.1 for Aᵀ; instead of a
- * Gaussian Ω, a matrix with one random sign per row, in one of 16384 columns at random: Clarkson
- * and Woodruff 2013), (SA)ᵀ of n_views × 16384. A is projected onto the first n_terms right
- * singular vectors of SA, and up to 8 more where there is memory for them; the best n_terms vectors
- * within their span are then found in double precision (their §5.1). The seed is fixed.
- */
+ * Randomised method: each column is requested twice, or with a target sometimes three times. The
+ * range of Aᵀ is that of its sketch (SA)ᵀ of n_views × 16384 (Halko, Martinsson and Tropp 2011,
+ * algorithm 4.1 for Aᵀ). S is not Gaussian but has one random sign per row, in one of 16384 columns
+ * at random (Clarkson and Woodruff 2013). A is projected onto the first n_terms right singular
+ * vectors of SA, and up to 8 more if memory allows. The best n_terms vectors within their span are
+ * then found in double precision (their §5.1). The seed is fixed. */
 enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
 
 struct eigenmaps_options {
-    gsize memory;  /* for columns beside the result, at least one of which is held; 0:
-                    * EIGENMAPS_MEMORY */
-    double target; /* 0, or the error to reach: n_terms is then the maximum, and becomes the least
-                    * number that reaches it, if any does */
+    /* bytes for columns in addition to the result; at least one column is held. 0 means
+     * EIGENMAPS_MEMORY */
+    gsize memory;
+    /* 0, or the error to reach. n_terms is then the maximum number of terms, and is lowered to the
+     * smallest number that reaches the error, if any does */
+    double target;
     enum eigenmaps_method method;
 };
 gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,

@@ -5,9 +5,10 @@
 
 #include <string.h>
 
-#define TERMS      4           /* unless --components or --error gives the number */
-#define CURVE_MOST 16          /* terms of a curve */
-#define ROWS       ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
+#define TERMS      4  /* number of terms without --components and --error */
+#define CURVE_MOST 16 /* maximum number of terms of a curve */
+/* number of texels that are read at a time, so that the written values stay in the cache */
+#define ROWS ((gsize)64)
 
 struct columns {
     const struct btf_matrix *btf;
@@ -63,15 +64,15 @@ static const struct option eigenmaps_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct eigenmaps_codec_options, components),
-     .help = "eigen-maps, 4 if not given; with --error the maximum"},
+     .help = "number of eigen-maps (4 if not given); with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct eigenmaps_codec_options, error),
-     .help = "as few eigen-maps as reach this error of the whole BTF"},
+     .help = "find the smallest number of eigen-maps that reaches this error over the whole BTF"},
     {NULL},
 };
 
-/* Memory for columns is what the maps themselves leave. */
+/* The memory for columns is the part of the limit that the maps leave. */
 static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has_target, int terms,
                                        gsize *ret, GError **error) {
     const struct btf_matrix *btf = job->btf;
@@ -82,11 +83,10 @@ static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has
         return TRUE;
     g_autofree char *size = g_format_size((guint64)column);
     g_autofree char *given = g_format_size((guint64)job->memory);
-    g_set_error(
-        error, DATA_ERROR, DATA_ERROR_INVALID,
-        "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and one view "
-        "as much, which is more than %s; allow more",
-        terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%d eigen-maps of %zu × %zu texels and %zu lights take %s of memory each, and "
+                "reading one view takes the same. The limit is %s; allow more",
+                terms, btf->layout.width, btf->layout.height, btf->layout.lights.n, size, given);
     return FALSE;
 }
 
@@ -138,7 +138,7 @@ static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
                            PLURAL(lights->width, "light"), map->width, map->height);
 }
 
-/* Maps as halves, weights as floats. */
+/* Maps count as halves, weights as floats. */
 static gint64 eigenmaps_codec_bytes(gconstpointer model) {
     const struct eigenmaps *maps = model;
     const gint64 values = 3 * btf_layout_texels(&maps->layout) * maps->layout.lights.n;
@@ -185,8 +185,8 @@ static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_que
     }
 }
 
-/* Reports models of 1, 2, 4, … maps. Maps are in the order of the variance that they explain, so
- * that leaving out the last ones gives the best model with fewer. */
+/* Reports models of 1, 2, 4, … maps. The maps are sorted by the variance that they explain, so that
+ * leaving out the last ones gives the best model with fewer maps. */
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {

@@ -6,7 +6,7 @@
 
 extern const struct codec eigenmaps_codec;
 
-/* Eigen-maps of a whole matrix; stage "eigenmaps". */
+/* Computes the eigen-maps of a whole matrix. The progress stage is "eigenmaps". */
 struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
                                       const struct eigenmaps_options *options,
                                       const struct work *work, double *ret_error, GError **error);

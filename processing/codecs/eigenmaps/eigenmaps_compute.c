@@ -32,8 +32,8 @@ float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **er
     return ret;
 }
 
-/* Columns as doubles, CHUNK rows at a time: AᵀA in floats would lose the last eigen-maps. to:
- * n_columns × CHUNK. Returns how many rows there were. */
+/* Converts columns to doubles, CHUNK rows at a time, because AᵀA in floats would lose the last
+ * eigen-maps. to is n_columns × CHUNK. Returns the number of rows. */
 gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
     gsize n = MIN(CHUNK, rows - from);
     for (int c = 0; c < n_columns; c++)
@@ -42,7 +42,7 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
     return n;
 }
 
-/* M = V diag (λ) Vᵀ; V takes the place of M, its columns in ascending order of λ. */
+/* Computes M = V diag (λ) Vᵀ and replaces M by V, whose columns are in ascending order of λ. */
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error) {
     int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
     if (info != 0)
@@ -51,8 +51,8 @@ gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GErro
     return info == 0;
 }
 
-/* The error of k terms is √(Σ_{i≥k} σ_i² / Σ_i σ_i²). squares: σ_i² of the
- * first n, descending; rest: the sum of all others. */
+/* The error of k terms is √(Σ_{i≥k} σ_i² / Σ_i σ_i²). squares contains σ_i² of the first n in
+ * descending order, rest is the sum of all others. */
 int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error) {
     double all = rest;
     for (int i = n - 1; i >= 0; i--)
@@ -70,8 +70,9 @@ gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GErro
     return FALSE;
 }
 
-/* The weights of a term are one right singular vector, n_terms × n_views in rows. Its sign is free:
- * the largest weight is made positive, so that the same BTF gives the same file everywhere. */
+/* Stores the weights: one right singular vector for each term, n_terms × n_views in rows. The sign
+ * of a term is arbitrary. The largest weight is made positive, so that the same BTF gives the same
+ * file on every computer. */
 void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs) {
     int n = maps->layout.views.n;
     g_free(maps->weights);
@@ -115,7 +116,8 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
                            (options->method == EIGENMAPS_AUTO && job.fit >= maps->layout.views.n);
     g_clear_pointer(&maps->weights, g_free);
     g_clear_pointer(&maps->maps, g_free);
-    /* The order of sums, and with it the last bits, would depend on the number of threads. */
+    /* Otherwise the order of sums, and with it the last bits, would depend on the number of
+     * threads. */
     int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     gboolean ok = exact ? eigenmaps_exact(&job, ret_error, error)

@@ -4,7 +4,7 @@
 
 #define CHUNK EIGENMAPS_CHUNK
 
-/* The columns of one block, and one more. */
+/* The columns of one block, and one further column. */
 struct gram {
     const struct eigenmaps_job *job;
     gsize rows;
@@ -13,9 +13,9 @@ struct gram {
     double *matrix;     /* n_views², row by row */
 };
 
-/* Adds to the matrix the products of the n columns in memory, the first of which is column first,
- * with each other; or, if view is not −1, their products with column view, which lies behind the
- * block. */
+/* Adds the products of the n columns in memory with each other to the matrix. The first of them is
+ * column first. If view is not −1, adds their products with column view instead, which is stored
+ * after the block. */
 static void multiply(const struct gram *gram, int first, int n, int view) {
     const int all = view < 0 ? n : n + 1;
     g_autofree double *wide = g_new(double, (gsize)all *CHUNK);
@@ -34,8 +34,8 @@ static void multiply(const struct gram *gram, int first, int n, int view) {
     }
 }
 
-/* Computes the upper half of AᵀA (n_views²), block of columns by block of columns: the columns to
- * the right of the block are read one at a time, so that A is read n_views / block / 2 times. */
+/* Computes the upper half of AᵀA (n_views²) block by block. The columns to the right of a block are
+ * read one at a time, so that A is read n_views / block / 2 times. */
 static gboolean gram_matrix(struct gram *gram, GError **error) {
     for (int first = 0; first < gram->n_views; first += gram->block) {
         int n = MIN(gram->block, gram->n_views - first);
@@ -54,7 +54,7 @@ static gboolean gram_matrix(struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* Map_t = Σ_view w_t,view A_view. Columns A_view are light × texel × RGB, and each term's map has
+/* Computes Map_t = Σ_view w_t,view A_view. Columns A_view are light × texel × RGB, and each map has
  * the same order. */
 static gboolean project_columns(const struct gram *gram, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
@@ -76,7 +76,7 @@ static gboolean project_columns(const struct gram *gram, GError **error) {
     return TRUE;
 }
 
-/* AᵀA = V diag (σ²) Vᵀ: weights are the first columns of V, maps A V. */
+/* Decomposes AᵀA = V diag (σ²) Vᵀ. The weights are the first columns of V, the maps are A V. */
 static gboolean decompose(struct gram *gram, double *ret_error, GError **error) {
     struct eigenmaps *maps = gram->job->maps;
     const int n = maps->layout.views.n;

@@ -7,11 +7,12 @@
 
 #define CHUNK    EIGENMAPS_CHUNK
 #define SKETCH   16384 /* rows of the sketch */
-#define WORD     64    /* signs drawn at a time */
+#define WORD     64    /* number of signs that are drawn at a time */
 #define LANES    8
 #define SEGMENTS 8 /* parts into which the rows are divided for threads */
-#define SPARE    8 /* largest oversampling: directions beyond the requested number */
-#define SEED     0x6d65736f72696721u
+/* maximum oversampling: number of directions in addition to the requested number */
+#define SPARE 8
+#define SEED  0x6d65736f72696721u
 
 struct eigenmaps_randomised {
     const struct eigenmaps_job *job;
@@ -33,7 +34,7 @@ struct eigenmaps_randomised {
     double *squares_of; /* one per found direction: its share of ‖A‖², descending */
 };
 
-/* Steele, Lea and Flood 2014: a good mixture of the bits of a counter. */
+/* Mixes the bits of a counter (Steele, Lea and Flood 2014). */
 static guint64 eigenmaps_randomised_draw(guint64 counter) {
     guint64 z = SEED + counter * 0x9e3779b97f4a7c15u;
     z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
@@ -56,8 +57,8 @@ static void add_signed(const float *from, int n, guint64 signs, double *to, doub
     }
 }
 
-/* S A of one column: row i of a chunk of SKETCH rows, with a random sign, goes to bucket (i +
- * offset) mod SKETCH, the offset of each chunk being random. */
+/* Computes S A of one column. Row i of a chunk of SKETCH rows, with a random sign, is added to
+ * bucket (i + offset) mod SKETCH. The offset of each chunk is random. */
 static void sketch_segment(int segment, gpointer data) {
     struct eigenmaps_randomised *r = data;
     double *buckets = r->buckets + (gsize)segment * SKETCH, squares[LANES] = {0};
@@ -80,7 +81,7 @@ static void sketch_segment(int segment, gpointer data) {
         r->squares[segment] += squares[lane];
 }
 
-/* Pass one: (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
+/* First pass: (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
 static gboolean eigenmaps_randomised_make_sketch(struct eigenmaps_randomised *r, GError **error) {
     r->buckets = g_new(double, SEGMENTS *SKETCH);
     r->sketch = g_new(float, (gsize)r->n_views *SKETCH);
@@ -102,7 +103,7 @@ static gboolean eigenmaps_randomised_make_sketch(struct eigenmaps_randomised *r,
     return TRUE;
 }
 
-/* The right singular vectors of the sketch: eigenvectors of (S A)ᵀ S A. */
+/* Finds the right singular vectors of the sketch, which are the eigenvectors of (S A)ᵀ S A. */
 static gboolean eigenmaps_randomised_find_directions(struct eigenmaps_randomised *r,
                                                      GError **error) {
     const int n = r->n_views;
@@ -143,7 +144,7 @@ static void project_segment(int segment, gpointer data) {
                     r->columns + from, (int)r->rows, 1, r->z + from, (int)r->rows);
 }
 
-/* Pass two: as many columns at a time as there is room for. */
+/* Second pass: processes as many columns at a time as fit into memory. */
 static gboolean eigenmaps_randomised_project(struct eigenmaps_randomised *r, GError **error) {
     g_free(r->z);
     g_free(r->factors);
@@ -179,7 +180,7 @@ static void gram_segment(int segment, gpointer data) {
     }
 }
 
-/* The best directions within those found: eigenvectors of ZᵀZ, in columns. */
+/* Finds the best directions within the span: the eigenvectors of ZᵀZ, in columns. */
 static gboolean eigenmaps_randomised_solve(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
@@ -199,7 +200,7 @@ static gboolean eigenmaps_randomised_solve(struct eigenmaps_randomised *r, GErro
     return TRUE;
 }
 
-/* Z becomes the maps in place: E = F Z, F being the factors, terms × found. */
+/* Replaces Z by the maps: E = F Z, where F are the factors, terms × found. */
 static void rotate_segment(int segment, gpointer data) {
     struct eigenmaps_randomised *r = data;
     const int terms = r->job->maps->n_terms;
@@ -234,7 +235,7 @@ static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 
-/* Searches with the singular values of the sketch first, then with those of A in the directions
+/* Searches first with the singular values of the sketch, then with those of A in the directions
  * that were found. */
 static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, double *ret_error,
                                             GError **error) {

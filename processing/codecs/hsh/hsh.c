@@ -8,8 +8,8 @@
 #include "codec/texel_model.h"
 
 #define COLOURS 3
-#define BLOCK   16   /* texels fitted by a thread at a time */
-#define RCOND   1e-3 /* smallest singular value that counts, of the largest */
+#define BLOCK   16   /* number of texels that a thread fits at a time */
+#define RCOND   1e-3 /* minimum of a singular value, relative to the largest one */
 
 void hsh_free(struct hsh *hsh) {
     if (!hsh)
@@ -20,7 +20,7 @@ void hsh_free(struct hsh *hsh) {
     g_free(hsh);
 }
 
-/* The coefficients of a texel in a view: n_terms × COLOURS. */
+/* Returns the coefficients of a texel in a view: n_terms × COLOURS. */
 static float *hsh_values_of(const struct hsh *hsh, int view, int texel) {
     const gsize texels = btf_layout_texels(&hsh->layout);
     return hsh->values +
@@ -32,7 +32,7 @@ gint64 hsh_bytes(const struct hsh *hsh) {
            COLOURS;
 }
 
-/* The table of hsh.h; φ occurs as u and v alone, so that the pole needs no azimuth. */
+/* Evaluates the table of hsh.h. φ only occurs in u and v, so that the pole needs no azimuth. */
 void hsh_basis(const float light[3], int n_terms, float *ret) {
     const double c = MIN(MAX((double)light[2], 0), 1), w = c - c * c, x = 2 * c - 1;
     const double scale = sqrt(c / (1 + c)), u = scale * light[0], v = scale * light[1];
@@ -59,7 +59,7 @@ void hsh_basis(const float light[3], int n_terms, float *ret) {
         ret[i] = (float)all[i];
 }
 
-/* n_lights × n_terms: H_i at each measured light. */
+/* Returns H_i at each measured light: n_lights × n_terms. */
 static float *hsh_design(const struct hsh *hsh) {
     const gsize k = (gsize)hsh->n_terms;
     g_autofree float *lights = direction_list_vectors(&hsh->layout.lights);
@@ -69,7 +69,7 @@ static float *hsh_design(const struct hsh *hsh) {
     return ret;
 }
 
-/* Σ_i c_i H_i (l), values: n_terms × COLOURS, basis: n_terms. */
+/* Computes Σ_i c_i H_i (l). values is n_terms × COLOURS, basis is n_terms. */
 static void hsh_sum(const float *values, const float *basis, int n_terms, float ret[COLOURS]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (int i = 0; i < n_terms; i++)
@@ -89,7 +89,7 @@ struct hsh_at_lights {
     const float *design;
 };
 
-/* ret: n_views × n_lights × COLOURS of one texel. */
+/* Reconstructs one texel. ret is n_views × n_lights × COLOURS. */
 static void hsh_reconstruct_with(gconstpointer model, int texel, float *ret) {
     const struct hsh_at_lights *at = model;
     const struct hsh *hsh = at->hsh;
@@ -112,18 +112,17 @@ double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
     return hsh->error;
 }
 
-/* Everything that a fit holds; threads only read it, and each writes the values of its own
- * texels. */
+/* The data of a fit. Threads only read them, and each thread writes the values of its texels. */
 struct hsh_fit {
     const struct btf_matrix *btf;
     struct hsh *hsh;
     float *design;  /* A: n_lights × n_terms */
-    float *inverse; /* A⁺ᵀ: n_lights × n_terms, as long as no light is left out */
+    float *inverse; /* A⁺ᵀ: n_lights × n_terms, used if no light is left out */
 };
 
 /* Finds the X of least norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have rows
- * of zeros in A; there NULL: no such lights. columns: B (n_lights × n_columns) before the call, X
- * (n_terms × n_columns) after it; it has max(n_lights, n_terms) rows. */
+ * of zeros in A. If there is NULL, no light is left out. columns is B (n_lights × n_columns) before
+ * the call and X (n_terms × n_columns) after it; it has max(n_lights, n_terms) rows. */
 static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
                       int n_columns) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
@@ -136,7 +135,7 @@ static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *
                    &rank);
 }
 
-/* A⁺ᵀ by solving for the unit matrix. */
+/* Computes A⁺ᵀ by solving for the unit matrix. */
 static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * (gsize)n);
@@ -149,7 +148,7 @@ static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
     return ret;
 }
 
-/* One view of one texel, rgb: n_lights × COLOURS; c_i = Σ_l A⁺_il y_l. */
+/* Fits one view of one texel. rgb is n_lights × COLOURS; c_i = Σ_l A⁺_il y_l. */
 static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
     const int k = fit->hsh->n_terms;
     float sums[COLOURS][HSH_MAX_TERMS] = {{0}};
@@ -163,7 +162,7 @@ static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *re
         ret[i] = sums[i % COLOURS][i / COLOURS];
 }
 
-/* The same with lights left out, as a separate problem. there: n_lights. */
+/* The same without some of the lights, solved as a separate problem. there has n_lights values. */
 static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
                             float *ret) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
@@ -175,7 +174,8 @@ static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const g
         ret[i] = (float)columns[i];
 }
 
-/* BLOCK texels in all views, each with all its lights or, where some are NaN, with the rest. */
+/* Fits BLOCK texels in all views. If some lights of a texel are NaN, it is fitted to the other
+ * lights. */
 static void hsh_fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
     const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;

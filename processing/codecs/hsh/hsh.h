@@ -44,40 +44,41 @@ struct hsh {
     struct btf_layout layout;
     int n_terms;   /* 4, 9 or 16 */
     float *values; /* n_views × height × width × n_terms × 3 (R G B) */
-    /* Errors against the encoded BTF, as hsh_error() computes them: relative RMS of R, G, B, and
-     * the mean of |Y − Ŷ| (Y of rgb_luminance()). exact_error: the relative RMS before rounding to
-     * halves. */
+    /* Errors against the encoded BTF as computed by hsh_error(): the relative RMS of R, G, B, and
+     * the mean of |Y − Ŷ| (Y of rgb_luminance()). exact_error is the relative RMS before rounding
+     * to halves. */
     double error, luminance_error, exact_error;
 };
 
 struct hsh_options {
-    int n_terms; /* 4, 9 or 16; 0: HSH_DEFAULT_TERMS */
+    int n_terms; /* 4, 9 or 16; 0 means HSH_DEFAULT_TERMS */
     struct work work;
 };
 
 void hsh_free(struct hsh *hsh); /* NULL is ignored */
 
-/* H_0 … H_{n_terms − 1} in a direction: a unit vector in the sample frame. */
+/* Computes H_0 … H_{n_terms − 1} in a direction, which is a unit vector in the sample frame. */
 void hsh_basis(const float light[3], int n_terms, float *ret);
 
-/* Least squares over all lights of each view, texel and colour; where the lights do not determine
- * the solution, that of least norm, which has the least ∫ f² dω. A value counts where none of its
- * colours is NaN; infinite ones are refused. A texel of a view without any value becomes black. The
- * result holds what the file gives back, halves, and does not depend on the number of threads.
- * Stage "fit". Errors: DATA_ERROR_INVALID, G_IO_ERROR_CANCELLED. */
+/* Fits by least squares over all lights of each view, texel and colour. If the lights do not
+ * determine the solution, the solution of least norm is used, which has the least ∫ f² dω. Values
+ * of which a colour is NaN are left out. Infinite values are refused. A texel of a view without any
+ * value becomes black. The values of the result are rounded to halves, as in the file. The result
+ * does not depend on the number of threads. The progress stage is "fit". Errors are
+ * DATA_ERROR_INVALID and G_IO_ERROR_CANCELLED. */
 struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
                         GError **error);
 
-/* One texel at the measured directions: n_views × n_lights × 3. */
+/* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret);
 
-/* R G B of a texel of a view under any light. */
+/* Evaluates R, G, B of a texel of a view under any light. */
 void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[3], float ret[3]);
 
-/* Sets error and luminance_error, over all values that are not NaN; returns error. */
+/* Sets error and luminance_error over all values that are not NaN. Returns error. */
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads);
 
-/* Bytes of all values as halves, as a renderer holds them. */
+/* Returns the bytes of all values as halves, as a renderer holds them. */
 gint64 hsh_bytes(const struct hsh *hsh);
 
 /* Errors: EXR_ERROR. */

@@ -16,7 +16,7 @@ static const struct option hsh_codec_table[] = {
      .choices = hsh_codec_choices,
      .fallback = "9",
      .offset = offsetof(struct hsh_codec_options, terms),
-     .help = "terms of each view, texel and colour"},
+     .help = "number of terms of each view, texel and colour"},
     {NULL},
 };
 
@@ -68,7 +68,8 @@ static void hsh_codec_reconstruct(gconstpointer model, int texel, float *ret) {
     hsh_reconstruct(model, texel, ret);
 }
 
-/* Σ_a g_a max(0, f_a(x, l)): the harmonics may be negative between the lights. */
+/* Computes Σ_a g_a max(0, f_a(x, l)). The maximum is needed because the harmonics may be negative
+ * between the lights. */
 static void hsh_codec_evaluate(gconstpointer model, const struct codec_query *query,
                                const struct codec_texels *texels, float ret[3]) {
     const struct hsh *hsh = model;

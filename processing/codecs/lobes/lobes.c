@@ -12,7 +12,7 @@
 #define COLOURS       3
 #define POLYNOMIAL    6  /* coefficients of ptm */
 #define FACET         14 /* values of ward and ashikhmin */
-#define BLOCK         16 /* texels fitted by a thread at a time */
+#define BLOCK         16 /* number of texels that a thread fits at a time */
 #define DEFAULT_LOBES 2
 
 const struct lobes_traits lobes_traits[LOBES_MODELS] = {
@@ -49,7 +49,7 @@ gint64 lobes_bytes(const struct lobes *lobes) {
     return 2 * (gint64)lobes->n_slices * btf_layout_texels(&lobes->layout) * lobes->n_values;
 }
 
-/* Everything that a computation holds; threads only read it, and each writes the values of its own
+/* The data of a computation. Threads only read them, and each thread writes the values of its
  * texels. */
 struct lobes_run {
     const struct btf_matrix *btf;
@@ -62,9 +62,9 @@ struct lobes_run {
     int n_blocks, *done;   /* done: whether each block of texels is fitted */
 };
 
-/* Finds the X of least norm that minimises ‖A X − B‖², with the row (lx², ly², lx ly, lx, ly, 1) of
- * A for each light l, or zeros where row (may be NULL) is NaN. columns: B (n × n_columns) before
- * the call, X (POLYNOMIAL × n_columns) after it; it has max(n, POLYNOMIAL) rows. */
+/* Finds the X of least norm that minimises ‖A X − B‖². A has the row (lx², ly², lx ly, lx, ly, 1)
+ * for each light l, or zeros if row (may be NULL) is NaN. columns is B (n × n_columns) before the
+ * call and X (POLYNOMIAL × n_columns) after it; it has max(n, POLYNOMIAL) rows. */
 static void lobes_solve_polynomial(const float *lights, int n, const float *row, double *columns,
                                    int n_columns) {
     g_autofree double *a = g_new0(double, n *POLYNOMIAL);
@@ -80,7 +80,7 @@ static void lobes_solve_polynomial(const float *lights, int n, const float *row,
                    singular, 1e-6, &rank);
 }
 
-/* A⁺ by solving for the unit matrix: POLYNOMIAL × n. */
+/* Computes A⁺ by solving for the unit matrix: POLYNOMIAL × n. */
 static float *lobes_pseudo_inverse(const float *lights, int n) {
     g_autofree double *columns = g_new0(double, MAX(n, POLYNOMIAL) * n);
     float *ret = g_new(float, POLYNOMIAL *n);
@@ -92,7 +92,8 @@ static float *lobes_pseudo_inverse(const float *lights, int n) {
     return ret;
 }
 
-/* C = A⁺ Y of one row of luminance (n_lights); where some is NaN, a problem of its own. */
+/* Computes C = A⁺ Y of one row of luminance (n_lights). If a value is NaN, a separate problem is
+ * solved. */
 static void lobes_fit_polynomial(const struct lobes_run *run, const float *row, float *ret) {
     const int n = run->fit.n_lights;
     gboolean whole = TRUE;
@@ -114,12 +115,12 @@ static void lobes_fit_polynomial(const struct lobes_run *run, const float *row, 
         ret[k] = (float)column[k];
 }
 
-/* A value counts where all of its colours are there. */
+/* Returns whether a value counts: none of its colours is NaN. */
 static gboolean lobes_is_there(const float *rgb) {
     return !isnan(rgb[0]) && !isnan(rgb[1]) && !isnan(rgb[2]);
 }
 
-/* Luminance of a row, and the colour that Y is multiplied by: Σ RGB / Σ Y. */
+/* Splits a row into its luminance Y and the colour by which Y is multiplied, Σ RGB / Σ Y. */
 static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
     double sums[COLOURS] = {0}, all = 0;
     for (gsize i = 0; i < n; i++, rgb += COLOURS) {
@@ -133,7 +134,7 @@ static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_col
         ret_colour[c] = all > 0 ? (float)CLAMP(sums[c] / all, 0, 1000) : 1;
 }
 
-/* Fits each of n rows from several starts, and keeps the result with the least cost. */
+/* Fits each of n rows from several starts, and keeps the result with the smallest cost. */
 static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows, int n,
                                   float *ret) {
     const int parameters = lobes_fit_parameters(&run->fit);
@@ -153,8 +154,8 @@ static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows
     }
 }
 
-/* Converts parameters of a fit (lobes_private.h) to the values of lobes.h. colour: R, G, B; not
- * read for microfacet models, which have their colours in the parameters. */
+/* Converts the parameters of a fit (lobes_private.h) to the values of lobes.h. colour is R, G, B.
+ * It is not read for microfacet models, whose parameters contain their colours. */
 static void lobes_store(const struct lobes *lobes, const float *colour, const float *p,
                         float *ret) {
     if (lobes_traits[lobes->model].facet) {
@@ -182,9 +183,9 @@ static void lobes_store(const struct lobes *lobes, const float *colour, const fl
     }
 }
 
-/* Finds the diffuse colour D and the specular colour S of a texel by linear least squares, with its
- * shape given: d is the model with diffuse 1 and specular 0, s the one with diffuse 0 and specular
- * 1, and each colour minimises Σ (D d + S s − x)². */
+/* Finds the diffuse colour D and the specular colour S of a texel by linear least squares for a
+ * given shape. d is the model with diffuse 1 and specular 0, s is the model with diffuse 0 and
+ * specular 1. Each colour minimises Σ (D d + S s − x)². */
 static void lobes_colour_facet(const struct lobes_run *run, int texel, float *values) {
     const gsize n_lights = run->btf->layout.lights.n, n = run->btf->layout.views.n * n_lights;
     const float *rgb = run->btf->values + (gsize)texel * n * COLOURS;
@@ -221,8 +222,8 @@ static void lobes_colour_facet(const struct lobes_run *run, int texel, float *va
     }
 }
 
-/* The rows of a block lie texel by texel, with all slices of a texel together; the values of
- * lobes.h lie slice by slice. */
+/* The rows of a block are sorted by texel, with all slices of a texel together. The values of
+ * lobes.h are sorted by slice. */
 static void lobes_fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;
@@ -254,7 +255,7 @@ static void lobes_fit_block(int block, gpointer data) {
     g_atomic_int_set(&run->done[block], 1);
 }
 
-/* Takes the checkpoint's arrays, and registers those to save from now on. */
+/* Takes the checkpoint's arrays, and registers the arrays that are to be saved. */
 static void lobes_resume(struct lobes_run *run) {
     Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;

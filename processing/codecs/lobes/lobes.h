@@ -57,50 +57,51 @@ struct lobes {
     enum lobes_model model;
     char *name;
     struct btf_layout layout;
-    int n_lobes;  /* fields and lafortune: k, 1 … LOBES_MAX_LOBES; else 0 */
-    int n_slices; /* n_views for fields and ptm, else 1 */
-    int n_values; /* of a texel of a slice */
+    int n_lobes;  /* k, 1 … LOBES_MAX_LOBES for fields and lafortune; otherwise 0 */
+    int n_slices; /* n_views for fields and ptm, otherwise 1 */
+    int n_values; /* number of values of a texel of a slice */
     /* n_slices × height × width × n_values, in the order: R G B of the colour, then
      *   fields     k × X Y Z N
      *   ptm        C0 … C5
      *   lafortune  D, k × X Y Z N
      * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
     float *values;
-    /* Errors against the encoded BTF, as lobes_error() computes them: relative RMS of R, G, B, and
-     * the mean of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error: the relative RMS before
+    /* Errors against the encoded BTF as computed by lobes_error(): the relative RMS of R, G, B, and
+     * the mean of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error is the relative RMS before
      * rounding to halves. */
     double error, luminance_error, exact_error;
 };
 
 struct lobes_options {
     enum lobes_model model;
-    int n_lobes; /* 0: the default of 2 (Meseth et al. 2003); ignored by models without lobes */
+    /* 0 means the default of 2 (Meseth et al. 2003); ignored by models without lobes */
+    int n_lobes;
     struct work work;
-    /* NULL, or a checkpoint, which is saved from time to time and when the work is cancelled. The
-     * next call for the same BTF and model continues from it, with the same result. */
+    /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled. The next call
+     * for the same BTF and model continues from it, with the same result. */
     Checkpoint *checkpoint;
 };
 
 void lobes_free(struct lobes *lobes); /* NULL is ignored */
 
-/* Least squares in luminance over all lights (and views). Values of the BTF that are NaN are left
- * out of the fit; infinite ones are refused. Texels without any value become black. The result
- * holds what the file gives back, halves, and does not depend on the number of threads. Stage
- * "fit". */
+/* Fits luminance by least squares over all lights (and views). Values of the BTF that are NaN are
+ * left out of the fit. Infinite values are refused. Texels without any value become black. The
+ * values of the result are rounded to halves, as in the file. The result does not depend on the
+ * number of threads. The progress stage is "fit". */
 struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
                             GError **error);
 
-/* One texel at the measured directions: n_views × n_lights × 3. */
+/* Reconstructs one texel at the measured directions: n_views × n_lights × 3. */
 void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret);
 
-/* R G B of a texel of a slice in any direction; view is ignored by fields and ptm. */
+/* Evaluates R, G, B of a texel of a slice in any direction. fields and ptm ignore view. */
 void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float view[3],
                     const float light[3], float ret[3]);
 
-/* Sets error and luminance_error, over all values that are not NaN; returns error. */
+/* Sets error and luminance_error over all values that are not NaN. Returns error. */
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads);
 
-/* Bytes of all values as halves, as a renderer holds them. */
+/* Returns the bytes of all values as halves, as a renderer holds them. */
 gint64 lobes_bytes(const struct lobes *lobes);
 
 gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error);

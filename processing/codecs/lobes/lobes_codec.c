@@ -17,7 +17,7 @@ static const struct option lobes_codec_table[] = {
      .min = 1,
      .max = G_MAXDOUBLE,
      .offset = offsetof(struct lobes_codec_options, components),
-     .help = "lobes of each texel, of fields and lafortune: 1 to 3, 2 if not given"},
+     .help = "number of lobes of each texel for fields and lafortune: 1 to 3 (2 if not given)"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lobes_codec_options, error),
@@ -25,7 +25,7 @@ static const struct option lobes_codec_table[] = {
     {.name = "mips",
      .type = OPTION_BOOL,
      .offset = offsetof(struct lobes_codec_options, mips),
-     .help = "mip levels too, each fitted again"},
+     .help = "also write mip levels, each fitted separately"},
     {NULL},
 };
 
@@ -104,7 +104,8 @@ static void lobes_codec_reconstruct(gconstpointer model, int texel, float *ret) 
     lobes_reconstruct(model, texel, ret);
 }
 
-/* The formula, at least 0; of models of each view on its own, Σ_a g_a of the views around. */
+/* Evaluates the formula, at least 0. Models of separate views are mixed from the surrounding views
+ * with Σ_a g_a. */
 static void lobes_codec_evaluate(gconstpointer model, const struct codec_query *query,
                                  const struct codec_texels *texels, float ret[3]) {
     const struct lobes *lobes = model;

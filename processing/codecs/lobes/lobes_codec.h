@@ -1,4 +1,4 @@
-/* The models of a texel as codecs. */
+/* The analytic models of a texel as codecs. */
 #pragma once
 
 #include "codec/codec.h"

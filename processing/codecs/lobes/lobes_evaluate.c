@@ -6,13 +6,14 @@
 #include <string.h>
 
 #define COLOURS    3
-#define LEAST_VIEW 0.1F /* least n·v that is divided by, see lobes.h */
+#define LEAST_VIEW 0.1F /* minimum of the divisor n·v, see lobes.h */
 
 static float lobes_evaluate_dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Σ_{i<k} ⟨g_i · w⟩^N_i, values: k × (g_i, N_i); w is l for fields, v ∘ l for Lafortune. */
+/* Computes Σ_{i<k} ⟨g_i · w⟩^N_i. values is k × (g_i, N_i). w is l for fields, v ∘ l for
+ * Lafortune. */
 static float sum_lobes(const float *values, int k, const float w[3]) {
     float sum = 0;
     for (int i = 0; i < k; i++) {
@@ -22,7 +23,7 @@ static float sum_lobes(const float *values, int k, const float w[3]) {
     return sum;
 }
 
-/* c: C0 … C5 of the polynomial texture map (Malzbender et al. 2001). */
+/* Evaluates a polynomial texture map (Malzbender et al. 2001); c is C0 … C5. */
 static float polynomial(const float *c, const float l[3]) {
     return c[0] * l[0] * l[0] + c[1] * l[1] * l[1] + c[2] * l[0] * l[1] + c[3] * l[0] +
            c[4] * l[1] + c[5];
@@ -42,9 +43,9 @@ static float distribution(enum lobes_model model, float u, float v, const float 
     return expf(q * (u * h[0] * h[0] + v * h[1] * h[1]));
 }
 
-/* RGB = diffuse ⟨n·l⟩ + specular s (v, l), with s as lobes.h says; values: diffuse RGB, specular
- * RGB, n, t, U, V. n·v below LEAST_VIEW counts as LEAST_VIEW; a light below the surface gives
- * nothing. */
+/* Computes RGB = diffuse ⟨n·l⟩ + specular s (v, l), with s as in lobes.h. values are diffuse RGB,
+ * specular RGB, n, t, U, V. If n·v is below LEAST_VIEW, LEAST_VIEW is used. The result is 0 for a
+ * light below the surface. */
 static void lobes_evaluate_facet(enum lobes_model model, const float *values, const float v[3],
                                  const float l[3], float ret[3]) {
     const float *n = values + 6, *t = values + 9, rough_u = values[12], rough_v = values[13];
@@ -69,8 +70,8 @@ static void lobes_evaluate_facet(enum lobes_model model, const float *values, co
         ret[c] = values[c] * nl + values[COLOURS + c] * shine;
 }
 
-/* values: those of one texel of one slice. Microfacet models have their colours in the values;
- * other models give Y, which is multiplied by the colour. */
+/* values are those of one texel of one slice. The values of microfacet models contain their
+ * colours. Other models give Y, which is multiplied by the colour. */
 static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *values,
                                     const float v[3], const float l[3], float ret[3]) {
     const float w[3] = {v[0] * l[0], v[1] * l[1], v[2] * l[2]};
@@ -93,7 +94,7 @@ static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *valu
         ret[c] = values[c] * y;
 }
 
-/* slice: a view for fields and PTM, else 0. */
+/* slice is a view for fields and PTM, otherwise 0. */
 static const float *values_of(const struct lobes *lobes, int slice, int texel) {
     const gsize texels = btf_layout_texels(&lobes->layout);
     return lobes->values + ((gsize)slice * texels + (gsize)texel) * (gsize)lobes->n_values;
@@ -119,7 +120,7 @@ static void lobes_evaluate_measured_clear(struct measured *measured) {
     g_free(measured->lights);
 }
 
-/* ret: n_views × n_lights × COLOURS of one texel, at the measured directions. */
+/* Reconstructs one texel at the measured directions. ret is n_views × n_lights × COLOURS. */
 static void lobes_evaluate_reconstruct(gconstpointer model, int texel, float *ret) {
     const struct measured *at = model;
     const struct lobes *lobes = at->lobes;

@@ -5,7 +5,7 @@
 #include "lobes_private.h"
 
 #define COLOURS 3
-#define LARGEST 65504.0F /* of a half */
+#define LARGEST 65504.0F /* the largest half */
 
 static const char *const rgb[] = {"R", "G", "B"}, *const xyzn[] = {"X", "Y", "Z", "N"};
 
@@ -39,7 +39,8 @@ static int lobes_file_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* The part that begins with value first; ret_end is the first value of the next one. */
+/* Returns the part that begins with the value first. ret_end is the first value of the next
+ * part. */
 static struct exr_part *lobes_file_values_part(const struct lobes *lobes, int first, int *ret_end) {
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;

@@ -6,20 +6,21 @@
 
 #define P          LOBES_MAX_PARAMETERS
 #define MOST_STEPS 80
-#define ENOUGH     1e-5F /* relative gain of a step that ends it */
+/* a problem is solved when the relative gain of a step is less than this */
+#define ENOUGH     1e-5F
 #define LEAST_VIEW 0.1F  /* see lobes.h */
 #define SHALLOW    1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */
 #define LN2        0.69314718F
 #define TINY       1e-20F
 
-/* The sums over all samples that the solver needs at one point. */
+/* The sums over all samples at one point that the solver needs. */
 struct normal {
     lanes cost;
     lanes gradient[P];             /* Jᵀr */
     lanes matrix[P * (P + 1) / 2]; /* JᵀJ, lower half row by row */
 };
 
-/* Values common to all samples. */
+/* Values that are common to all samples. */
 struct prepared_lobe {
     lanes d[3], s, n;
 };
@@ -37,8 +38,9 @@ static int lobes_of(const struct lobes_fit *fit) {
     return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? fit->n_lobes : 0;
 }
 
-/* fields, Lafortune: k × (g = s d, log N), then D for Lafortune. Microfacets: both slopes of the
- * normal, the tangent's angle, log U, log V, diffuse, specular. */
+/* Number of parameters. fields and Lafortune have k × (g = s d, log N), and Lafortune also D.
+ * Microfacet models have both slopes of the normal, the tangent's angle, log U, log V, diffuse and
+ * specular. */
 int lobes_fit_parameters(const struct lobes_fit *fit) {
     switch (fit->model) {
     case LOBES_FIELDS:
@@ -50,7 +52,7 @@ int lobes_fit_parameters(const struct lobes_fit *fit) {
     }
 }
 
-/* p: g = s d with ‖d‖ = 1, and log n. s is the lobe's value along d, for every n. */
+/* p is g = s d with ‖d‖ = 1, and log n. s is the lobe's value along d, for every n. */
 LANES_INLINE void prepare_lobe(const lanes *p, struct prepared_lobe *ret) {
     const lanes squares = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
     ret->s = lanes_sqrt(lanes_max(squares, lanes_all(TINY)));
@@ -87,7 +89,8 @@ LANES_INLINE void cross(const lanes a[3], const lanes b[3], lanes ret[3]) {
 LANES_INLINE void turn(lanes angle, lanes *ret_sin, lanes *ret_cos) {
     const lanes x = angle * (1.0F / 256), x2 = x * x;
     lanes s = x * (1.0F - x2 * (1.0F / 6) * (1.0F - x2 * (1.0F / 20)));
-    lanes less = x2 * 0.5F * (1.0F - x2 * (1.0F / 12)); /* 1 − cos, which keeps its digits */
+    /* 1 − cos, computed without loss of digits */
+    lanes less = x2 * 0.5F * (1.0F - x2 * (1.0F / 12));
     for (int i = 0; i < 8; i++) {
         const lanes doubled = 2.0F * s * (1.0F - less);
         less = 2.0F * s * s;
@@ -129,8 +132,8 @@ LANES_INLINE void prepare_frame(const lanes *p, struct prepared_facet *ret) {
     }
 }
 
-/* p: slopes a, b, angle ψ, log U, log V, diffuse, specular; scale is s's factor of U and V alone.
- */
+/* p are the slopes a, b, the angle ψ, log U, log V, diffuse and specular. scale is the factor of s
+ * that depends only on U and V. */
 LANES_INLINE void prepare_facet(enum lobes_model model, const lanes *p,
                                 struct prepared_facet *ret) {
     prepare_frame(p, ret);
@@ -236,7 +239,8 @@ LANES_INLINE void prepare(enum lobes_model model, int k, const lanes *p, struct 
             prepare_lobe(p + 4 * i, &ret->lobes[i]);
 }
 
-/* f of one pair of directions for LANES texels at once, and j, its derivatives by p. */
+/* Computes f of one pair of directions for LANES texels together, and j, its derivatives with
+ * respect to p. */
 LANES_INLINE lanes model_at(enum lobes_model model, int k, const lanes *p,
                             const struct prepared *prepared, const float *view, const float *light,
                             lanes *j) {
@@ -268,7 +272,7 @@ LANES_INLINE void clear(struct normal *normal, int n) {
 }
 
 /* Sums ‖r‖², Jᵀr and JᵀJ over all pairs of directions, r = y − f, without NaN. Each view is summed
- * on its own first, because a sum of thousands of floats loses digits. */
+ * separately first, because a sum of thousands of floats loses digits. */
 LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobes_fit *fit,
                          const lanes *p, const lanes *values, struct normal *ret) {
     struct prepared prepared;
@@ -299,8 +303,8 @@ LANES_INLINE void sum_up(enum lobes_model model, int k, int n, const struct lobe
     }
 }
 
-/* x of A x = b by Cholesky; b is overwritten. A pivot that is as small as rounding errors is
- * increased. */
+/* Solves A x = b by Cholesky's method; b is overwritten by x. A pivot that is as small as rounding
+ * errors is increased. */
 LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     for (int i = 0; i < n; i++) {
         lanes *row = a + i * (i + 1) / 2;
@@ -324,7 +328,8 @@ LANES_INLINE void solve(int n, lanes *a, const lanes *diagonal, lanes *b) {
     }
 }
 
-/* Bounds of a parameter; amplitudes of lobes are bounded together, in keep_inside(). */
+/* Gives the bounds of a parameter. The amplitudes of lobes are bounded together, in
+ * keep_inside(). */
 LANES_INLINE gboolean bounds_of(enum lobes_model model, int k, int i, float *ret_low,
                                 float *ret_high) {
     *ret_low = *ret_high = 0;
@@ -366,7 +371,8 @@ LANES_INLINE void keep_inside(enum lobes_model model, int k, int n, lanes peak, 
     }
 }
 
-/* The next point to try: parameters that lie at a bound and push against it stay where they are. */
+/* Computes the next point to try. Parameters that are at a bound and would cross it do not
+ * change. */
 LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal *at,
                        const lanes *p, lanes damping, lanes peak, lanes *ret) {
     lanes a[P * (P + 1) / 2], b[P], diagonal[P];
@@ -390,7 +396,7 @@ LANES_INLINE void step(enum lobes_model model, int k, int n, const struct normal
     keep_inside(model, k, n, peak, ret);
 }
 
-/* Everything about the eight problems under way. */
+/* The state of the eight problems that are being solved. */
 struct state {
     const struct lobes_fit *fit;
     int n, samples, next, n_problems;
@@ -399,11 +405,11 @@ struct state {
     lanes *values; /* samples */
     lanes p[P], trial[P], damping, peak;
     struct normal at, tried;
-    int problem[LANES], steps[LANES]; /* −1: none */
+    int problem[LANES], steps[LANES]; /* −1 if none */
     gint64 all_steps;
 };
 
-/* A lane gets the next problem, whose first point is accepted unconditionally. */
+/* Gives a lane the next problem, whose first point is accepted unconditionally. */
 static void lobes_fit_load(struct state *state, int lane) {
     const int problem = state->next < state->n_problems ? state->next++ : -1;
     const float *row = state->rows + (gsize)MAX(problem, 0) * (gsize)state->samples;
@@ -434,7 +440,7 @@ static void lobes_fit_store(struct state *state, int lane) {
     state->all_steps += state->steps[lane];
 }
 
-/* Accepts the tried points that are better; returns which problems have ended. */
+/* Accepts the tried points that are better. Returns the lanes whose problems have ended. */
 LANES_INLINE lane_bits accept(struct state *state) {
     const int n = state->n;
     const lane_bits better = state->tried.cost < state->at.cost;
@@ -452,7 +458,7 @@ LANES_INLINE lane_bits accept(struct state *state) {
     return small | (state->damping > 1e5F) | (state->at.cost <= TINY);
 }
 
-/* Passes vectors by address, since their passing by value differs between processors. */
+/* Vectors are passed by address, because processors differ in how they are passed by value. */
 static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {
@@ -481,7 +487,7 @@ LANES_INLINE void run(enum lobes_model model, int k, int n, struct state *state)
     }
 }
 
-/* Each kind gets code of its own, in which the loops over its parameters are unrolled. */
+/* Each kind of model is compiled separately, so that the loops over its parameters are unrolled. */
 LANES_INLINE void run_kind(struct state *state) {
     switch (state->fit->model) {
     case LOBES_FIELDS:
@@ -509,7 +515,8 @@ LANES_INLINE void run_kind(struct state *state) {
     }
 }
 
-/* Resolvers of target_clones run before the sanitizers' own start-up: dispatched by hand. */
+/* The functions are chosen at run time by hand, because resolvers of target_clones run before the
+ * sanitizers are initialised. */
 #if defined(__x86_64__)
 __attribute__((target("avx2,fma"))) static void run_avx2(struct state *state) {
     run_kind(state);

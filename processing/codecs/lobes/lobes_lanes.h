@@ -1,4 +1,4 @@
-/* Eight floats side by side, and the few functions that lobes_fit.c needs of them. */
+/* Vectors of eight floats, and the few functions of them that lobes_fit.c needs. */
 #pragma once
 
 #include <glib.h>
@@ -6,9 +6,11 @@
 
 #define LANES 8
 typedef float lanes __attribute__((vector_size(4 * LANES)));
-typedef gint32 lane_bits __attribute__((vector_size(4 * LANES))); /* of a comparison: −1 or 0 */
+/* result of a comparison: −1 or 0 */
+typedef gint32 lane_bits __attribute__((vector_size(4 * LANES)));
 
-/* For functions that are inlined into callers which are compiled for several processors. */
+/* For functions that are inlined into callers which are compiled for several kinds of
+ * processors. */
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 LANES_INLINE lanes lanes_all(float value) {
@@ -27,7 +29,7 @@ LANES_INLINE lanes lanes_min(lanes a, lanes b) {
     return lanes_if(a < b, a, b);
 }
 
-/* log₂ x of normal numbers x > 0; the absolute error is about 1e-7. */
+/* log₂ x of normal numbers x > 0. The absolute error is about 1e-7. */
 LANES_INLINE lanes lanes_log2(lanes x) {
     const lane_bits bits = (lane_bits)x - 0x3f3504f3; /* √½: the mantissa lies in √½ … √2 */
     const lane_bits exponent = bits >> 23;
@@ -37,10 +39,11 @@ LANES_INLINE lanes lanes_log2(lanes x) {
     return __builtin_convertvector(exponent, lanes) + t * series;
 }
 
-/* 2^x, clamped to 2^±50: squares of smaller values would be denormal, which is slow on
+/* 2^x, clamped to 2^±50. The squares of smaller values would be denormal, which is slow on many
  * processors. */
 LANES_INLINE lanes lanes_exp2(lanes x) {
-    const lanes magic = lanes_all(12582912.0F); /* 1.5 · 2²³: what is added to it is rounded */
+    /* 1.5 · 2²³; adding this number rounds the other operand */
+    const lanes magic = lanes_all(12582912.0F);
     x = lanes_max(lanes_min(x, lanes_all(50)), lanes_all(-50));
     const lanes shifted = x + magic, whole = shifted - magic;
     const lanes u = (x - whole) * 0.69314718F;

@@ -7,40 +7,38 @@
 
 #define LOBES_MAX_PARAMETERS (4 * LOBES_MAX_LOBES + 1)
 
-/*
- * Solves many small non-linear least-squares problems of one kind at once, by Levenberg–Marquardt
- * with eight problems side by side in the lanes of vectors. Each has its own damping and bounds,
- * and ends on its own. A lane whose problem is solved takes the next one. A problem's result does
- * not depend on the others.
+/* Solves many small non-linear least-squares problems of one kind by Levenberg–Marquardt. Eight
+ * problems are solved together in the lanes of vectors. Each problem has its own damping and
+ * bounds, and ends independently. A lane whose problem is solved takes the next problem. The result
+ * of a problem does not depend on the others.
  *
- * Parameters while fitting, chosen so that a lobe of exponent 1 is linear in them:
+ * Parameters during the fit are chosen so that a lobe of exponent 1 is linear in them:
  *   lobe       g (3), log N:   |g| ⟨g/|g| · w⟩^N,  so that (X, Y, Z) = g/|g| · |g|^(1/N)
  *   fields     k lobes
  *   lafortune  k lobes, D
  *   ward       slopes of the normal (2), angle of the tangent, log U, log V, diffuse, specular
- *   ashikhmin  the same
- */
+ *   ashikhmin  the same */
 struct lobes_fit {
-    enum lobes_model model; /* not ptm, which is linear */
+    enum lobes_model model; /* not ptm, which is solved as a linear problem */
     int n_lobes;
-    int n_views, n_lights;       /* fields: one view, which is ignored */
+    int n_views, n_lights;       /* for fields, one view, which is ignored */
     const float *views, *lights; /* × 3, unit vectors */
 };
 
 int lobes_fit_parameters(const struct lobes_fit *fit);
 
-/* rows: n × n_views × n_lights of luminance, NaN where there is none. parameters: n × the
- * parameters of a problem: the start before the call, the result after it. ret_costs: n sums of
- * squares, may be NULL. Returns the number of steps in all problems together. */
+/* rows is n × n_views × n_lights of luminance, NaN for missing values. parameters is n × the
+ * parameters of a problem: the start before the call, the result after it. ret_costs is n sums of
+ * squares, or NULL. Returns the number of steps in all problems together. */
 gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
                       float *ret_costs);
 
-/* Initial values: n × parameters for n rows. */
+/* Computes initial values: n × parameters for n rows. */
 struct lobes_start;
 struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
 void lobes_start_free(struct lobes_start *start);
-/* variant: 0 … lobes_start_variants() − 1; if there are several, the best of their results is
- * kept. */
+/* variant is 0 … lobes_start_variants() − 1. If there are several variants, the caller fits each
+ * and keeps the best result. */
 int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
@@ -48,16 +46,18 @@ void lobes_start_rows(const struct lobes_start *start, int variant, const float 
 /* Properties of a model. */
 struct lobes_traits {
     const char *name;
-    gboolean each_view; /* a slice of values for each view */
+    gboolean each_view; /* whether each view has a slice of values */
     gboolean lobed;     /* has 1 … LOBES_MAX_LOBES lobes of 4 values */
     gboolean facet;     /* ward, ashikhmin: a normal, a tangent and two roughnesses */
-    int n_values;       /* of a texel of a slice, beside the lobes */
+    int n_values;       /* number of values of a texel of a slice, without the lobes */
 };
 extern const struct lobes_traits lobes_traits[LOBES_MODELS];
 
-/* Names of the part and the channel in which a value lies; g_free() that of the part. */
+/* Return the names of the part and the channel that contain a value; g_free() the name of the
+ * part. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 
-/* What lobes_write() and lobes_read() have in a file; path is for messages. */
+/* Convert to and from the file of lobes_write() and lobes_read() in memory. path is for
+ * messages. */
 struct exr_file *lobes_to_exr(const struct lobes *lobes);
 struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error);

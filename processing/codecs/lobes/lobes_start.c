@@ -5,13 +5,14 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SPACING 0.02F /* radians: lights closer than that are one */
-#define NARROW        0.05F /* of the brightest value: the least a found lobe begins with */
-#define TANGENTS      2     /* directions of the tangent that are tried: along x and along y */
+#define LEAST_SPACING 0.02F /* radians: lights that are closer than this count as one */
+/* minimum initial amplitude of a lobe, relative to the brightest value */
+#define NARROW   0.05F
+#define TANGENTS 2 /* number of initial directions of the tangent: along x and along y */
 
 struct lobes_start {
     const struct lobes_fit *fit;
-    float spacing;    /* of lights, radians */
+    float spacing;    /* mean distance of lights, radians */
     float *planes;    /* 3 × n_lights: pseudo-inverse of the lights' directions */
     float *high_pass; /* n_lights² */
 };
@@ -20,7 +21,7 @@ static float angle(const float *a, const float *b) {
     return acosf(CLAMP(cblas_sdot(3, a, 1, b, 1), -1, 1));
 }
 
-/* Mean distance of a light from the next one. */
+/* Returns the mean distance of a light from the nearest other one. */
 static float spacing(const struct lobes_fit *fit) {
     float sum = 0;
     for (int i = 0; i < fit->n_lights; i++) {
@@ -53,7 +54,7 @@ static float *high_pass(const struct lobes_fit *fit, float width) {
     return matrix;
 }
 
-/* (LᵀL)⁻¹Lᵀ, with a little on the diagonal for lights that lie in a plane. */
+/* Returns (LᵀL)⁻¹Lᵀ. A small number is added to the diagonal for lights that lie in a plane. */
 static float *planes(const struct lobes_fit *fit) {
     const int n = fit->n_lights;
     float squares[9], *inverse = g_memdup2(fit->lights, sizeof(float) * 3 * (gsize)n);
@@ -86,7 +87,7 @@ int lobes_start_variants(const struct lobes_fit *fit) {
     return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? 2 : TANGENTS;
 }
 
-/* Computes the mean of each light's values over the views; a light without values gets the mean of
+/* Computes the mean of each light's values over the views. A light without values gets the mean of
  * all values, which is returned. */
 static float mean_lights(const struct lobes_fit *fit, const float *row, float *ret) {
     double all = 0;
@@ -109,12 +110,13 @@ static float mean_lights(const struct lobes_fit *fit, const float *row, float *r
     return mean;
 }
 
-/* Principal directions besides the diffuse one: where the value exceeds its surroundings most. */
+/* Finds principal directions in addition to the diffuse one: those whose values exceed their
+ * surroundings most. */
 static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
                        float *ret) {
     const int count = start->fit->n_lights;
     g_autofree float *left = g_new(float, count);
-    /* The exponent of a lobe that falls to a half at the lights' distance. */
+    /* The exponent of a lobe that falls to a half at the mean distance of the lights. */
     const float exponent =
         CLAMP(-logf(2) / logf(cosf(MIN(start->spacing, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
     float brightest = 0;
@@ -138,7 +140,7 @@ static void find_lobes(const struct lobes_start *start, const float *lights, int
     }
 }
 
-/* The diffuse lobe by linear least squares. */
+/* Finds the diffuse lobe by linear least squares. */
 static void find_diffuse(const struct lobes_start *start, const float *lights, float mean,
                          float ret[3]) {
     cblas_sgemv(CblasColMajor, CblasNoTrans, 3, start->fit->n_lights, 1, start->planes, 3, lights,
@@ -166,7 +168,7 @@ static void start_facet(const struct lobes_start *start, int variant, const floa
 
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters) {
-    /* Mirror, back to the light, and broad: what lobes of real materials look like. */
+    /* Mirror, back to the light, and broad: shapes of lobes of real materials. */
     static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
     const struct lobes_fit *fit = start->fit;
     const int parameters = lobes_fit_parameters(fit), k = fit->n_lobes;
@@ -181,7 +183,7 @@ void lobes_start_rows(const struct lobes_start *start, int variant, const float 
             to[3] = variant ? logf(2) : 0;
             if (k > 1)
                 find_lobes(start, lights, variant, k - 1, to + 4);
-            /* A second variant begins with broader lobes at the next directions. */
+            /* The second variant begins with broader lobes in the next directions. */
             for (int lobe = 1; variant && lobe < k; lobe++)
                 to[4 * lobe + 3] = logf(2);
         } else if (fit->model == LOBES_LAFORTUNE) {

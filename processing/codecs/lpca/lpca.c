@@ -8,7 +8,7 @@
 
 #define COLOURS     3
 #define LARGEST_Q   127
-#define LEAST_LIGHT 1e-3F /* of the brightest: lower bound of a light's step */
+#define LEAST_LIGHT 1e-3F /* minimum of a light's step, relative to the largest step */
 
 static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 
@@ -126,7 +126,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
     return fewer;
 }
 
-/* n values of texel x from value `from` on: E_0 + Σ_i w_i(x) E_i. */
+/* Computes n values of texel x from the value from on: E_0 + Σ_i w_i(x) E_i. */
 static void add_components(const struct lpca *lpca, int texel, int from, int n, float *ret) {
     const int k = lpca->clusters[texel], c = lpca->n_components;
     memcpy(ret, lpca_brdf(lpca, k, 0) + from, sizeof(float) * (gsize)n);
@@ -151,9 +151,9 @@ static void lpca_to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* Rounds one table E_i (views × lights × 3) to whole steps of S_i S_i,l, with S_i = max |E_i| / 127
- * and S_i,l = max_v |E_i(v, l)| / max |E_i|, at least LEAST_LIGHT. light_scales: S_i,l, found here;
- * NULL: all are 1. */
+/* Rounds one table E_i (views × lights × 3) to whole steps of S_i S_i,l. S_i = max |E_i| / 127, and
+ * S_i,l = max_v |E_i(v, l)| / max |E_i|, at least LEAST_LIGHT. light_scales gets S_i,l; NULL means
+ * that all are 1. */
 static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
                           float *light_scales) {
     const int n = n_views * n_lights * COLOURS;

@@ -1,16 +1,15 @@
-/*
- * Local PCA of a BTF (Schneider 2004 §3, after Müller et al. 2003). The BTF is treated as one
- * BRDF per texel; texels are clustered, and each cluster has its own mean and eigen-BRDFs:
+/* Local PCA of a BTF (Schneider 2004 §3, after Müller et al. 2003). The BTF is treated as one BRDF
+ * per texel. The texels are clustered, and each cluster has its own mean and eigen-BRDFs:
  *
  *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
  * The w_i span the same space as the texels' coordinates along the principal axes of their cluster
- * in a reduced space, and the E_i are the best for these weights in all dimensions, so that reading
- * the BTF twice gives both. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) − E_{0,k(x)},
- * E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k, with
- * weight 1 (§4 of the paper leaves it out of its sum). Values hold n·l already. The E_{i,k}, i ≥ 1,
- * are orthonormal and in order of the variance they explain, so that leaving out the last ones is
- * optimal with fewer; those that a cluster does not need are 0.
+ * in a reduced space. The E_i are the best for these weights in all dimensions. Reading the BTF
+ * twice is therefore sufficient. For packed local PCAs, as in the paper, w_i(x) = ⟨B(x) −
+ * E_{0,k(x)}, E_{i,k(x)}⟩, for which the BTF is read a third time. E_{0,k} is the mean of cluster k
+ * and has the weight 1 (§4 of the paper omits it from its sum). Values contain n·l. The E_{i,k}, i
+ * ≥ 1, are orthonormal and sorted by the variance that they explain. Leaving out the last ones is
+ * therefore optimal for a smaller number of them. Those that a cluster does not need are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -20,27 +19,26 @@
  *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l:
  *                           E_{i,k}(v, l) / (S_{i,k} S_{i,k,l})
  *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
- *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
+ *   part "weight_scales"    channel "S", width n_clusters, height c, float; only with 8bit-weights
  *   part "light_scales"     channel "S", width n_lights, height n_clusters · (c + 1), half: line
  *                           k · (c + 1) + i, column l: S_{i,k,l}; if missing, 1
  *
- * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
- * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
- * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
- * = "log" for decorrelated colours, see below.
+ * The attributes of "clusters" are mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise
+ * (string: float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()),
+ * texel_mm, reference_mm (double), mesorig.grid (int) if there is an n_grid, and mesorig.colours
+ * (string) = "log" for decorrelated colours (see below).
  *
- * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
- * with a scale for each E_i and a further one for each light of it: under grazing light all values
- * are dark, and steps that suit bright light would be seen. (A local PCA on a grid has no scales of
- * lights, because it is drawn with the file's 8 bits.) Means stay halves, because no small weight
- * makes their steps smaller. With 8bit-weights, weights are such integers, too, with a scale for
- * each component of each cluster. EXR has no 8-bit channels: the integers lie in halves, without
- * loss. In the other forms all scales are 1.
+ * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed).
+ * Each E_i has a scale, and each light of an E_i has a further scale: under grazing light all
+ * values are dark, and the steps that suit bright light would be visible. (A local PCA on a grid
+ * has no scales of lights, because it is drawn with the file's 8 bits.) Means stay halves, because
+ * their weight is always 1 and their steps would be visible. With 8bit-weights, weights are also
+ * such integers, with a scale for each component of each cluster. EXR has no 8-bit channels, so
+ * that the integers are stored in halves, without loss. In the other forms all scales are 1.
  *
- * Decorrelated colours (LPCA_LOG): in place of R, G, B the sums are of ln(Y + ε), (R − Y)/(Y + ε),
- * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: dark values
- * then count as much as bright ones.
- */
+ * With decorrelated colours (LPCA_LOG), the PCA is not of R, G, B but of ln(Y + ε), (R − Y)/(Y +
+ * ε), (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET. Dark values
+ * then count as much as bright values. */
 #pragma once
 
 #include "base/team.h"
@@ -50,7 +48,7 @@
 #define LPCA_MAX_CLUSTERS   1024
 #define LPCA_MAX_COMPONENTS 64
 
-/* lpca_quantise() takes the first LPCA_QUANTISE_KINDS; lpca_pack.h makes packed ones. */
+/* lpca_quantise() accepts the first LPCA_QUANTISE_KINDS. lpca_pack.h makes packed local PCAs. */
 enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS, LPCA_PACKED };
 #define LPCA_QUANTISE_KINDS 4
 const char *lpca_quantise_name(enum lpca_quantise quantise);
@@ -58,7 +56,7 @@ gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
 
 enum lpca_colours { LPCA_RGB, LPCA_LOG };
 #define LPCA_LOG_OFFSET 0.01F
-/* n colours of three, in place. */
+/* Convert n colours of three values, in place. */
 void lpca_to_log(float *values, gsize n);
 void lpca_from_log(float *values, gsize n);
 
@@ -66,38 +64,44 @@ struct lpca {
     char *name;
     struct btf_layout layout;
     int n_clusters, n_components;
-    int n_grid; /* 0; or views and lights are the n_grid² samples of resample.h, not measured ones
-                 */
+    /* if not 0, views and lights are the n_grid² samples of resample.h instead of measured
+     * directions */
+    int n_grid;
     int *clusters;  /* height × width: k(x) */
     float *weights; /* height × width × n_components */
     float *brdfs;   /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
-    float *scales;  /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
-    float *light_scales;  /* n_clusters × (n_components + 1) × n_lights; NULL: all are 1 */
-    float *weight_scales; /* n_clusters × n_components: likewise of weights */
+    /* n_clusters × (n_components + 1): steps of brdfs if they have 8 bits, otherwise 1 */
+    float *scales;
+    float *light_scales; /* n_clusters × (n_components + 1) × n_lights; NULL if all are 1 */
+    /* n_clusters × n_components: steps of weights if they have 8 bits, otherwise 1 */
+    float *weight_scales;
     enum lpca_quantise quantise;
     enum lpca_colours colours;
-    double error;               /* as lpca_error() found it; 0 if it was not asked */
-    struct lpca_packed *packed; /* what its file holds if it is packed, see lpca_pack.h; or NULL */
+    double error; /* error found by lpca_error(); 0 if it was not called */
+    /* content of the file if it is packed, see lpca_pack.h; otherwise NULL */
+    struct lpca_packed *packed;
 };
 
-/* The result that came nearest to a target that is not reached. */
+/* The result that came nearest to a target that was not reached. */
 struct lpca_nearest {
-    int n_clusters, n_components; /* 0: nothing */
+    int n_clusters, n_components; /* 0 if there is none */
     double error;
 };
 
 struct lpca_options {
     int n_clusters, n_components;
-    double target; /* 0, or the error to reach: n_components is then the maximum */
+    double target; /* 0, or the error to reach; n_components is then the maximum */
     struct work work;
     enum lpca_colours colours;
-    gint64 memory;           /* 0, or bytes that may be used beside the BTF's values */
-    const struct team *team; /* NULL: this process is alone */
-    gboolean to_pack;        /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
-    /* NULL, or a checkpoint, which is saved from time to time and when the work is cancelled or
-     * fails. The same call continues from it, with the same result. Must be NULL with a team. */
+    /* bytes that may be used in addition to the BTF's values; 0 if not limited */
+    gint64 memory;
+    const struct team *team; /* NULL if this process works without others */
+    /* allows up to LPCA_MAX_PACKED components, which only lpca_pack.h accepts */
+    gboolean to_pack;
+    /* NULL, or a checkpoint. It is saved at intervals and when the work is cancelled or fails. The
+     * same call continues from it, with the same result. Must be NULL with a team. */
     Checkpoint *checkpoint;
-    struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
+    struct lpca_nearest *nearest; /* filled if a target is not reached; may be NULL */
 };
 
 typedef struct lpca Lpca;
@@ -108,35 +112,37 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Lpca, lpca_free)
  * Clusters that are not needed are left out: a constant material has one. The result does not
  * depend on the number of threads. Progress stages are "reduce", "cluster", "refine", "weights" if
  * it is to be packed, and "check" if errors are measured. With a target, it is computed with 1, 2,
- * 4, … components until the target is reached; if the target cannot be reached, the error says how
- * near the result came.
+ * 4, … components until the target is reached. If the target cannot be reached, the error gives the
+ * smallest error reached.
  *
- * With a team every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
- * btf->values, and all ranks get the whole result. Clusters do not depend on the number of ranks;
- * other numbers do, since the ranks' sums are rounded differently. */
+ * With a team, every rank calls this with its own part of the texels (TEAM_ROWS) as the rows of
+ * btf->values, and all ranks get the whole result. Clusters do not depend on the number of ranks.
+ * Other numbers do, because the sums of the ranks are rounded differently. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 
-/* The same with fewer components. */
+/* Returns the same local PCA with fewer components. */
 struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 
-/* Rounds the values in memory to those that a file of this kind gives back. To be called once, on
- * LPCA_FLOAT. */
+/* Rounds the values in memory to the values that are read from a file of this kind. To be called
+ * once, on LPCA_FLOAT. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
-/* Bytes it takes beside the BTF's values. */
+/* Returns the bytes that the computation takes in addition to the BTF's values. */
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options);
 
-/* ‖X − X̂‖_F / ‖X‖_F of R, G, B, also kept in lpca->error; 0 for a black BTF. */
+/* Returns ‖X − X̂‖_F / ‖X‖_F of R, G, B, and stores it in lpca->error. Returns 0 for a black
+ * BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
-/* The same for options' team, with progress. */
+/* The same for the team of the options, with progress. */
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 
-/* Bytes of index, weights and BRDFs as a renderer holds them; of a packed one as if in halves. */
+/* Returns the bytes of index, weights and BRDFs in a renderer's memory. A packed local PCA counts
+ * as if it were in halves. */
 gint64 lpca_bytes(const struct lpca *lpca);
 
-/* One texel: n_views × n_lights × 3. */
+/* Reconstructs one texel: n_views × n_lights × 3. */
 void lpca_reconstruct(const struct lpca *lpca, int texel, float *ret);
 
 gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error);

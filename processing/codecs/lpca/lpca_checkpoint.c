@@ -4,7 +4,7 @@
 
 #include "btf/btf_checkpoint.h"
 
-#define KEPT_FORM 1 /* raised when the content of the checkpoint changes */
+#define KEPT_FORM 1 /* to be increased when the content of the checkpoint changes */
 
 static const char *const names[] = {
     [LPCA_KEPT_MEAN] = "lpca.mean",       [LPCA_KEPT_AXES] = "lpca.axes",
@@ -26,7 +26,7 @@ static const guint kept_by[] = {
     [LPCA_MADE] = KEPT(MEAN) | KEPT(ROWS) | KEPT(LABELS) | KEPT(BRDFS) | KEPT(WEIGHTS),
 };
 
-/* Bytes, of a run in this state. */
+/* Returns the bytes of an array of a run in this state. */
 static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept what) {
     const struct lpca_state *state = &run->state;
     const gsize n = (gsize)run->n, d = (gsize)run->d, r = (gsize)run->r, c = (gsize)state->c;
@@ -53,7 +53,7 @@ static gsize lpca_checkpoint_size_of(const struct lpca_run *run, enum lpca_kept 
     }
 }
 
-/* Whether the state in the file belongs to this call, with all arrays of its stage. */
+/* Returns whether the state in the file belongs to this call and has all arrays of its stage. */
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;
@@ -64,7 +64,7 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
         found->stage < LPCA_REDUCING || found->stage > LPCA_MADE)
         return FALSE;
     like.state = *found;
-    /* If it was stopped between clustering and refining, there are no eigen-BRDFs yet. */
+    /* If the run was stopped between clustering and refining, there are no eigen-BRDFs yet. */
     const guint begun = KEPT(BRDFS) | KEPT(SQUARES);
     const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_REFINING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
@@ -143,7 +143,7 @@ void lpca_leave(struct lpca_run *run) {
     g_clear_pointer(&run->done, g_free);
 }
 
-/* An array of a complete local PCA, as it is kept. */
+/* An array of a complete local PCA in the checkpoint. */
 struct piece {
     const char *name;
     gpointer values;

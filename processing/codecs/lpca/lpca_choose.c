@@ -5,13 +5,15 @@
 #include "lpca_private.h"
 
 #define PATIENCE                                                                                   \
-    2 /* number of consecutive tries with more clusters that may bring no improvement */
+    2 /* maximum number of consecutive tries with more clusters that bring no improvement */
 
 /* The state of a choice, byte by byte in the checkpoint. */
 struct choice {
     struct lpca_target target;
-    gint32 clusters, worse;            /* to be tried next, and how often that did not help */
-    struct lpca_nearest best, nearest; /* the best so far; of those that do not reach the error */
+    /* number of clusters to try next, and number of tries without improvement */
+    gint32 clusters, worse;
+    /* the best result so far, and the best of those that do not reach the error */
+    struct lpca_nearest best, nearest;
 };
 
 struct choosing {
@@ -42,9 +44,10 @@ static gint64 raw_bytes(const struct btf_matrix *btf) {
     return 2 * 3 * btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
 }
 
-/* Returns the most bytes that the next model may take. With an error to reach, it must be smaller
- * than the best model so far, and no larger than the BTF; but for a material of few texels, one
- * cluster of as many components as hold everything is allowed. */
+/* Returns the maximum number of bytes of the next model. With an error to reach, the model must be
+ * smaller than the best model so far, and at most as large as the BTF. For a material with few
+ * texels, there is an exception: one cluster may have as many components as represent
+ * everything. */
 static gint64 most_bytes(const struct choosing *choosing) {
     const struct btf_matrix *btf = choosing->btf;
     const struct lpca_target *target = choosing->target;
@@ -60,7 +63,7 @@ static gint64 most_bytes(const struct choosing *choosing) {
     return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, target, 1, all)));
 }
 
-/* 0 if not even one component fits. */
+/* Returns 0 if not even one component fits. */
 static int most_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
@@ -90,8 +93,8 @@ static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GEr
     return NULL;
 }
 
-/* Tries choice->clusters clusters. The saved choice changes only once the try is over. If memory
- * does not suffice, the search ends with what was found before, if anything. */
+/* Tries choice->clusters clusters. The saved choice is only updated when the try is complete. If
+ * memory is not sufficient, the search ends with the best result so far, if there is one. */
 static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct choice *choice = &choosing->choice;
     g_autoptr(GError) failed = NULL;
@@ -112,8 +115,8 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
         worse = PATIENCE;
     } else if (lpca && (choice->best.n_clusters == 0 || choosing->target->error > 0 ||
                         lpca->error < choice->best.error)) {
-        /* Each model that reaches the error is smaller than the one before, since most_components()
-         * limits its size. */
+        /* Each model that reaches the error is smaller than the one before, because
+         * most_components() limits its size. */
         lpca_free(choosing->best);
         choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
         if (now.checkpoint)
@@ -130,7 +133,7 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     return TRUE;
 }
 
-/* From what the file has, or from the beginning. */
+/* Continues from the file, or starts from the beginning. */
 static void lpca_choose_resume(struct choosing *choosing) {
     Checkpoint *checkpoint = choosing->options->checkpoint;
     const struct lpca_target *target = choosing->target;
@@ -157,7 +160,7 @@ static void lpca_choose_resume(struct choosing *choosing) {
     checkpoint_keep(checkpoint, "choice", &choosing->choice, sizeof choosing->choice);
 }
 
-/* Whether a cluster's eigen-BRDF of that number is not 0. */
+/* Returns whether the eigen-BRDF of a component is not 0 in some cluster. */
 static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     const gsize d = btf_layout_values(&lpca->layout);
     for (int k = 0; k < lpca->n_clusters; k++) {
@@ -169,7 +172,7 @@ static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
     return FALSE;
 }
 
-/* Removes components that are 0: a size may hold more of them than a material needs. */
+/* Removes components that are 0. A target size may allow more components than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
     while (c > 1 && !lpca_choose_is_used(lpca, c))

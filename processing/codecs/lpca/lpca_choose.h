@@ -1,20 +1,21 @@
-/* Chooses the numbers of clusters and components: the smallest local PCA that is good enough, or
- * the best one that is small enough. */
+/* Chooses the numbers of clusters and components. The result is the smallest local PCA that is
+ * accurate enough, or the most accurate one that is small enough. */
 #pragma once
 
 #include "lpca.h"
 
 struct lpca_target {
-    double error;     /* to reach, or 0 */
-    gint64 bytes;     /* lpca_bytes() once rounded, at most; or 0 */
-    int n_components; /* at most */
+    double error;     /* maximum error; 0 if not limited */
+    gint64 bytes;     /* maximum of lpca_bytes() after rounding; 0 if not limited */
+    int n_components; /* maximum number of components */
     enum lpca_quantise quantise;
-    int n_grid; /* of the eigen-BRDFs whose size counts, see resample.h; or 0 */
+    int n_grid; /* grid of the eigen-BRDFs whose size counts, see resample.h; or 0 */
 };
 
-/* Tries 1, 2, 4, … clusters, as long as that helps. options gives everything but clusters,
- * components and target. With a target error, returns the smallest local PCA that reaches it within
- * the target size; else the one with the least error within that size. The result is LPCA_FLOAT. If
- * none reaches the target, the error names the one that comes nearest. */
+/* Tries 1, 2, 4, … clusters, as long as more clusters improve the result. options gives everything
+ * except clusters, components and target. With a target error, returns the smallest local PCA that
+ * reaches the error within the target size. Without one, returns the local PCA with the smallest
+ * error within that size. The result is LPCA_FLOAT. If no local PCA reaches the target, the error
+ * describes the one that comes nearest. */
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_target *target, GError **error);

@@ -6,11 +6,11 @@
 #include "lpca_private.h"
 
 #define SEED             19
-#define MEANS_ITERATIONS 3 /* without axes, to begin with */
+#define MEANS_ITERATIONS 3 /* number of first iterations without axes */
 #define MOST_ITERATIONS  40
 #define POWER_STEPS      2
-#define SETTLED          1e-4 /* of the error: less gain ends the iteration */
-#define BLOCK            512  /* rows assigned at a time */
+#define SETTLED          1e-4 /* relative gain of the error below which the iteration ends */
+#define BLOCK            512  /* number of rows that are assigned together */
 
 void lpca_reduced_clear(struct lpca_reduced *reduced) {
     g_clear_pointer(&reduced->labels, g_free);
@@ -19,7 +19,7 @@ void lpca_reduced_clear(struct lpca_reduced *reduced) {
     g_clear_pointer(&reduced->members, g_ptr_array_unref);
 }
 
-/* An index, drawn in proportion to its share of all = Σ shares. */
+/* Draws an index with a probability proportional to its share of all = Σ shares. */
 static int lpca_cluster_draw(GRand *random, const double *shares, int n, double all) {
     double left = g_rand_double(random) * all;
     int last = 0;
@@ -59,7 +59,7 @@ void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels,
     }
 }
 
-/* Each rank does the blocks from *ret_first to before *ret_end; then all ranks exchange the
+/* Each rank processes the blocks from *ret_first to *ret_end − 1. Then all ranks exchange the
  * results. */
 static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
     const struct team *team = reduced->options->team;
@@ -70,7 +70,7 @@ static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *r
 /* nearest[x] = min over the seeds so far of ‖r_x − seed‖². */
 struct seeding {
     const struct lpca_reduced *reduced;
-    const float *seed; /* the newest */
+    const float *seed; /* the newest seed */
     gboolean first;
     int from;        /* block */
     double *nearest; /* n */
@@ -88,8 +88,8 @@ static void seed_block(int block, gpointer data) {
     }
 }
 
-/* k-means++ (Arthur & Vassilvitskii 2007): each further seed is row x with a probability in
- * proportion to nearest[x]. As many seeds as there are rows that differ, at most. */
+/* k-means++ (Arthur & Vassilvitskii 2007): each further seed is row x with a probability
+ * proportional to nearest[x]. The number of seeds is at most the number of different rows. */
 static void seed_means(struct lpca_reduced *reduced) {
     g_autofree double *nearest = g_new(double, reduced->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -116,16 +116,16 @@ static void seed_means(struct lpca_reduced *reduced) {
     g_rand_free(random);
 }
 
-/* Assigns each row r to the cluster whose affine subspace is nearest (Kambhatla & Leen 1997): with
+/* Assigns each row r to the cluster whose affine subspace is nearest (Kambhatla & Leen 1997). With
  * p_i = ⟨r, f_i⟩ and o_i = ⟨m, f_i⟩ of a cluster's factors f_0 = m and f_i, its axes,
  *   ‖r − m‖² − Σ_i ⟨r − m, f_i⟩² = ‖r‖² − 2 p_0 + o_0 − Σ_{i≥1} (p_i − o_i)².
- * One multiplication gives all products. */
+ * One matrix multiplication gives all products. */
 struct assignment {
     const struct lpca_reduced *reduced;
-    int c;          /* axes in use; 0: k-means */
+    int c;          /* number of axes in use; 0 for k-means */
     float *factors; /* k × (c + 1) × r: mean, then axes */
     float *offsets; /* k × (c + 1): products of a cluster's mean with its factors */
-    float *errors;  /* n: of the best cluster */
+    float *errors;  /* n: error of the nearest cluster */
     int *labels;
     int from; /* block */
 };
@@ -195,7 +195,8 @@ static void lpca_cluster_collect(struct lpca_reduced *reduced) {
         g_array_append_val((GArray *)g_ptr_array_index(reduced->members, reduced->labels[i]), i);
 }
 
-/* A cluster that lost all its rows takes the row with the largest error, if that helps. */
+/* A cluster that lost all its rows takes the row with the largest error, if that reduces the
+ * error. */
 static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
     for (int k = 0; k < reduced->k; k++) {
         int worst = 0;
@@ -253,7 +254,7 @@ static void exact_axes(const struct lpca_reduced *reduced, const float *rows, in
 }
 
 /* How a cluster's axes A are found: not at all; exactly; or improved by POWER_STEPS of subspace
- * iteration, A ← orth (A RᵀR), which costs less than the covariance. */
+ * iteration, A ← orth (A RᵀR), which costs less than computing the covariance. */
 enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 
 struct update {
@@ -319,7 +320,7 @@ static void drop_empty(struct lpca_reduced *reduced) {
     reduced->k = kept;
 }
 
-/* Between two iterations. */
+/* Saves the state between two iterations. */
 static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
     if (!run)
@@ -329,7 +330,7 @@ static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration,
     run->state.before = before;
 }
 
-/* FALSE when cancelled. */
+/* Returns FALSE when cancelled. */
 static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, int done,
                                            gint64 begun, GError **error) {
     const struct work *work = &reduced->options->work;
@@ -345,9 +346,9 @@ static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, i
     return ok;
 }
 
-/* Lloyd's iteration from k-means to local PCA: assigns rows, then finds means and axes, until the
- * error falls by less than SETTLED. from and before: the iteration and the error to continue from;
- * 0 and G_MAXDOUBLE at the start. */
+/* Lloyd's iteration from k-means to local PCA. Assigns rows, then finds means and axes, until the
+ * error falls by less than SETTLED. from and before are the iteration and the error from which to
+ * continue; 0 and G_MAXDOUBLE at the start. */
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
@@ -393,7 +394,7 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
         lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
         lpca_enter(run, LPCA_CLUSTERING);
     }
-    if (run) { /* from the run's file, if it is there; seeds are saved from now on */
+    if (run) { /* restored from the run's file if it has them; seeds are saved from now on */
         reduced->k = run->state.k;
         lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
     }

@@ -8,13 +8,13 @@
 #include "lpca_private.h"
 
 #define SEED    7
-#define SAMPLES 768 /* texels whose span the clustering works in, at least */
-#define REDUCED 128 /* dimensions of that span, at least */
+#define SAMPLES 768 /* minimum number of texels whose span is used for clustering */
+#define REDUCED 128 /* minimum number of dimensions of that span */
 #define TILE    128 /* of the Gram matrix */
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
 
-/* QR by Householder: rows = R Q, so that |R_ii| is the norm of row i's component orthogonal to the
+/* QR by Householder: rows = R Q. |R_ii| is the norm of the part of row i that is orthogonal to the
  * rows before it. */
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
@@ -30,7 +30,7 @@ void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
             memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
 }
 
-/* Sets rows that could not be read to 0 and keeps the first error; takes failed. */
+/* Sets rows that could not be read to 0 and keeps the first error. Takes ownership of failed. */
 static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
     g_mutex_lock(&run->lock);
     if (!run->failed)
@@ -116,18 +116,18 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlo
     return FALSE;
 }
 
-/* The rows whose span the clustering works in. */
+/* The rows whose span is used for clustering. */
 struct sample {
     struct lpca_run *run;
     int n;
     float *rows;    /* n × d, minus their mean */
     float *gram;    /* n × n, lower half */
-    int found;      /* axes */
+    int found;      /* number of axes */
     float *vectors; /* found × n: of the Gram matrix, in descending order */
 };
 
-/* Draws texels at random, since a regular choice could follow the material's pattern. In a team
- * each rank reads its own texels. */
+/* Draws texels at random, because a regular choice could coincide with the material's pattern. In a
+ * team each rank reads its own texels. */
 static int *draw_texels(const struct lpca_run *run, int n) {
     int *texels = g_new0(int, run->n);
     GRand *random = g_rand_new_with_seed(SEED);
@@ -157,7 +157,7 @@ static void lpca_compute_read_sample(const struct sample *sample, const int *tex
     }
 }
 
-/* One tile of X Xᵀ, lower half; X: the sample, n × d. */
+/* Computes one tile of the lower half of X Xᵀ. X is the sample, n × d. */
 static void gram_tile(int block, gpointer data) {
     const struct sample *sample = data;
     const int n = sample->n, tiles = (n + TILE - 1) / TILE, d = sample->run->d;
@@ -169,7 +169,7 @@ static void gram_tile(int block, gpointer data) {
                 sample->gram + (gsize)i * (gsize)n + (gsize)j, n);
 }
 
-/* A strip of columns of the axes: vectors (found × n) times X (n × d). */
+/* Computes a strip of columns of the axes: vectors (found × n) times X (n × d). */
 static void axes_strip(int block, gpointer data) {
     const struct sample *sample = data;
     const int d = sample->run->d, from = block * STRIP;
@@ -186,7 +186,7 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
     g_autofree float *vectors = g_new0(float, (gsize)m *(gsize)wanted);
     g_autofree int *support = g_new0(int, 2 * m);
     int found = 0;
-    /* The lower half by rows is the upper one by columns. */
+    /* In memory, the lower half by rows is the upper half by columns. */
     const int info = LAPACKE_ssyevr(LAPACK_COL_MAJOR, 'V', 'I', 'U', m, sample->gram, m, 0, 0,
                                     m - wanted + 1, m, 0, &found, values, vectors, m, support);
     if (info != 0) {
@@ -205,8 +205,9 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
     return TRUE;
 }
 
-/* The number of reduced dimensions: more than components, since the axes of a sample do not hold
- * all of them. The sample has at least three times as many texels (lpca_compute_samples_of()). */
+/* Returns the number of reduced dimensions. It is larger than the number of components, because the
+ * axes of a sample do not contain all of them. The sample has at least three times as many texels
+ * (lpca_compute_samples_of()). */
 static int reduced_to(int d, int n_components) {
     return MIN(d, MAX(REDUCED, n_components + n_components / 4));
 }
@@ -215,7 +216,7 @@ static int lpca_compute_samples_of(int texels, int r) {
     return MIN(texels, MAX(SAMPLES, 3 * r));
 }
 
-/* Mean and axes (r × d) of a sample of the texels, in run. */
+/* Computes mean and axes (r × d) of a sample of the texels, in run. */
 static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
     const struct team *team = run->options->team;
     const int threads = run->options->work.n_threads;
@@ -269,7 +270,7 @@ static void reduce_block(int block, gpointer data) {
             to[(gsize)i * r + j] -= run->offsets[j];
 }
 
-/* From n × d values to rows of r dimensions, n × r. */
+/* Reduces n × d values to rows of r dimensions, n × r. */
 static gboolean reduce(struct lpca_run *run, GError **error) {
     const int blocks = (run->end - run->first + TEAM_ROWS - 1) / TEAM_ROWS;
     run->mean = g_new(float, run->d);
@@ -298,7 +299,7 @@ static gboolean reduce(struct lpca_run *run, GError **error) {
     return TRUE;
 }
 
-/* Clusters in the reduced space, then eigen-BRDFs and weights in all dimensions. */
+/* Clusters in the reduced space, then computes eigen-BRDFs and weights in all dimensions. */
 static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GError **error) {
     struct lpca_reduced reduced = {.n = run->n,
                                    .r = run->r,
@@ -309,15 +310,15 @@ static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GE
                                    .c = n_components};
     run->state.c = n_components;
     struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_refine(run, &reduced, error) : NULL;
-    /* Logarithms are not orthonormal in R, G, B. */
+    /* In R, G, B, the axes of logarithms are not orthonormal. */
     if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
         g_clear_pointer(&lpca, lpca_free);
     lpca_reduced_clear(&reduced);
     return lpca;
 }
 
-/* Finds by bisection the fewest components of this clustering that reach the target: `few`
- * components do not reach it, `enough` do. */
+/* Finds by bisection the smallest number of components of this clustering that reaches the target.
+ * few components do not reach it, enough components do. */
 static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError **error) {
     struct lpca_state *state = &run->state;
     gboolean ok = TRUE;
@@ -375,17 +376,17 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 refining = 2 * k * (c + 1) * d + 2 * n * c;
-    /* Three unrounded copies, the rotated one included, and two rounded ones with integers. */
+    /* Three unrounded copies, including the rotated one, and two rounded copies with integers. */
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->layout.views.n + c);
-    /* Copied to be written. */
+    /* The arrays are copied for writing. */
     const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
            (MAX(r * d + n * r + MAX(MAX(reducing, clustering), refining), packing) + buffers +
             kept);
 }
 
-/* Rounds up, so that the number that the message shows is enough. */
+/* Rounds up, so that the number in the message is sufficient. */
 static char *format_need(gint64 bytes) {
     gint64 unit = 1;
     while (bytes / unit >= 1000)
@@ -394,13 +395,13 @@ static char *format_need(gint64 bytes) {
     return g_format_size((guint64)((bytes + step - 1) / step * step));
 }
 
-/* FALSE with an error that says what memory suffices. */
+/* Returns FALSE with an error that gives the necessary memory. */
 static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
                                           const struct lpca_options *options, GError **error) {
     const gint64 least = lpca_memory(btf, options);
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
-    /* With that limit, a smaller BTF would not stay in a file. */
+    /* With that limit, a smaller BTF would be read into memory completely. */
     const gint64 values = btf_matrix_bytes(&btf->layout);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
@@ -436,7 +437,7 @@ static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
     return what == NULL && lpca_compute_check_memory(btf, options, error);
 }
 
-/* Values from a file were checked when they were read. */
+/* Values from a file are checked when they are read. */
 static gboolean lpca_compute_check_values(const struct lpca_run *run, GError **error) {
     const gsize d = (gsize)run->d, n = (gsize)(run->end - run->first) * d;
     for (gsize i = 0; run->btf->values && i < n; i++)
@@ -466,7 +467,8 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     if (!lpca_compute_check_values(&run, error))
         return NULL;
     g_mutex_init(&run.lock);
-    /* The order of sums, and with it the last bits, would depend on the number of threads. */
+    /* Otherwise the order of sums, and with it the last bits, would depend on the number of
+     * threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
     lpca_resume(&run);

@@ -32,7 +32,7 @@ static float weight_scale(const struct lpca *lpca, int texel, int component) {
     return lpca->weight_scales[lpca->clusters[texel] * lpca->n_components + component];
 }
 
-/* Whole steps, w / s, if weights have 8 bits; else w. */
+/* Returns whole steps, w / s, if weights have 8 bits, otherwise w. */
 static float stored_weight(const struct lpca *lpca, int texel, int component) {
     const float weight = lpca->weights[(gsize)texel * (gsize)lpca->n_components + (gsize)component];
     return lpca->quantise == LPCA_8BIT_WEIGHTS
@@ -54,7 +54,7 @@ static struct exr_part *weights_part(const struct lpca *lpca) {
     return part;
 }
 
-/* n of each cluster. */
+/* Makes a part with n scales of each cluster. */
 static struct exr_part *scales_part(const char *name, const struct lpca *lpca, const float *scales,
                                     int n) {
     static const char *const channels[] = {"S", NULL};
@@ -88,7 +88,8 @@ static float step_of(const struct lpca *lpca, gsize table, gsize i) {
     return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
 }
 
-/* E_i of all clusters (i = 0: the means), or with 8 bits whole steps, E_i / (S_i S_i,l). */
+/* Makes a part with E_i of all clusters (i = 0: the means). With 8 bits its values are whole steps,
+ * E_i / (S_i S_i,l). */
 static struct exr_part *table_part(const struct lpca *lpca, int component) {
     static const char *const channels[] = {"B", "G", "R", NULL};
     const gsize tables = (gsize)lpca->n_components + 1;
@@ -145,7 +146,8 @@ static gboolean lpca_file_format_error(const char *path, GError **error, const c
     return FALSE;
 }
 
-/* NULL if the part, of this size, or the channel is not there, or a value is not a number. */
+/* Returns NULL if there is no part of this size or no such channel, or if a value is not a
+ * number. */
 static const float *plane(const struct exr_file *file, const char *name, const char *channel,
                           int width, int height) {
     const struct exr_part *part = exr_file_part(file, name);
@@ -200,7 +202,7 @@ static gboolean lpca_file_read_head(struct lpca *lpca, const struct exr_file *fi
     return TRUE;
 }
 
-/* Back from how scales_part() has them. */
+/* Inverse of scales_part(). */
 static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
     const float *scales = plane(file, name, "S", clusters, n);
     float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;
@@ -268,7 +270,7 @@ static gboolean lpca_file_read_texels(struct lpca *lpca, const struct exr_file *
     return TRUE;
 }
 
-/* Back from how table_part() has it. */
+/* Inverse of table_part(). */
 static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
     const gsize tables = (gsize)lpca->n_components + 1;
     const gsize size = table_size(lpca);
@@ -296,7 +298,8 @@ static gboolean lpca_file_read_tables(struct lpca *lpca, const struct exr_file *
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
     lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
-    /* Checked before memory is asked for: the sizes come from parts of a few values. */
+    /* Checked before memory is allocated, because the sizes come from parts with only a few
+     * values. */
     if (!lpca->scales || !means || (gsize)means->width != lpca->layout.lights.n ||
         (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
         return lpca_file_format_error(path, error, "scales or means are missing or damaged");

@@ -7,14 +7,14 @@
 #include "exr/mip_parts.h"
 #include "lpca_private.h"
 
-/* The share of [j, j + 1) in the interval [i, i + 1) · n/half of a side. */
+/* Returns the share of [j, j + 1) in the interval [i, i + 1) · n/half of a side. */
 static double overlap(int i, int half, int j, int n) {
     const double size = (double)n / half;
     return MAX(0, MIN((i + 1) * size, j + 1.0) - MAX(i * size, j)) / size;
 }
 
-/* Texel (x, y) of half becomes the mean of btf over its area, Σ share · row with shares that sum to
- * 1. row: the values of one texel. */
+/* Sets texel (x, y) of half to the mean of btf over its area, Σ share · row, with shares that sum
+ * to 1. row contains the values of one texel. */
 static void average(const struct btf_matrix *btf, const struct btf_matrix *half, int x, int y,
                     gsize row) {
     float *to = half->values + ((gsize)y * half->layout.width + (gsize)x) * row;

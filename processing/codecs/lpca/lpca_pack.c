@@ -8,9 +8,10 @@
 #include "exr/exr_half.h"
 
 #define COLOURS 3
-#define ROUND   0.38 /* not a half: what is small is more often noise, and cheaper as 0 */
+/* less than ½, because small values are more often noise, and 0 takes less space */
+#define ROUND 0.38
 
-/* Rotations of a file, orthonormalised after rounding. */
+/* Rotations of a file, which are orthonormalised after rounding. */
 struct rotations {
     float *views, *lights;
     float colours[9];
@@ -19,7 +20,7 @@ struct rotations {
 struct lpca_packer {
     struct lpca *lpca; /* a copy */
     int n_threads;
-    struct lpca_packed axes; /* all of them, and scales; no numbers */
+    struct lpca_packed axes; /* all axes and scales, without numbers */
     struct rotations rotations;
     float *tables, *maps; /* rotated */
 };
@@ -60,7 +61,8 @@ static gsize dimensions(const struct lpca *lpca) {
     return btf_layout_values(&lpca->layout);
 }
 
-/* S of each table, the weight of its errors: the root of Σ_x w_i(x)², for a mean that of Σ_x 1. */
+/* Finds S of each table, the weight of its errors: the root of Σ_x w_i(x)², and for a mean the root
+ * of Σ_x 1. */
 static float *lpca_pack_find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
@@ -77,8 +79,8 @@ static float *lpca_pack_find_scales(const struct lpca *lpca) {
     return scales;
 }
 
-/* split: a line for each view, which holds lights and colours, becomes lines for each view and
- * colour, which hold lights; otherwise the reverse. */
+/* With split, a line for each view, which contains lights and colours, is divided into lines for
+ * each view and colour, which contain lights. Otherwise the reverse. */
 static void lpca_pack_move_colours(const float *from, int views, int lights, gboolean split,
                                    float *to) {
     for (int v = 0; v < views; v++)
@@ -90,7 +92,7 @@ static void lpca_pack_move_colours(const float *from, int views, int lights, gbo
             }
 }
 
-/* Sums over tables S_i E_i of the products of each dimension with itself, whose eigenvectors are
+/* Sums the products of each dimension with itself over the tables S_i E_i. Their eigenvectors are
  * the axes (Tucker): T Tᵀ of the table unfolded with views, lights or colours as rows. */
 struct scatter {
     float *views, *lights;
@@ -113,7 +115,7 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
                               values[pair * COLOURS + i % COLOURS];
 }
 
-/* Principal axes of an upper half by rows, the largest first, as they come back from halves. */
+/* Computes principal axes from an upper half by rows, the largest first, rounded to halves. */
 static void principal(const float *sums, int n, float *ret) {
     g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
     for (int i = 0; i < n * n; i++)
@@ -129,7 +131,7 @@ static void principal(const float *sums, int n, float *ret) {
     exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
 }
 
-/* Rows become orthonormal by Gram and Schmidt, each changed as little as possible. */
+/* Makes the rows orthonormal (Gram–Schmidt), changing each as little as possible. */
 static void lpca_pack_orthonormalise(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
@@ -186,8 +188,8 @@ static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *pac
     g_free(scatter.lights);
 }
 
-/* Multiplies each triple of colours by the 3 × 3 rotation, or by its transpose to undo it; values:
- * lines × 3 × n. */
+/* Multiplies each triple of colours by the 3 × 3 rotation, or by its transpose to undo it. values
+ * is lines × 3 × n. */
 static void rotate_colours(const float *rotation, gboolean back, int lines, int n, float *values) {
     for (int line = 0; line < lines; line++)
         for (int i = 0; i < n; i++) {
@@ -202,8 +204,8 @@ static void rotate_colours(const float *rotation, gboolean back, int lines, int 
         }
 }
 
-/* Core of table E (views × lights × colours): S V E with the axes V of views, then times those of
- * lights, then of colours. */
+/* Computes the core of a table E (views × lights × colours): S V E with the axes V of views, then
+ * times those of lights, then of colours. */
 static void rotate_table(int table, gpointer data) {
     const struct lpca_packer *packer = data;
     const struct lpca *lpca = packer->lpca;
@@ -220,8 +222,8 @@ static void rotate_table(int table, gpointer data) {
     rotate_colours(packer->rotations.colours, FALSE, v, l, to);
 }
 
-/* A picture P (height × width) with the cosines R of its rows and C of its columns: forward R P Cᵀ,
- * else the way back, Rᵀ P C. */
+/* Transforms a picture P (height × width) with the cosines R of its rows and C of its columns: R P
+ * Cᵀ, or the inverse Rᵀ P C. */
 static void transform_map(const float *rows, int height, const float *columns, int width,
                           gboolean forward, const float *from, float *to) {
     g_autofree float *half = g_new(float, (gsize)width *(gsize)height);
@@ -239,7 +241,7 @@ struct mapping {
     gboolean forward;
 };
 
-/* The weights of one component, to or from its map. */
+/* Transforms the weights of one component to its map, or back. */
 static void map_weights(int component, gpointer data) {
     const struct mapping *mapping = data;
     const struct lpca *lpca = mapping->lpca;
@@ -301,7 +303,7 @@ static gboolean lpca_pack_is_used(const float *values, gsize n, double step) {
     return FALSE;
 }
 
-/* Components whose numbers are 0 in all clusters are dropped. */
+/* Returns the number of components without those whose numbers are 0 in all clusters. */
 static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
@@ -315,7 +317,7 @@ static int used_components(const struct lpca_packer *packer, double step) {
     return 1;
 }
 
-/* How many axes of views and lights have a number other than 0. */
+/* Counts the axes of views and lights that have a number other than 0. */
 static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
                       int *ret_lights) {
     const struct lpca *lpca = packer->lpca;
@@ -375,7 +377,7 @@ struct unpacking {
     struct rotations rotations;
 };
 
-/* The way back of rotate_table(), from rounded numbers and the axes kept. */
+/* Inverse of rotate_table(), from rounded numbers and the stored axes. */
 static void unpack_table(int table, gpointer data) {
     const struct unpacking *unpacking = data;
     const struct rotations *rotations = &unpacking->rotations;

@@ -1,61 +1,65 @@
-/*
- * Packed local PCAs: for storage. A renderer unpacks them before it draws them.
+/* Packed local PCAs, for storage. A renderer unpacks them before it draws them.
  *
- * After Tucker: every dimension of the table of eigen-BRDFs is rotated to its own principal axes
- * (views, lights, colours; they lie in the file); weights are pictures, and a cosine transform
- * rotates them. Rotations keep lengths, so that rounding with one step has the same effect on all
- * values: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the square
- * root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly lost.
- * The whole numbers are coded by xz, small ones in a byte.
+ * The method follows Tucker. Every dimension of the table of eigen-BRDFs (views, lights, colours)
+ * is rotated to its own principal axes, which are stored in the file. The weights are pictures, and
+ * are rotated by a cosine transform. Rotations keep lengths, so that rounding with one step has the
+ * same effect on all values. To that end E_i is first multiplied by S_i = (Σ w_i²)^½ over its
+ * cluster, and the mean by the square root of the number of the cluster's texels. Most of the
+ * rounded numbers are 0, and most of the noise of a capture is removed. The whole numbers are
+ * compressed with xz, one byte for a small number.
  *
- * On disk: the parts of lpca.h but for "weights", "scales", "means" and "E…", and mesorig.quantise
- * = "packed", mesorig.step (double) of "clusters"; further
+ * On disk: the parts of lpca.h except "weights", "scales", "means" and "E…". The attributes of
+ * "clusters" are mesorig.quantise = "packed" and mesorig.step (double). Further parts are:
  *   part "scales"           as in lpca.h: S, that of the mean first
- *   part "view_axes"        channel "A", width n_views, height those kept, half
+ *   part "view_axes"        channel "A", width n_views, height the number of axes, half
  *   part "light_axes"       the same for lights; "colour_axes" is 3 × 3, float. The rows become
  *                           orthonormal by Gram–Schmidt orthogonalisation in this order
  *   parts "tables", "maps"  channel "BITS", float, height 1: four bytes of an xz stream per pixel,
- *                           not numbers; the first mesorig.bytes (int) of them count. The stream
+ *                           not numbers; the first mesorig.bytes (int) of them are valid. The
+ *                           stream
  *                           has one byte for each number n: 2n, or −2n − 1 if n < 0, or 255 for a
  *                           larger value; then 4 bytes (low first) for each larger value, less 255.
  *                           Order of tables: pairs of a view's axis v and a light's axis l by
  *                           (v + 3)(l + 3), then v; in a pair colour by colour, in a colour the
  *                           tables of all clusters. Order of maps: component by component, in each
- *                           by x + y, then x
- */
+ *                           by x + y, then x */
 #pragma once
 
 #include "lpca.h"
 
-/* Limit of components of a packed local PCA; others have LPCA_MAX_COMPONENTS. */
+/* Maximum number of components of a packed local PCA. Other local PCAs have at most
+ * LPCA_MAX_COMPONENTS. */
 #define LPCA_MAX_PACKED 512
 
-/* The part that does not depend on the step: made once, rounded as often as needed. */
+/* The part of the work that does not depend on the step. It is made once, and can be rounded
+ * several times. */
 struct lpca_packer;
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
 void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */
 
-/* Returns a copy that is rounded to whole steps (LPCA_PACKED), without the last components if they
- * are all 0; it can be written. Its error is not set. step > 0, in the units of the BTF. */
+/* Returns a copy that is rounded to whole steps (LPCA_PACKED) and can be written. The last
+ * components are removed if they are all 0. Its error is not set. step is > 0, in the units of the
+ * BTF. */
 struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
 
 /* Returns the RMS of the first cluster's mean, which is the average size of a texel's values, for
- * the choice of steps; 0 for a black material. */
+ * the choice of steps. Returns 0 for a black material. */
 double lpca_mean_size(const struct lpca *lpca);
 
-/* Size of the file that lpca_write() writes, found by writing a temporary one; 0 with an error.
- * LPCA_PACKED. */
+/* Returns the size of the file that lpca_write() writes, found by writing a temporary file; 0 with
+ * an error. For LPCA_PACKED. */
 gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
-/* Computes one cluster with as many components as needed, and rounds it with the coarsest step that
- * reaches the target's error, or with the finest whose file fits into the target's bytes. Of the
- * other members of target only n_components is used: the most components (0: LPCA_MAX_PACKED). Sets
- * lpca->error. If the target is not reached, the error names the result that comes nearest. */
+/* Computes one cluster with as many components as needed. It is rounded with the coarsest step that
+ * reaches the target's error, or with the finest step whose file fits into the target's bytes. Of
+ * the other members of target only n_components is used: the maximum number of components (0 means
+ * LPCA_MAX_PACKED). Sets lpca->error. If the target is not reached, the error describes the result
+ * that comes nearest. */
 struct lpca_target;
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_target *target, GError **error);
 
-/* Makes the form for a renderer (LPCA_FLOAT) from a local PCA of one cluster: clusters are found
- * among the texels' weights, each with at most LPCA_MAX_COMPONENTS components. */
+/* Makes the form for a renderer (LPCA_FLOAT) from a local PCA of one cluster. The weights of the
+ * texels are clustered. Each cluster has at most LPCA_MAX_COMPONENTS components. */
 struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
                           GError **error);

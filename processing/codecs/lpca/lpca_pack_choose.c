@@ -8,28 +8,29 @@
 #include <math.h>
 #include <unistd.h>
 
-#define FIRST  64  /* components that are tried first */
-#define ENOUGH 0.7 /* of the target error may come from leaving out components */
+#define FIRST  64  /* first number of components that is tried */
+#define ENOUGH 0.7 /* maximum part of the target error that left-out components may cause */
 #define COARSE 4.0 /* steps, relative to the average size of values */
 #define FINE   1e-4
-#define TRIES  12    /* times that a step is looked for */
-#define CLOSE  0.995 /* of the target is good enough */
+#define TRIES  12    /* maximum number of steps that are tried */
+#define CLOSE  0.995 /* an error of at least this part of the target is accepted */
 
 /* The state of the search, byte by byte in the checkpoint. */
 struct packing {
     struct lpca_target target;
-    gint32 n, made;      /* components in work; whether they are there, unrounded */
-    double exact;        /* error of those */
-    double found[TRIES]; /* of each step tried, 0: none yet */
+    /* present number of components, and whether they are computed (unrounded) */
+    gint32 n, made;
+    double exact;        /* their error */
+    double found[TRIES]; /* error for each step that was tried; 0 if not tried yet */
 };
 
 struct search {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
     const struct lpca_target *target;
-    int most;       /* components */
+    int most;       /* maximum number of components */
     double exact;   /* error before rounding */
-    double nearest; /* errors or sizes that were not good enough: the best of them */
+    double nearest; /* the best of the errors or sizes that did not reach the target */
     struct packing packing;
 };
 
@@ -56,9 +57,9 @@ gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
     return status.st_size;
 }
 
-/* The squared error is that of leaving out components plus that of rounding, which is nearly
- * proportional to the squared step: e² = exact² + (a · step)², hence step' = step · √((target² −
- * exact²) / (found² − exact²)). */
+/* The squared error is the sum of two parts: that of leaving out components, and that of rounding,
+ * which is nearly proportional to the squared step. e² = exact² + (a · step)², hence step' = step ·
+ * √((target² − exact²) / (found² − exact²)). */
 static double guess_step(const struct search *search, double step, double found) {
     const double target = search->target->error * 0.998, exact = search->exact;
     const double should = sqrt(MAX(target * target - exact * exact, 0));
@@ -66,7 +67,8 @@ static double guess_step(const struct search *search, double step, double found)
     return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
 }
 
-/* The coarsest step that reaches the error: guesses, bracketed by steps fine and coarse. */
+/* Finds the coarsest step that reaches the error. Guesses are bracketed by the steps fine and
+ * coarse. */
 static struct lpca *lpca_pack_choose_by_error(struct search *search,
                                               const struct lpca_packer *packer, double mean,
                                               GError **error) {
@@ -96,7 +98,7 @@ static struct lpca *lpca_pack_choose_by_error(struct search *search,
     return g_steal_pointer(&best);
 }
 
-/* The finest step that is small enough, by bisection of its logarithm. */
+/* Finds the finest step whose file is small enough, by bisection of its logarithm. */
 static struct lpca *lpca_pack_choose_by_size(struct search *search,
                                              const struct lpca_packer *packer, double mean,
                                              GError **error) {
@@ -124,7 +126,7 @@ static struct lpca *lpca_pack_choose_by_size(struct search *search,
     return best;
 }
 
-/* Whether more components would help. */
+/* Returns whether more components would not improve the result. */
 static gboolean has_enough(const struct search *search, const struct lpca *exact,
                            const struct lpca *found) {
     if (search->target->error > 0)
@@ -132,8 +134,8 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
-/* Returns a packed local PCA of n components; *ret_exact is the same before rounding. NULL without
- * an error: it does not reach the target. */
+/* Returns a packed local PCA of n components. *ret_exact is the error before rounding. Returns NULL
+ * without an error if the target is not reached. */
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;
@@ -141,7 +143,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    /* As the file has it, or made again; it is kept from now on. */
+    /* Restored from the file, or computed again. It is saved from now on. */
     struct packing *packing = &search->packing;
     struct lpca *ret = NULL, *exact = NULL;
     if (options.checkpoint && packing->made)
@@ -162,7 +164,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     search->exact = exact->error;
     struct lpca_packer *packer = lpca_packer_new(exact, options.work.n_threads);
     const double mean = lpca_mean_size(exact);
-    if (mean <= 0) /* black: any step will do */
+    if (mean <= 0) /* a black material: any step can be used */
         ret = lpca_packer_round(packer, 1);
     else
         ret = (search->target->error > 0 ? lpca_pack_choose_by_error
@@ -171,7 +173,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     return ret;
 }
 
-/* Components to begin with. */
+/* Returns the number of components with which to begin. */
 static int lpca_pack_choose_resume(struct search *search) {
     struct packing *packing = &search->packing;
     Checkpoint *checkpoint = search->options->checkpoint;
@@ -191,7 +193,7 @@ static int lpca_pack_choose_resume(struct search *search) {
     return packing->n;
 }
 
-/* Doubles the number of components until more would not help. */
+/* Doubles the number of components until more would not improve the result. */
 static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
     const struct lpca_target *target = search->target;
     for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {

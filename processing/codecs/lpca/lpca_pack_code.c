@@ -4,15 +4,16 @@
 #include <math.h>
 #include <string.h>
 
-#define COLOURS      3
-#define LARGE        255 /* of a byte: a larger number follows behind all bytes */
+#define COLOURS 3
+/* a byte of this value means that a larger number follows after all bytes */
+#define LARGE        255
 #define PRESET       6
-#define MOST_MEMORY  ((guint64)64 << 20) /* for unpacking, as PRESET needs */
+#define MOST_MEMORY  ((guint64)64 << 20) /* memory for unpacking, sufficient for PRESET */
 #define MOST_NUMBERS ((gsize)1 << 30)
 #define LARGE_BYTES  4
-#define MOST_TABLES  ((gint64)1 << 26) /* numbers of them */
+#define MOST_TABLES  ((gint64)1 << 26) /* maximum number of numbers in each */
 
-/* Numbers 0, −1, 1, −2 … as 0, 1, 2, 3 …, and back. */
+/* Map the numbers 0, −1, 1, −2 … to 0, 1, 2, 3 …, and back. */
 static guint32 folded(gint32 value) {
     return value >= 0 ? 2 * (guint32)value : 2 * (guint32)(-(gint64)value) - 1;
 }
@@ -21,8 +22,8 @@ static gint32 unfolded(guint32 value) {
     return value % 2 ? (gint32)(-(gint64)(value / 2) - 1) : (gint32)(value / 2);
 }
 
-/* One byte per number, then LARGE_BYTES for each large number minus LARGE; compressed as an xz
- * stream. */
+/* Writes one byte per number, then LARGE_BYTES for each large number minus LARGE, compressed as an
+ * xz stream. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     g_autoptr(GByteArray) plain = g_byte_array_new();
     for (gsize i = 0; i < n; i++) {
@@ -48,7 +49,7 @@ GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
     return ret;
 }
 
-/* NULL if they are not the bytes of n numbers. */
+/* Returns NULL if the bytes do not contain n numbers. */
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n) {
     guint64 memory = MOST_MEMORY;
     gsize read = 0, found = 0, larger = 0, at = n;
@@ -84,7 +85,7 @@ static int lpca_pack_code_by_key(gconstpointer a, gconstpointer b) {
     return p->key != q->key ? p->key - q->key : p->view - q->view;
 }
 
-/* Where in packed->tables the numbers lie, in the order of the file; all of them. */
+/* Returns the positions of the numbers in packed->tables, in the order of the file. */
 static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *ret_n) {
     const int v = packed->n_views, l = packed->n_lights;
     g_autofree struct axis_pair *pairs = g_new(struct axis_pair, v * l);
@@ -101,7 +102,7 @@ static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *r
     return ret;
 }
 
-/* Where the numbers of a map lie, in the order of the file. */
+/* Returns the positions of the numbers of a map, in the order of the file. */
 static gsize *map_order(int width, int height, gsize *ret_n) {
     gsize *ret = g_new(gsize, (gsize)width * (gsize)height), n = 0;
     for (int sum = 0; sum < width + height - 1; sum++)
@@ -115,7 +116,7 @@ static gsize *tables_of(const struct lpca *lpca, gsize *ret_n) {
     return table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1), ret_n);
 }
 
-/* The coded bytes of count numbers: number i is values[order[i % n] + i / n · n]. */
+/* Encodes count numbers. Number i is values[order[i % n] + i / n · n]. */
 static GByteArray *encode(const gint32 *values, const gsize *order, gsize n, gsize count) {
     g_autofree gint32 *ordered = g_new0(gint32, count);
     for (gsize i = 0; i < count; i++)
@@ -186,7 +187,7 @@ static float *read_axes(const struct exr_file *file, const char *name, int width
     return ret;
 }
 
-/* The way back of encode(), from a part of the file. NULL: it is not there, or is damaged. */
+/* Inverse of encode(), from a part of the file. Returns NULL if the part is missing or damaged. */
 static gint32 *read_bits(const struct exr_file *file, const char *name, const gsize *order, gsize n,
                          gsize count) {
     const struct exr_part *part = exr_file_part(file, name);

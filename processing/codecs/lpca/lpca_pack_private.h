@@ -1,4 +1,4 @@
-/* What lpca_pack*.c share. */
+/* Shared by lpca_pack*.c. */
 #pragma once
 
 #include "exr/exr.h"
@@ -8,8 +8,9 @@
 /* The content of a packed file. */
 struct lpca_packed {
     double step;
-    int n_views, n_lights; /* axes kept; as the file has them, not yet straight */
-    float *views, *lights; /* n_views × the PCA's views; likewise */
+    int n_views, n_lights; /* number of axes that are kept */
+    /* n_views × the PCA's views, and n_lights × its lights: as in the file, not yet orthonormal */
+    float *views, *lights;
     float colours[9];
     float *scales;  /* clusters × (components + 1) */
     gint32 *tables; /* clusters × (components + 1) × n_views × 3 × n_lights */
@@ -18,16 +19,17 @@ struct lpca_packed {
 
 struct lpca_packed *lpca_packed_new(void);
 
-/* n × n, row i the i-th cosine. */
+/* n × n; row i is the i-th cosine. */
 float *lpca_cosines(int n);
 
-/* Fills brdfs and weights from lpca->packed. */
+/* Computes brdfs and weights from lpca->packed. */
 void lpca_unpack(struct lpca *lpca, int n_threads);
 
-/* Reads the parts of a packed file; FALSE if they are invalid. */
+/* Write and read the parts of a packed file. lpca_packed_read_parts() returns FALSE if they are
+ * invalid. */
 void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
 gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
 
-/* Codes numbers in their order, and decodes them; g_free() the decoded numbers. */
+/* Encode numbers in their order, and decode them; g_free() the decoded numbers. */
 GByteArray *lpca_varint_encode(const gint32 *values, gsize n);
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n);

@@ -1,4 +1,4 @@
-/* What lpca*.c share. */
+/* Shared by lpca*.c. */
 #pragma once
 
 #include "exr/exr.h"
@@ -6,15 +6,16 @@
 
 float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
-float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
+float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* component 0 is the mean */
 
-/* Gathers n values of size bytes each in all ranks; each rank has those of its own part, which
+/* Gathers n values of size bytes each in all ranks. Each rank has the values of its own part, which
  * consists of whole steps (team_part()). Does nothing without a team. */
 void lpca_share(const struct team *team, void *values, int n, int step, gsize size);
 
-/* The first function keeps the arrays of a local PCA, borrowed, in the checkpoint until they are
- * dropped. The second returns a new local PCA of the same BTF with the arrays that the file has,
- * but without its colours and error; NULL if the file has none of this size. */
+/* lpca_keep_whole() keeps the arrays of a local PCA in the checkpoint until they are dropped; the
+ * arrays are borrowed. lpca_kept_whole() returns a new local PCA of the same BTF with the arrays of
+ * the file, but without its colours and error. It returns NULL if the file has no local PCA of this
+ * size. */
 void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
 struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
@@ -23,7 +24,7 @@ void lpca_drop_whole(Checkpoint *checkpoint, const char *name);
 /* Frees lpca->packed; NULL is ignored. */
 void lpca_packed_free(struct lpca_packed *packed);
 
-#define LPCA_BLOCK 1024 /* texels refined at a time */
+#define LPCA_BLOCK 1024 /* number of texels that are refined together */
 
 /* Makes the n rows orthonormal; length ≥ n. A row that depends linearly on the rows before it
  * becomes 0 with drop, otherwise any vector that is orthogonal to them. */
@@ -35,46 +36,50 @@ struct lpca_run;
 struct lpca_reduced {
     int n, r;
     const float *rows;                  /* n × r */
-    const struct lpca_options *options; /* threads, progress, cancellable, team */
-    struct lpca_run *run;               /* the run whose state is kept; or NULL */
-    int k, c;                           /* asked for; k is lowered to what is of use */
-    int *labels;                        /* n */
-    float *means;                       /* k × r */
-    float *bases;                       /* k × c × r, principal axes in descending order */
-    GPtrArray *members;                 /* k GArrays of int, ascending */
+    const struct lpca_options *options; /* gives threads, progress, cancellable and team */
+    struct lpca_run *run;               /* the run whose state is kept, or NULL */
+    /* requested numbers; k is lowered to the number of useful clusters */
+    int k, c;
+    int *labels;  /* n */
+    float *means; /* k × r */
+    /* k × c × r: principal axes in descending order of variance */
+    float *bases;
+    GPtrArray *members; /* k GArrays of int in ascending order */
 };
 
-/* FALSE when cancelled. Fills labels … members, which lpca_reduced_clear() frees. */
+/* Clusters the rows. Fills labels … members, which lpca_reduced_clear() frees. Returns FALSE when
+ * cancelled. */
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
-/* Coordinates of rows from … end − 1 in their clusters: row x of weights (n × c) becomes
- * A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
+/* Computes the coordinates of rows from … end − 1 in their clusters. Row x of weights (n × c)
+ * becomes A_k (r_x − m_k) with the axes A_k (c × r) and the mean m_k of k = labels[x]. */
 void lpca_reduced_weights(const struct lpca_reduced *reduced, const int *labels, int from, int end,
                           float *weights);
 
-/* The stage of lpca_compute(); the content of its checkpoint depends on it. */
+/* The stage of lpca_compute(). The content of its checkpoint depends on the stage. */
 enum lpca_stage {
     LPCA_BEGUN,
-    LPCA_REDUCING, /* some blocks of rows */
+    LPCA_REDUCING, /* some blocks of rows are done */
     LPCA_REDUCED,
     LPCA_CLUSTERING, /* between two iterations */
-    LPCA_REFINING,   /* clustered; some views */
-    LPCA_WEIGHING,   /* eigen-BRDFs; some blocks of weights */
+    LPCA_REFINING,   /* clustered; some views are done */
+    LPCA_WEIGHING,   /* eigen-BRDFs are done; some blocks of weights are done */
     LPCA_MADE,
 };
 
-/* The state of lpca_compute() as the checkpoint has it, byte by byte. */
+/* The state of lpca_compute() as it is stored in the checkpoint, byte by byte. */
 struct lpca_state {
-    gint32 form, n_clusters, n_components, colours, to_pack; /* of the call */
+    gint32 form, n_clusters, n_components, colours, to_pack; /* arguments of the call */
     gint32 stage;                                            /* enum lpca_stage */
-    gint32 c, k;         /* components in work, clusters that are left */
-    gint32 iteration;    /* to be done next */
-    gint32 few, enough;  /* components that do not reach the target, and that do; 0: not known */
+    gint32 c, k;      /* present number of components, and of clusters that are left */
+    gint32 iteration; /* next iteration */
+    /* numbers of components that do not reach the target, and that do; 0 if not known */
+    gint32 few, enough;
     gint32 unused;       /* padding, so that the doubles are aligned */
-    double target;       /* of the call */
-    double before;       /* the last iteration's sum */
-    double error;        /* of the result so far; −1: not known */
-    double enough_error; /* error with that many components */
+    double target;       /* argument of the call */
+    double before;       /* sum of the last iteration */
+    double error;        /* error of the result so far; −1 if not known */
+    double enough_error; /* error with enough components */
 };
 
 enum lpca_kept {
@@ -82,22 +87,22 @@ enum lpca_kept {
     LPCA_KEPT_AXES,    /* r × d */
     LPCA_KEPT_ROWS,    /* n × r */
     LPCA_KEPT_LABELS,  /* n */
-    LPCA_KEPT_MEANS,   /* of a reduced space, clusters as asked for × r */
-    LPCA_KEPT_BASES,   /* the same × c × r */
+    LPCA_KEPT_MEANS,   /* of a reduced space: requested number of clusters × r */
+    LPCA_KEPT_BASES,   /* of a reduced space: requested number of clusters × c × r */
     LPCA_KEPT_BRDFS,   /* of k clusters */
     LPCA_KEPT_WEIGHTS, /* n × c */
     LPCA_KEPT_SQUARES, /* k doubles per view */
     LPCA_KEPT_KINDS
 };
 
-/* Everything that lpca_compute() holds. A rank of a team has the reduced rows of all texels, but
- * the BTF's values only of texels first … end − 1. */
+/* All data of lpca_compute(). A rank of a team has the reduced rows of all texels, but the BTF's
+ * values only of texels first … end − 1. */
 struct lpca_run {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
-    int n, d, columns; /* texels, values of each, those of a view */
+    int n, d, columns; /* numbers of texels, of values of a texel, and of values of a view */
     int first, end;
-    float *mean; /* d: about which rows are taken */
+    float *mean; /* d: subtracted from the rows */
     int r;
     float *axes;    /* r × d */
     float *offsets; /* r: products of axes and mean */
@@ -105,26 +110,29 @@ struct lpca_run {
     GMutex lock;
     GError *failed; /* the first error of any thread */
     struct lpca_state state;
-    int *done; /* of the stage's blocks, or NULL: nothing is kept */
+    int *done; /* flags of the stage's blocks; NULL if nothing is kept */
 };
 
 /* The functions of lpca_checkpoint.c do nothing if options->checkpoint is NULL. lpca_resume() sets
- * run->state to that of the file if it is of the same call, else to that of a new computation. */
+ * run->state to the state in the file if it is of the same call, otherwise to that of a new
+ * computation. */
 void lpca_resume(struct lpca_run *run);
-/* Drops all arrays from the checkpoint: those given to lpca_keep() may be freed afterwards. */
+/* Drops all arrays from the checkpoint. Arrays that were given to lpca_keep() may be freed
+ * afterwards. */
 void lpca_leave(struct lpca_run *run);
-/* Begins a stage: arrays that it does not need are dropped from the checkpoint. */
+/* Begins a stage, and drops the arrays from the checkpoint that the stage does not need. */
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
-/* Registers an array of the size that follows from run->state with the checkpoint; if the file has
- * it, its values are restored first. */
+/* Registers an array with the checkpoint. Its size follows from run->state. If the file has the
+ * array, its values are restored first. */
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
-/* Likewise registers the flags of the stage's n blocks: lpca_run_blocks() skips blocks that are
- * done. */
+/* Registers the flags of the stage's n blocks in the same way. lpca_run_blocks() skips blocks that
+ * are done. */
 void lpca_keep_blocks(struct lpca_run *run, int n);
 void lpca_drop_blocks(struct lpca_run *run);
 
-/* Reads rows as btf_matrix_rows() does, in the colours of the options; texel counts from the BTF's
- * first. If rows cannot be read, they are 0, and run->failed is set. buffer: n × columns. */
+/* Reads rows as btf_matrix_rows() does, in the colours of the options. texel counts from the BTF's
+ * first texel. If rows cannot be read, they are 0, and run->failed is set. buffer has n ×
+ * columns. */
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride);
 
@@ -132,19 +140,19 @@ const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, flo
 void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *indices,
                          float *ret);
 
-/* Runs a stage of n blocks in all threads. FALSE if it was cancelled or failed; the checkpoint is
- * then saved. */
+/* Runs a stage of n blocks in all threads. Returns FALSE if it was cancelled or failed; the
+ * checkpoint is then saved. */
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error);
 
-/* Goes from a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of
- * all texels and the error in the colours of the options; −1: lpca_run_error() has to find the
- * error. */
+/* Extends a clustering in few dimensions to all dimensions. Computes E_k = orth(X_kᵀ W_k), then the
+ * weights of all texels and the error in the colours of the options. An error of −1 means that
+ * lpca_run_error() has to find the error. */
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
-/* lpca_error() of the run's texels and team. */
+/* Calls lpca_error() for the texels and the team of the run. */
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
 
-/* Convert to and from a file in memory; path is for errors. */
+/* Convert to and from a file in memory. path is for errors. */
 struct exr_file *lpca_to_exr(const struct lpca *lpca);
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

@@ -7,9 +7,9 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
-#define CERTAIN 2e-5 /* of ‖X − mean‖²: smaller residuals are no more than rounding */
+#define CERTAIN 2e-5 /* relative to ‖X − mean‖²: smaller residuals are only rounding errors */
 
-/* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
+/* The run's texels of a block, sorted by cluster: those of cluster k are texels[starts[k]] … */
 struct groups {
     int from, n;
     int texels[LPCA_BLOCK];
@@ -21,12 +21,12 @@ struct groups {
  * E: eigen-BRDFs (c × d), W: weights (n × c). */
 struct refine {
     struct lpca_run *run;
-    const struct lpca_reduced *reduced; /* NULL when its work is done */
+    const struct lpca_reduced *reduced; /* NULL when it is no longer needed */
     struct lpca *lpca;                  /* its weights are first P, then W */
-    gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; else W follows from P */
+    gboolean weigh;  /* W = X Eᵀ, which reads the BTF once more; otherwise W follows from P */
     double *squares; /* views × clusters: Σ of squares of rows minus the run's mean */
-    double *rotations; /* c × c per cluster: PᵀP, then the matrix P → W; at last Σ w wᵀ, then Uᵀ */
-    double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its rows as they are */
+    double *rotations; /* c × c per cluster: PᵀP, then the matrix P → W; finally Σ w wᵀ, then Uᵀ */
+    double *residual; /* two per cluster: ‖X − W E‖², and ‖·‖² of its unchanged rows */
     double *sums;     /* two per block: the same, of R, G, B */
 };
 
@@ -52,8 +52,8 @@ static int blocks(const struct lpca_run *run) {
 }
 
 /* Gathers the rows of the block's texels in a view, in the order of the groups, minus the
- * subtrahend of their cluster. The subtrahends of two clusters are stride floats apart; 0: all
- * clusters have the same one. */
+ * subtrahend of their cluster. The subtrahends of two clusters are stride floats apart. With stride
+ * 0 all clusters have the same subtrahend. */
 static void lpca_refine_gather(const struct refine *refine, const struct groups *groups, int view,
                                const float *subtrahend, gsize stride, float *ret) {
     struct lpca_run *run = refine->run;
@@ -68,7 +68,7 @@ static void lpca_refine_gather(const struct refine *refine, const struct groups 
     }
 }
 
-/* Products of the texels' rows with their cluster's axes in few dimensions. */
+/* Computes the products of the texels' rows with their cluster's axes in few dimensions. */
 static void reduced_block(int block, gpointer data) {
     const struct refine *refine = data;
     const int from = refine->run->first + block * LPCA_BLOCK;
@@ -76,7 +76,7 @@ static void reduced_block(int block, gpointer data) {
                          MIN(from + LPCA_BLOCK, refine->run->end), refine->lpca->weights);
 }
 
-/* Sums of n rows, and of their squares. */
+/* Computes sums of n rows, and of their squares. */
 static void add_rows(const float *rows, int n, gsize columns, float *part, double *sums,
                      double *squares) {
     memset(part, 0, sizeof(float) * columns);
@@ -90,8 +90,8 @@ static void add_rows(const float *rows, int n, gsize columns, float *part, doubl
         sums[j] += part[j];
 }
 
-/* Sums a view's columns over the rows of each cluster, once as they are and once times the rows'
- * products with the axes. These products have the mean 0, so that the cluster's mean need not be
+/* Sums a view's columns over the rows of each cluster, once unchanged and once times the rows'
+ * products with the axes. The mean of these products is 0, so that the cluster's mean need not be
  * subtracted from the rows. */
 static void sum_view(int view, gpointer data) {
     const struct refine *refine = data;
@@ -104,7 +104,7 @@ static void sum_view(int view, gpointer data) {
     g_autofree float *part = g_new(float, columns);
     g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
     double *squares = refine->squares + (gsize)view * (gsize)lpca->n_clusters;
-    /* A view that was begun before may have left values. */
+    /* An earlier run that was interrupted in this view may have left values. */
     if (run->done)
         memset(squares, 0, sizeof(double) * (gsize)lpca->n_clusters);
     for (int i = 0; run->done && i < lpca->n_clusters * (c + 1); i++)
@@ -133,8 +133,8 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-/* The cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off. For the
- * cluster's n rows x:
+/* Computes the cluster's mean from sums about the run's mean a, off = Σ (x − a) / n: E_0 = a + off.
+ * For the cluster's n rows x:
  *   Σ ‖x − E_0‖² = Σ ‖x − a‖² − n ‖off‖²,   Σ ‖x‖² = Σ ‖x − a‖² + n ⟨a, 2 off + a⟩ */
 static void finish_mean(const struct refine *refine, int k) {
     const GArray *members = g_ptr_array_index(refine->reduced->members, k);
@@ -153,7 +153,7 @@ static void finish_mean(const struct refine *refine, int k) {
     }
 }
 
-/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place; products that do not
+/* Solves S x = y with S = PᵀP (c × c) for c right sides y (c × c), in place. Products that do not
  * vary are left out. */
 static void solve_products(double *squares, double *y, int c) {
     double largest = 0;
@@ -187,7 +187,7 @@ static void solve_cluster(const struct refine *refine, int k) {
                 cblas_dsdot(d, sums + (gsize)i * (gsize)d, 1, axes + (gsize)j * (gsize)d, 1);
     memcpy(solved, onto, sizeof(double) * square);
     solve_products(inverted, solved, c);
-    /* 2 ⟨X, WE⟩ − ‖WE‖²: an error of W counts with its square. */
+    /* 2 ⟨X, WE⟩ − ‖WE‖²: an error of W only enters with its square. */
     double *missing = refine->residual + (gsize)(2 * k);
     g_autofree double *half = g_new(double, square);
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, rotation, c, solved, c, 0,
@@ -209,7 +209,7 @@ static void finish_cluster(int k, gpointer data) {
         solve_cluster(refine, k);
 }
 
-/* Products of the eigen-BRDFs and the rows minus their cluster's mean. */
+/* Computes the products of the eigen-BRDFs and the rows minus their cluster's mean. */
 static void weigh_block(int block, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;
@@ -325,8 +325,8 @@ static gboolean sum_views(struct refine *refine, GError **error) {
     return TRUE;
 }
 
-/* The relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster, which saves reading
- * everything once more; but a very small error is lost in rounding. */
+/* Computes the relative error from ‖X − X̂‖² = ‖X‖² − 2 ⟨X, WE⟩ + ‖WE‖² of each cluster. This
+ * avoids reading everything once more, but a very small error is lost in rounding. */
 static void sum_error(struct refine *refine) {
     double missing = 0, sum = 0, all = 0;
     for (int k = 0; k < refine->lpca->n_clusters; k++) {
@@ -338,7 +338,7 @@ static void sum_error(struct refine *refine) {
     refine->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
-/* From P to E and W; skips the stages that the checkpoint has. */
+/* Computes E and W from P. Skips the stages that are complete in the checkpoint. */
 static gboolean lpca_refine_make(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     struct lpca *lpca = refine->lpca;
@@ -350,7 +350,8 @@ static gboolean lpca_refine_make(struct refine *refine, GError **error) {
         if (!refine->weigh) {
             work_for_each(threads, blocks(run), lpca_refine_rotate_weights, refine);
             sum_error(refine);
-        } else { /* blocks of weights that are done are kept: they read everything once more */
+            /* blocks of weights that are done are saved, because they read everything once more */
+        } else {
             lpca_enter(run, LPCA_WEIGHING);
             lpca_keep(run, LPCA_KEPT_WEIGHTS, lpca->weights);
             lpca_keep_blocks(run, blocks(run));
@@ -374,7 +375,7 @@ static gboolean lpca_refine_make(struct refine *refine, GError **error) {
 
 struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct refine refine = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
-    /* The last of many axes are not yet those of all rows. */
+    /* If there are many axes, the last ones are not yet accurate for all rows. */
     refine.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
     refine.lpca->error = -1;
     refine.lpca->colours = run->options->colours;
@@ -436,7 +437,7 @@ static void lpca_refine_compare_block(int block, gpointer data) {
 
 gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error) {
     const struct lpca_options *options = run->options;
-    struct lpca_options plain = *options; /* they are compared as R, G, B */
+    struct lpca_options plain = *options; /* the comparison is in R, G, B */
     struct refine refine = {run, NULL, lpca};
     double sums[2] = {0};
     refine.sums = g_new0(double, 2 * blocks(run) + 1);

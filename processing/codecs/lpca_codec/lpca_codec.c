@@ -10,22 +10,23 @@
 
 #include <math.h>
 
-#define CLUSTERS         32
-#define COMPONENTS       8
-#define MOST_ROUNDING    4 /* times that rounding may ask for another component */
-#define CURVE_CLUSTERS   64
-#define CURVE_MOST       16         /* components of a curve */
-#define COARSEST         4.0        /* step of packed ones, relative to the mean of the values */
-#define FINEST           (1.0 / 32) /* likewise */
-#define TEXELS_A_CLUSTER 16         /* of a curve, at least */
+#define CLUSTERS       32
+#define COMPONENTS     8
+#define MOST_ROUNDING  4 /* maximum number of times that rounding may require another component */
+#define CURVE_CLUSTERS 64
+#define CURVE_MOST     16 /* maximum number of components of a curve */
+/* coarsest step of packed models, relative to the mean of the values */
+#define COARSEST         4.0
+#define FINEST           (1.0 / 32) /* finest step, likewise */
+#define TEXELS_A_CLUSTER 16         /* minimum number of texels per cluster of a curve */
 
 struct lpca_codec_options {
-    int clusters, components; /* 0: not given */
-    int grid;                 /* 0: measured directions */
+    int clusters, components; /* 0 if not given */
+    int grid;                 /* 0 for measured directions */
     int quantise;             /* enum lpca_quantise */
     int colours;              /* enum lpca_colours */
-    double error;             /* 0: none */
-    gint64 size;              /* 0: any */
+    double error;             /* 0 if not given */
+    gint64 size;              /* 0 if not limited */
     gboolean mips;
 };
 
@@ -39,50 +40,51 @@ static const struct option lpca_codec_table[] = {
      .min = 1,
      .max = LPCA_MAX_CLUSTERS,
      .offset = offsetof(struct lpca_codec_options, clusters),
-     .help = "clusters of texels, 32 if not given"},
+     .help = "number of clusters of texels (32 if not given)"},
     {.name = "components",
      .type = OPTION_INT,
      .min = 1,
      .max = LPCA_MAX_PACKED,
      .offset = offsetof(struct lpca_codec_options, components),
-     .help = "eigen-BRDFs of a cluster, 8 if not given (more than 64 only if packed); with --error "
-             "or --size the maximum"},
+     .help = "number of eigen-BRDFs of a cluster (8 if not given, more than 64 only if packed); "
+             "with --error or --size the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lpca_codec_options, error),
-     .help = "the smallest that reaches this error of the whole BTF: chooses components, and "
-             "clusters unless -k gives them"},
+     .help = "find the smallest model whose error over the whole BTF is at most this; chooses the "
+             "components and, without -k, the clusters"},
     {.name = "size",
      .type = OPTION_BYTES,
      .offset = offsetof(struct lpca_codec_options, size),
-     .help = "the best clusters and components that take no more than this"},
+     .help =
+         "find the numbers of clusters and components with the smallest error within this size"},
     {.name = "mips",
      .type = OPTION_BOOL,
      .offset = offsetof(struct lpca_codec_options, mips),
-     .help = "mip levels too, each compressed again"},
+     .help = "also write mip levels, each compressed separately"},
     {.name = "grid",
      .type = OPTION_INT,
      .min = DIRECTION_GRID_MIN,
      .max = DIRECTION_GRID_MAX,
      .offset = offsetof(struct lpca_codec_options, grid),
-     .help = "eigen-BRDFs on a grid of N × N directions; 12 is good"},
+     .help = "store eigen-BRDFs on a grid of N × N directions; 12 is a good value"},
     {.name = "quantise",
      .type = OPTION_CHOICE,
      .fallback = "half",
      .choices = lpca_codec_quantise,
      .offset = offsetof(struct lpca_codec_options, quantise),
-     .help = "numbers in the file; 8bit applies to eigen-BRDFs only; packed, with --error or "
-             "--size, is smallest, and is unpacked to be drawn"},
+     .help = "format of the numbers in the file. 8bit applies only to eigen-BRDFs. packed (with "
+             "--error or --size) is smallest, and is unpacked for drawing"},
     {.name = "colours",
      .type = OPTION_CHOICE,
      .fallback = "rgb",
      .choices = lpca_codec_colours,
      .offset = offsetof(struct lpca_codec_options, colours),
-     .help = "what is compressed: R, G, B, or the logarithm of luminance and chroma"},
+     .help = "colours that are compressed: R, G, B, or the logarithm of luminance and chroma"},
     {NULL},
 };
 
-/* Contradictions among the options. */
+/* Returns how options contradict each other. */
 static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
@@ -100,16 +102,16 @@ static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
     return NULL;
 }
 
-/* How often rounding has made a smaller error necessary, and which error; the checkpoint keeps
+/* How often rounding has made a smaller error necessary, and that error. The checkpoint stores
  * both. */
 struct rounding {
     gint64 times;
     double target;
 };
 
-/* Computes a local PCA with as many clusters and components as the options ask for, or as the
- * requested error or size needs; resamples it to a grid if requested, and rounds it. ret: its
- * errors before and after rounding. */
+/* Computes a local PCA with the clusters and components of the options, or as many as the requested
+ * error or size needs. Resamples it to a grid if requested, and rounds it. ret gets its errors
+ * before and after rounding. */
 static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf,
                                        const struct lpca_options *options, struct codec_result *ret,
@@ -133,9 +135,9 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
     return g_steal_pointer(&lpca);
 }
 
-/* Errors add in squares: the error added by rounding is subtracted from the target of the next
- * attempt, e² = target² − (e_rounded² − e_exact²). Goes on from the checkpoint, which borrows
- * `rounding`. */
+/* Errors add in squares. The error that rounding adds is subtracted from the target of the next
+ * attempt: e² = target² − (e_rounded² − e_exact²). Continues from the checkpoint, which borrows
+ * rounding. */
 static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
                                        const struct btf_matrix *btf, struct lpca_options *options,
                                        struct codec_result *ret, GError **error) {
@@ -176,7 +178,7 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
     return lpca;
 }
 
-/* Packs with as many components as the target needs, at most the requested number. */
+/* Packs with as many components as the target needs, but at most the requested number. */
 static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
                                     const struct btf_matrix *btf, struct lpca_options *options,
                                     struct codec_result *ret, GError **error) {
@@ -188,8 +190,8 @@ static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
     return lpca;
 }
 
-/* Levels 1 and on, with as many clusters and components as level 0 if there are so many texels.
- * They have no checkpoint, which would save at most a third of the work. */
+/* Adds levels 1 and on. They have as many clusters and components as level 0 if they have enough
+ * texels. They have no checkpoint, which would save at most a third of the work. */
 static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
                                       const struct btf_matrix *btf,
                                       const struct lpca_options *options, struct codec_result *ret,
@@ -219,8 +221,8 @@ static void lpca_codec_free(gpointer model) {
     lpca_free(model);
 }
 
-/* Computes, packs or chooses a local PCA by the options; without a target error or size, with
- * COMPONENTS components. The limit of memory includes the BTF's values. */
+/* Computes, packs or chooses a local PCA according to the options. Without a target error or size,
+ * it has COMPONENTS components. The limit of memory includes the BTF's values. */
 static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
                                   const struct codec_job *job, struct codec_result *ret,
                                   GError **error) {
@@ -255,7 +257,7 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     return !asked->mips || lpca_codec_add_levels(asked, btf, &options, ret, error);
 }
 
-/* "32 clusters of 8 components on a grid of 12, 6 mip levels" */
+/* Returns a text such as "32 clusters of 8 components on a grid of 12, 6 mip levels". */
 static char *lpca_codec_describe(const struct codec *codec G_GNUC_UNUSED,
                                  const struct codec_result *result) {
     const int k = result->clusters, c = result->components;
@@ -278,7 +280,8 @@ static gpointer lpca_codec_read(const char *path, GError **error) {
     return lpca_read(path, error);
 }
 
-/* From headers alone: size, clusters × components, directions and error. */
+/* Describes a file of which only the headers were read: size, clusters × components, directions and
+ * error. */
 static char *lpca_codec_describe_file(const struct exr_file *file) {
     const struct exr_part *clusters = exr_file_part(file, "clusters");
     const struct exr_part *scales = exr_file_part(file, "scales");
@@ -293,7 +296,7 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     exr_get_string(clusters, "mesorig.colours", &colours, NULL);
     exr_get_double(clusters, "mesorig.error", &error, NULL);
     exr_get_int(clusters, "mesorig.grid", &grid, NULL);
-    int levels = 1; /* level 0, and those of which there are parts "mip<n>.clusters" */
+    int levels = 1; /* level 0, and the levels with a part "mip<n>.clusters" */
     for (gboolean more = TRUE; more; levels += more) {
         g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
         more = exr_file_part(file, name) != NULL;
@@ -333,7 +336,7 @@ static GPtrArray *lpca_codec_read_levels(const char *path, GError **error) {
     return ret;
 }
 
-/* One point of the curve for each way to round it. */
+/* Reports one point of the curve for each way to round the local PCA. */
 static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
                                           const struct btf_matrix *btf, CodecPoint tell,
                                           gpointer data, GError **error) {
@@ -356,7 +359,7 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
     return ok;
 }
 
-/* One local PCA is rounded to coarser and finer steps. */
+/* Rounds one local PCA to coarser and finer steps. */
 static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const struct work *work,
                                         CodecPoint tell, gpointer data, GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);
@@ -393,7 +396,7 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
 }
 
 /* Encodes with 1, 4, 16 and 64 clusters of 1, 2, 4, 8 and 16 components each, quantised in each
- * way; then packed. */
+ * way. Then encodes packed models. */
 static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
                                  const struct btf_matrix *btf, const struct work *work,
                                  CodecPoint tell, gpointer data, GError **error) {

@@ -7,13 +7,14 @@
 
 #define COLOURS 3
 
-/* E_0 … E_c of a cluster at view 0 and light 0; the tables lie btf_layout_values() apart. */
+/* Returns E_0 … E_c of a cluster at view 0 and light 0. The tables are btf_layout_values()
+ * apart. */
 static const float *lpca_evaluate_tables(const struct lpca *lpca, int cluster) {
     return lpca->brdfs +
            (gsize)cluster * (gsize)(lpca->n_components + 1) * btf_layout_values(&lpca->layout);
 }
 
-/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b), w_0 being the weight of the mean. */
+/* Adds Σ_a Σ_b g_a h_b Σ_i w_i E_i(a, b), where w_0 is the weight of the mean. */
 static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_query *query,
                                   int cluster, const float *w, float ret[COLOURS]) {
     const float *tables = lpca_evaluate_tables(lpca, cluster);
@@ -36,7 +37,7 @@ static void lpca_evaluate_cluster(const struct lpca *lpca, const struct codec_qu
     }
 }
 
-/* Each cluster once: the texels of it that are left are mixed and marked by a share of 0. */
+/* Evaluates each cluster once. Its remaining texels are mixed, and marked with a share of 0. */
 static void lpca_evaluate_rgb(const struct lpca *lpca, const struct codec_query *query,
                               const struct codec_texels *texels, float ret[COLOURS]) {
     const gsize n = (gsize)lpca->n_components;

@@ -1,12 +1,12 @@
-/* Reflectance of a local PCA in one pair of directions. Any thread. */
+/* Reflectance of a local PCA for one pair of directions. Any thread. */
 #pragma once
 
 #include "codec/codec.h"
 
-/* The function evaluate of struct codec; model: struct lpca. In R, G, B the values are linear in
- * the weights, so that the weights of the texels of one cluster are mixed first and its eigen-BRDFs
- * are read once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a, b)) With
- * LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B before it
- * is mixed. */
+/* The function evaluate of struct codec; model is a struct lpca. In R, G, B the values are linear
+ * in the weights. The weights of the texels of one cluster are therefore mixed first, and its
+ * eigen-BRDFs are read only once: Σ_a Σ_b g_a h_b (Σ_x s_x E_0(a, b) + Σ_i (Σ_x s_x w_i(x)) E_i(a,
+ * b)). With LPCA_LOG, each texel's value for each pair of directions is converted back to R, G, B
+ * before it is mixed. */
 void lpca_evaluate(gconstpointer model, const struct codec_query *query,
                    const struct codec_texels *texels, float ret[3]);

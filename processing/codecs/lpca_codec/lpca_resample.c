@@ -9,9 +9,10 @@
 #include "btf/direction_grid.h"
 
 #define COLOURS 3
-#define BLOCK   8 /* texels a thread compares at a time */
+#define BLOCK   8 /* number of texels that a thread compares at a time */
 
-/* A copy with room for eigen-BRDFs on the grid; brdfs is NULL if there is no memory for them. */
+/* Returns a copy with room for eigen-BRDFs on the grid. brdfs is NULL if there is not enough
+ * memory. */
 static struct lpca *like(const struct lpca *lpca, int n_grid) {
     const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize tables = (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
@@ -32,8 +33,9 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     return ret;
 }
 
-/* A table E (views × lights × 3) becomes V E Lᵀ (n² × n² × 3) with the operators V (n² × views) and
- * L (n² × lights): first views, then the lights of each view, whose colours lie side by side. */
+/* Converts a table E (views × lights × 3) to V E Lᵀ (n² × n² × 3) with the operators V (n² × views)
+ * and L (n² × lights): first the views, then the lights of each view, whose colours are
+ * adjacent. */
 static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
                            const float *views, const float *lights, float *between) {
     const int samples = to->layout.views.n, row = from->layout.lights.n * COLOURS;
@@ -71,8 +73,8 @@ struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) 
     return g_steal_pointer(&ret);
 }
 
-/* Compares at the directions of btf. A texel's reflectances are summed on the grid first, which
- * costs least, and then interpolated. */
+/* Compares values at the directions of btf. A texel's reflectances are first summed on the grid,
+ * which costs least, and then interpolated. */
 struct comparison {
     const struct lpca *lpca;
     const struct btf_matrix *btf;
@@ -81,7 +83,7 @@ struct comparison {
     double *sums;                      /* two per block: ‖X − X̂‖² and ‖X‖² */
 };
 
-/* The four samples around each of n directions, and their weights: n × 4 each. */
+/* Gives the four samples around each of n directions and their weights, n × 4 each. */
 static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const float *phi_deg,
                                        int n, int **ret_index, float **ret_weight) {
     *ret_index = g_new(int, 4 * n);
@@ -94,7 +96,8 @@ static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const
     }
 }
 
-/* Σ_a Σ_b v_a l_b G(a, b) over the four samples around the view and the four around the light. */
+/* Computes Σ_a Σ_b v_a l_b G(a, b) over the four samples around the view and the four around the
+ * light. */
 static void interpolate(const struct comparison *to, const float *grid, int view, int light,
                         float ret[COLOURS]) {
     const gsize samples = to->lpca->layout.lights.n;
@@ -110,7 +113,7 @@ static void interpolate(const struct comparison *to, const float *grid, int view
         }
 }
 
-/* Adds the squares of a texel in one view. grid: n² × n² × 3, truth: lights × 3. */
+/* Adds the squares of a texel in one view. grid is n² × n² × 3, truth is lights × 3. */
 static void compare_view(const struct comparison *to, const float *grid, const float *truth,
                          int view, double *sums) {
     for (gsize light = 0; light < to->btf->layout.lights.n; light++, truth += COLOURS) {

@@ -5,11 +5,12 @@
 
 #define SIDE   MDF_BLOCK_SIDE
 #define TEXELS (SIDE * SIDE)
-#define STEPS  7   /* from one end to the other */
-#define MOST   255 /* of an end */
+#define STEPS  7   /* number of steps from one end to the other */
+#define MOST   255 /* maximum of an end */
 #define ROUNDS 4
 
-/* How a card numbers the values from the first end to the second, the first being larger. */
+/* The indices by which a graphics card numbers the values from the first end to the second if the
+ * first is larger. */
 static const guint8 codes[STEPS + 1] = {0, 2, 3, 4, 5, 6, 7, 1};
 
 struct block {
@@ -26,8 +27,8 @@ gsize mdf_blocks_bytes(int width, int height) {
     return (gsize)mdf_blocks_across(width) * (gsize)mdf_blocks_across(height) * MDF_BLOCK_BYTES;
 }
 
-/* Assigns to each depth the index of the nearest of the eight values; block->error is the sum of
- * squared differences. */
+/* Assigns to each depth the index of the nearest of the eight values. block->error becomes the sum
+ * of squared differences. */
 static void mdf_blocks_assign(struct block *block, const double *values) {
     const double from = block->ends[0], along = block->ends[1] - from;
     block->error = 0;
@@ -44,7 +45,7 @@ static int whole_end(double value) {
 }
 
 /* Finds the ends e that are best for the indices t = i / 7: min Σ ((1 − t) e_0 + t e_1 − d)² by its
- * normal equations [a b; b c] e = [x; y]. FALSE: all indices are alike. */
+ * normal equations [a b; b c] e = [x; y]. Returns FALSE if all indices are equal. */
 static gboolean fit_ends(struct block *block, const double *values) {
     double a = 0, b = 0, c = 0, x = 0, y = 0;
     for (int i = 0; i < TEXELS; i++) {
@@ -63,7 +64,7 @@ static gboolean fit_ends(struct block *block, const double *values) {
     return TRUE;
 }
 
-/* Lloyd's alternation from the largest and the least depth, as long as the error falls. */
+/* Lloyd's alternation from the maximum and the minimum depth, as long as the error decreases. */
 static void mdf_blocks_fit(struct block *best, const double *values) {
     double least = values[0], most = values[0];
     for (int i = 1; i < TEXELS; i++) {
@@ -72,7 +73,7 @@ static void mdf_blocks_fit(struct block *best, const double *values) {
     }
     best->ends[0] = whole_end(most);
     best->ends[1] = whole_end(least);
-    /* Between two whole numbers the seven steps are finer than one. */
+    /* The seven steps between two consecutive whole numbers are smaller than one. */
     if (best->ends[0] == best->ends[1] && most > least) {
         best->ends[0] = whole_end(ceil(most));
         best->ends[1] = whole_end(floor(least));
@@ -102,8 +103,8 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
             mdf_blocks_fit(&block, values);
-            /* The first end must be the larger one: otherwise the card interpolates only six
-             * values. It does so for equal ends, too; then index 0 stands for the common value. */
+            /* The first end must be larger, because the card otherwise interpolates only six
+             * values. This also holds for equal ends; index 0 is then the common value. */
             const gboolean swap = block.ends[0] < block.ends[1];
             const gboolean same = block.ends[0] == block.ends[1];
             guint64 bits = 0;
@@ -122,8 +123,8 @@ void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least
                        float *ret_depth) {
     for (int j = 0; j < height; j += SIDE)
         for (int i = 0; i < width; i += SIDE, blocks += MDF_BLOCK_BYTES) {
-            /* The eight values of a block, as the format says: with equal or rising ends there are
-             * six, then 0 and 1. */
+            /* The eight values of a block according to the format. With equal or rising ends there
+             * are six, followed by 0 and 1. */
             const int steps = blocks[0] > blocks[1] ? STEPS : STEPS - 2;
             double values[STEPS + 1] = {blocks[0], blocks[1], [6] = 0, [7] = MOST};
             guint64 bits = 0;

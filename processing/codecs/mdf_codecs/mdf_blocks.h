@@ -1,15 +1,13 @@
-/*
- * Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits per texel, as cards read them at one fetch
- * (RGTC1, also called BC4): two ends of 8 bits, and for each texel an index that chooses one of
- * eight values from one end to the other.
+/* Depths in blocks of 4 × 4 texels and 8 bytes, 4 bits per texel, in a format that graphics cards
+ * read with one fetch (RGTC1, also called BC4). A block has two end values of 8 bits. Each texel
+ * has an index that chooses one of eight values between the two ends.
  *
  * On disk, an MDF of such views is one EXR file:
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
- * Attributes of each: view.theta_deg, view.phi_deg (double); of the first also mesorig.kind =
- * "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm, deepest_mm,
- * mesorig.error_mm (double). Depths are from least_mm, 0 in the blocks, to deepest_mm, 1 in them;
- * texels that no laser saw have those of their neighbours.
- */
+ * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
+ * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
+ * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth least_mm, a
+ * value of 1 is deepest_mm. Texels that no laser saw have the depths of their neighbours. */
 #pragma once
 
 #include <gio/gio.h>
@@ -19,13 +17,14 @@
 #define MDF_BLOCK_BYTES 8
 #define MDF_BLOCK_SIDE  4
 
-/* Blocks along a side of n texels; the last one may be partly beyond them. */
+/* Returns the number of blocks along a side of n texels. The last block may extend beyond the
+ * texels. */
 int mdf_blocks_across(int n);
-/* Bytes of all blocks of width × height texels. */
+/* Returns the bytes of all blocks of width × height texels. */
 gsize mdf_blocks_bytes(int width, int height);
 
-/* depth: height × width, from least to deepest. Ends and indices are optimised in turn, each with
- * the other fixed. */
+/* Encodes and decodes depth, height × width, between least and deepest. The ends and the indices
+ * are optimised alternately, each with the other fixed. */
 void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
                        guint8 *ret);
 void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,

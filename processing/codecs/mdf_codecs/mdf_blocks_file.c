@@ -90,7 +90,8 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
     return ok;
 }
 
-/* Returns what is wrong with the attributes of the first part; NULL: nothing. */
+/* Returns a description of the defect of the attributes of the first part, or NULL if there is
+ * none. */
 static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
                                              const struct exr_file *file) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
@@ -119,7 +120,7 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
     return NULL;
 }
 
-/* Likewise with a view: its directions, and its blocks as channels B0 … B7. */
+/* The same for a view: its directions, and its blocks as channels B0 … B7. */
 static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view,
                                              const struct exr_part *part) {
     guint8 *to = view_of(blocks, view);
@@ -169,7 +170,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     return NULL;
 }
 
-/* Tells the kind by mesorig.kind of the first part, which files of measured views lack. */
+/* Recognises the kind by mesorig.kind of the first part, which files of measured views lack. */
 enum mdf_kind mdf_kind(const char *path) {
     struct exr_file *file = exr_read_headers(path, NULL);
     const struct exr_part *part = file && file->parts->len > 0 ? file->parts->pdata[0] : NULL;

@@ -5,11 +5,11 @@
 #include "mdf_factors.h"
 #include "mdf_packed.h"
 
-#define TERMS 8 /* unless --components or --error gives the number */
+#define TERMS 8 /* number of maps without --components and --error */
 
 struct mdf_codec_maps_options {
-    int components; /* 0: not given */
-    double error;   /* RMS in texels; 0: none */
+    int components; /* 0 if not given */
+    double error;   /* RMS in texels; 0 if not given */
 };
 
 static const struct option mdf_codec_maps_table[] = {
@@ -18,15 +18,15 @@ static const struct option mdf_codec_maps_table[] = {
      .min = 1,
      .max = MDF_FACTORS_MAX_TERMS,
      .offset = offsetof(struct mdf_codec_maps_options, components),
-     .help = "maps, 8 if not given; with --error the maximum"},
+     .help = "number of maps (8 if not given); with --error the maximum"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct mdf_codec_maps_options, error),
-     .help = "as few maps as reach this RMS error in texels"},
+     .help = "find the smallest number of maps that reaches this RMS error, in texels"},
     {NULL},
 };
 
-/* Adds views at grazing angles, factors all of them and writes the maps. --error is in texels; the
+/* Adds views at grazing angles, factors all views and writes the maps. --error is in texels. The
  * error of the result is that of the measured views in mm. */
 static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                                       GError **error) {
@@ -89,12 +89,12 @@ static const struct option mdf_codec_views_table[] = {
      .fallback = "4bit",
      .choices = mdf_codec_bits_choices,
      .offset = offsetof(struct mdf_codec_views_options, quantise),
-     .help = "numbers of each view in the file: half, 8bit or 4bit"},
+     .help = "format of each view's numbers in the file: half, 8bit or 4bit"},
     {NULL},
 };
 
-/* Encodes each view on its own: as blocks of 4 bits, or as distances of 8 or 16 bits. The error is
- * that of the values read back from the file. */
+/* Encodes each view separately: as blocks of 4 bits, or as distances of 8 or 16 bits. The error is
+ * that of the values when read back from the file. */
 static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
                                        struct mdf_codec_result *ret, GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
@@ -124,7 +124,7 @@ static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
-/* The size is that of the texels, not of the blocks that are the file's pixels. */
+/* The size is the number of texels, not of blocks, which are the pixels of the file. */
 static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;
@@ -140,7 +140,7 @@ static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
 
 static const struct mdf_codec mdf_codec_maps = {
     .name = "mdf",
-    .help = "the distances (MDF) as few maps in 8 bit that all views share",
+    .help = "the distances (MDF) as a few maps in 8 bit that all views share",
     .kind = MDF_FACTORS_KIND,
     .options = mdf_codec_maps_table,
     .options_size = sizeof(struct mdf_codec_maps_options),
@@ -151,7 +151,7 @@ static const struct mdf_codec mdf_codec_maps = {
 
 static const struct mdf_codec mdf_codec_views = {
     .name = "mdf-views",
-    .help = "the distances (MDF), each view on its own (Wang et al. 2005)",
+    .help = "the distances (MDF), each view separately (Wang et al. 2005)",
     .kind = "mdf-blocks",
     .options = mdf_codec_views_table,
     .options_size = sizeof(struct mdf_codec_views_options),

@@ -1,7 +1,5 @@
-/*
- * The contract of a codec of distances (MDF), as codec/codec.h is for BTFs, and the table of all
- * such codecs.
- */
+/* The contract of a codec of mesostructure distances (MDF) and the table of all such codecs.
+ * codec/codec.h is the same for BTFs. */
 #pragma once
 
 #include "base/options.h"
@@ -20,24 +18,26 @@ struct mdf_codec_job {
 
 struct mdf_codec_result {
     int n_terms,
-        n_traced;    /* number of maps, and of views traced along the surface; 0 for other forms */
-    gint64 bytes;    /* as a renderer holds them */
+        /* number of maps and of views that were traced along the surface; 0 for other forms */
+        n_traced;
+    gint64 bytes;    /* bytes in the memory of a renderer */
     double error_mm; /* RMS over the measured, visible texels */
     double most_mm;  /* 99th percentile of the absolute error */
 };
 
 struct mdf_codec {
     const char *name;             /* of --method */
-    const char *help;             /* what it is, one sentence without a full stop */
+    const char *help;             /* one sentence without a full stop that describes the method */
     const char *kind;             /* mesorig.kind of files that describe_file() takes */
     const struct option *options; /* as in struct codec */
     gsize options_size;
-    /* Writes the file; the result begins as 0. */
+    /* Writes the file. All members of the result are 0 when it is called. */
     gboolean (*encode)(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
                        GError **error);
-    /* Describes what encode() made, as in "81 views in 4 bit". g_free() */
+    /* Describes the result of encode(), as in "81 views in 4 bit". g_free() */
     char *(*describe)(const struct mdf_codec_job *job, const struct mdf_codec_result *result);
-    /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
+    /* Returns one line about a file of which only the headers were read, or NULL if parts are
+     * missing. g_free() */
     char *(*describe_file)(const struct exr_file *file);
 };
 

@@ -8,9 +8,10 @@
 #include <string.h>
 
 #define MOST_MAP 255
-#define ROUNDS   6    /* of estimating unseen texels from the factors */
-#define LEAST    1e-9 /* of the largest eigenvalue: smaller ones count as 0 */
-#define WIDER    1.25 /* maps tried at a time, as a factor, on the way to a target */
+#define ROUNDS   6 /* number of rounds in which unseen texels are estimated from the factors */
+/* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
+#define LEAST 1e-9
+#define WIDER 1.25 /* factor between the numbers of maps that are tried on the way to a target */
 
 void mdf_factors_free(struct mdf_factors *factors) {
     if (!factors)
@@ -58,7 +59,7 @@ static gboolean mdf_factors_solve(struct factoring *f, GError **error) {
     return TRUE;
 }
 
-/* Number of the n factors whose eigenvalue is above rounding. */
+/* Returns how many of the n factors have an eigenvalue above rounding errors. */
 static int useful(const struct factoring *f, int n) {
     while (n > 1 && !(f->values[n - 1] > LEAST * f->values[0]))
         n--;
@@ -73,7 +74,7 @@ static float *mdf_factors_project(const struct factoring *f, int n) {
     return maps;
 }
 
-/* Unseen texels get the values of the first n factors: d(x, v) = Σ_i V_i(v) M_i(x). */
+/* Gives unseen texels the values of the first n factors: d(x, v) = Σ_i V_i(v) M_i(x). */
 static void impute(struct factoring *f, int n) {
     const gsize texels = (gsize)f->n_texels;
     g_autofree float *maps = mdf_factors_project(f, n);
@@ -88,8 +89,8 @@ static void impute(struct factoring *f, int n) {
         }
 }
 
-/* Centres the rows and finds their principal views. If some texels are unseen, does so ROUNDS
- * times; each round takes the values of these texels from the round before. */
+/* Centres the rows and finds their principal views. If some texels are unseen, this is done ROUNDS
+ * times, and each round uses the values of these texels from the previous round. */
 static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
                                     GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
@@ -119,8 +120,9 @@ static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellab
     return TRUE;
 }
 
-/* Least squares of all views on the rounded maps m: with A = [m / 255 − ½; 1] of c + 1 rows, whose
- * numbers are about 1, W = D Aᵀ (A Aᵀ)⁻¹. The weights in the file are those of m. */
+/* Fits the weights of all views to the rounded maps m by least squares. With A = [m / 255 − ½; 1]
+ * of c + 1 rows, whose numbers are about 1, W = D Aᵀ (A Aᵀ)⁻¹. The weights in the file are those of
+ * m. */
 static gboolean fit_weights(struct mdf_factors *factors, const struct factoring *f,
                             GError **error) {
     const int n = f->n_texels, c = factors->n_terms, m = c + 1;
@@ -160,7 +162,7 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct factoring 
     return TRUE;
 }
 
-/* The first n_terms maps, each rounded to whole steps between its least and its largest value. */
+/* Makes the first n_terms maps, each rounded to whole steps between its minimum and its maximum. */
 static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int n_terms,
                                                   GError **error) {
     const struct mdf_table *table = f->table;
@@ -198,9 +200,9 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
     return g_steal_pointer(&factors);
 }
 
-/* Finds the fewest maps that reach the target. Begins with the number that the eigenvalues predict:
- * rest = Σ λ_i of the maps left out is the sum of squared errors. Rounding adds to it, so that more
- * maps may be needed. */
+/* Finds the smallest number of maps that reaches the target. Begins with the number that the
+ * eigenvalues predict: rest = Σ λ_i of the maps that are left out is the sum of squared errors.
+ * Rounding adds to it, so that more maps may be needed. */
 static struct mdf_factors *mdf_factors_search(const struct factoring *f, int most, double target_mm,
                                               GCancellable *cancellable, GError **error) {
     const double all = (double)f->n_views * f->n_texels;
@@ -280,7 +282,7 @@ struct mdf_table *mdf_factors_table(const struct mdf_factors *factors) {
     return table;
 }
 
-/* c maps of 8 bits and c + 1 floats per view. */
+/* The maps have c values of 8 bits per texel, the weights c + 1 floats per view. */
 gint64 mdf_factors_bytes(const struct mdf_factors *factors) {
     return (gint64)factors->n_terms * factors->width * factors->height +
            (gint64)sizeof(float) * (factors->n_terms + 1) * factors->n_views;

@@ -1,25 +1,24 @@
-/*
- * A mesostructure distance function as few maps that all views share. Depths below the reference
- * plane (mdf_table.h), views as rows and texels as columns, minus each view's mean, are factored by
- * SVD:
+/* A mesostructure distance function (MDF) as a few maps that all views share. The depths below the
+ * reference plane (mdf_table.h) form a matrix with one row per view and one column per texel. The
+ * mean of each view is subtracted, and the matrix is factored by SVD:
  *
  *   depth(x, v) ≈ W_0(v) + Σ_{i=1..c} W_i(v) M_i(x),   M_i(x) = 0 … 255
  *
- * A height field seen along v is, to first order, its height and its slopes, each times a factor
- * that depends on v alone; so a few maps suffice, and much of the remainder is noise of the
- * measurement. Maps are rounded to 8 bits, then the weights are fitted again to the rounded ones.
- * Texels that no laser saw get the values of the factors.
+ * To first order, a height field seen along v is its height and its two slopes, each times a factor
+ * that depends only on v. A few maps are therefore enough, and much of the remainder is noise of
+ * the measurement. The maps are rounded to 8 bits, then the weights are fitted again to the rounded
+ * maps. Texels that no laser saw get the values of the factors.
  *
- * A renderer has W(v) from a table of directions, and M(x) of four maps at one fetch: filtering
- * maps is the same as filtering depths.
+ * A renderer reads W(v) from a table of directions, and M(x) of four maps with one fetch. Filtering
+ * the maps is the same as filtering the depths.
  *
  * On disk, one EXR:
  *   part "maps"     channels "M01" … "Mcc", width × height texels, half: 0 … 255
  *   part "weights"  channel "W", width n_views, height c + 1, float, mm: line 0 is W_0
  *   part "views"    channels "phi_deg", "theta_deg", width n_views, height 1, float
- * attributes of "maps": mesorig.kind = "mdf-factors", texel_mm, deepest_mm, mesorig.error_mm
- * (double), mesorig.measured (int): the number of measured views; the views after them are traced.
- */
+ * The attributes of "maps" are mesorig.kind = "mdf-factors", texel_mm, deepest_mm, mesorig.error_mm
+ * (double) and mesorig.measured (int). The last is the number of measured views; the views after
+ * them are traced. */
 #pragma once
 
 #include <gio/gio.h>
@@ -37,25 +36,26 @@ struct mdf_factors {
     float *theta_deg, *phi_deg; /* of each view */
     float *weights;             /* n_views × (n_terms + 1) */
     guint8 *maps;               /* n_terms × height × width */
-    double error_mm;            /* RMS of what was measured and seen; mdf_table_difference() */
+    double error_mm;            /* RMS over the measured, visible texels; mdf_table_difference() */
 };
 
 typedef struct mdf_factors MdfFactors;
 void mdf_factors_free(struct mdf_factors *factors); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfFactors, mdf_factors_free)
 
-/* The first n_measured views of the table were measured, the others are mdf_table_add_grazing()'s.
- * Computes n_terms maps; or, with target_mm > 0, as few as reach that error, n_terms at most. If
- * they do not reach it, the error gives the least error reached. A material without relief has one
- * map, of 0. Any thread. */
+/* Factors a table. Its first n_measured views were measured; the others are the views that
+ * mdf_table_add_grazing() has added. Computes n_terms maps. With target_mm > 0, computes as few
+ * maps as reach that error, at most n_terms. If n_terms maps do not reach it, the error message
+ * gives the smallest error reached. A material without relief has one map whose values are 0. Any
+ * thread. */
 struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_measured, int n_terms,
                                         double target_mm, GCancellable *cancellable,
                                         GError **error);
 
-/* The views that the factors reconstruct, uncompressed. */
+/* Returns the views that the factors reconstruct, uncompressed. */
 struct mdf_table *mdf_factors_table(const struct mdf_factors *factors);
 
-/* Bytes a renderer holds: maps and weights. */
+/* Returns the bytes of the maps and weights in the memory of a renderer. */
 gint64 mdf_factors_bytes(const struct mdf_factors *factors);
 
 gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error);

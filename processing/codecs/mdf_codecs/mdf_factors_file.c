@@ -7,7 +7,7 @@
 #define MOST_MAP 255
 #define MAX_MM   6e4
 
-/* "M01" …: channels of a part are in alphabetical order. */
+/* Returns "M01" …, so that the channels of a part are in alphabetical order. */
 static char *channel_name(int term) {
     return g_strdup_printf("M%02d", term + 1);
 }
@@ -45,7 +45,7 @@ gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, 
     return ok;
 }
 
-/* Returns what is wrong with sizes and attributes; NULL: nothing. */
+/* Returns a description of the defect of sizes and attributes, or NULL if there is none. */
 static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
                                               const struct exr_file *file) {
     const struct exr_part *maps = exr_file_part(file, "maps"),
@@ -80,7 +80,7 @@ static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
     return NULL;
 }
 
-/* Likewise with directions, weights and maps. */
+/* The same for directions, weights and maps. */
 static const char *mdf_factors_file_read_values(struct mdf_factors *factors,
                                                 const struct exr_file *file) {
     const gsize texels = (gsize)factors->width * (gsize)factors->height;

@@ -8,7 +8,8 @@
 #define MOST   255
 #define MAX_MM 6e4
 
-/* One view: halves, or n = round (d / s) of distances d with the scale s = max d / 255. */
+/* Packs one view as halves, or as n = round (d / s) of distances d with the scale s = max d /
+ * 255. */
 static struct exr_part *mdf_packed_pack(const struct exr_part *from, enum mdf_packed kind,
                                         const char *path, GError **error) {
     static const char *const channel[] = {"D", NULL};
@@ -52,7 +53,7 @@ static struct exr_part *mdf_packed_pack(const struct exr_part *from, enum mdf_pa
     return part;
 }
 
-/* ret_bytes: for halves two bytes per texel; otherwise one byte per texel, and four per view for
+/* ret_bytes is two bytes per texel for halves, otherwise one byte per texel and four per view for
  * its scale. */
 gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64 *ret_bytes,
                   GError **error) {

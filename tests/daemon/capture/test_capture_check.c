@@ -26,7 +26,7 @@ static void test_disk(void) {
     g_assert_true(capture_check_disk(loop, 1, &error));
     g_assert_no_error(error);
     g_assert_false(capture_check_disk("/proc/small.session", 1, &error));
-    assert_has(error->message, "it is on no disk");
+    assert_has(error->message, "it is not on a disk");
     g_clear_error(&error);
     g_assert_false(capture_check_disk(deep, G_MAXUINT64 / 4, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FULL);
@@ -207,7 +207,7 @@ static void test_calibration(void) {
     g_autofree char *other = g_build_filename(run->directory, "other.calibration", NULL);
     g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
     g_autoptr(GError) error = NULL;
-    read_calibration(run, 1, "is not there yet");
+    read_calibration(run, 1, "does not exist yet");
     write_calibration(run, path);
     read_calibration(run, 0, NULL);
     g_autofree char *line = capture_calibration_line(rig, NULL, &error);

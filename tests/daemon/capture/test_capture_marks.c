@@ -147,7 +147,7 @@ static void moved(const struct scene *scene, const char *what, guint accepted_bi
     run_to_pause(run, "Something has moved since the rig was calibrated: ");
     g_test_message("%s", run->told->str);
     g_assert_nonnull(strstr(run_status(run).reason, what));
-    g_assert_nonnull(strstr(run_status(run).reason, "in the last 2 shots"));
+    g_assert_nonnull(strstr(run_status(run).reason, "The last 2 shots may be affected"));
     g_assert_true(was_told(run, "warning fiducials: something may have moved"));
     g_assert_cmpint(run_status(run).fault, ==, CAPTURE_FAULT_RIG);
     g_assert_cmpint(run_status(run).shots_done, >=, 1);

@@ -129,7 +129,7 @@ static void test_copy(gconstpointer path) {
 
 /* Of two that end only the one that fails is told of. */
 static void test_end(void) {
-    static const char told[] = "processing beside the capture has failed: run `mesorig process`";
+    static const char told[] = "processing during the capture has failed: run `mesorig process`";
     g_autofree char *said = beside_run("/follower/end/subprocess");
     const char *at = strstr(said, told);
     g_assert_nonnull(at);

@@ -60,8 +60,7 @@ static void test_saturated(void) {
                          "exposures_us in [capture]");
     assert_has(run->out, "no texel is seen by a laser: 0 % of the pixels of 8 sweeps show a line; "
                          "set a longer laser_exposure_us or a lower laser_threshold_dn");
-    assert_has(run->out, "response of [camera cam30] = 1 is what is taken where nothing is given "
-                         "(1 of 2 cameras)");
+    assert_has(run->out, "response of [camera cam30] = 1 is the default (1 of 2 cameras)");
     g_assert_null(strstr(run->out, "dark: "));
     operator_free(run);
 }

@@ -105,7 +105,7 @@ static void test_disk_full(void) {
     g_test_message("%s", run->err);
     assert_has(run->out, "error: disk: The disk is full: ");
     assert_has(run->err, "mesorig: paused, the rig is safe: The disk is full: ");
-    assert_has(run->err, "Nothing was lost; free some space, then go on.");
+    assert_has(run->err, "Nothing was lost; free some space, then continue.");
     assert_has(run->err, "to go on: mesorig resume ");
     operator_does(run, 1, "resume", run->session, NULL); /* it is full still */
     assert_has(run->err, "free");

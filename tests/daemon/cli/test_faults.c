@@ -52,7 +52,7 @@ static void check_told(struct operation *run, const char *device, const char *ha
     assert_has(reason, device);
     assert_has(reason, happened);
     assert_has(reason, to_do);
-    assert_has(reason, "then go on.");
+    assert_has(reason, "then continue.");
     g_assert_true(has_event(run->session, "error", device, reason));
     g_autoptr(GString) json = g_string_new("\"state\": \"paused\", \"reason\": ");
     json_append_string(json, reason);

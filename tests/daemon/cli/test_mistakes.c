@@ -158,7 +158,7 @@ static void test_wrong_arguments(void) {
     operator_captures(run, 1);
     assert_has(run->err, "exists already, and is not a session; choose another name");
     operator_does(run, 1, "plan", run->rig, run->conf, "-o", "/proc/weave.session", NULL);
-    assert_has(run->err, "it is on no disk");
+    assert_has(run->err, "it is not on a disk");
     operator_does(run, 1, "info", run->rig, NULL);
     assert_has(run->err, "a text, not an EXR file");
     operator_free(run);

@@ -268,12 +268,12 @@ static void made_with(void) {
     assert_has(run->out, "-c FILE");
     operator_does(run, 0, "process", run->session, NULL);
     assert_has(run->out, "calibration: none");
-    assert_has(run->out, "nominal, as the rig file has them");
-    g_assert_null(strstr(run->out, "by the calibration alone"));
+    assert_has(run->out, "nominal as in the rig file");
+    g_assert_null(strstr(run->out, "by the calibration only"));
     calibrated(run, "calibrated none", "warning", "made with: nominal, as", NULL);
     operator_does(run, 0, "process", run->session, "-c", path, NULL);
     assert_has(run->out, line);
-    assert_has(run->out, "laser planes: by the calibration alone");
+    assert_has(run->out, "laser planes: by the calibration only");
     calibrated(run, line, "pass", "lab.calibration, given to mesorig process -c", path);
 
     /* Another one, whose processing does not come to its end. */

@@ -153,7 +153,8 @@ static void test_hopeless(void) {
         {.rig = {"[camera cam30]", "min_exposure_us = 60000"},
          .told = {"saturates under lamp30 even at 60000 µs", "lower [capture] gain_db"}},
         {.rig = {"[camera cam30]", "max_exposure_us = 50000"},
-         .told = {"session.conf", "[capture] auto_longest_us: 100000 us is outside what camera"}},
+         .told = {"session.conf",
+                  "[capture] auto_longest_us: 100000 us is outside the range of camera"}},
         {.rig = {"[lamps bank]", "fault_dead = lamp30; lamp60"},
          .told = {"[capture] exposures_us: cannot be chosen: no camera sees a lamp at 100000 µs"}},
     };

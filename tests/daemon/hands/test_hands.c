@@ -217,7 +217,7 @@ static void test_killed(void) {
     desk_does(&desk, 0, "status");
     assert_has(desk.run->out, "held in the safe state until");
     desk_does(&desk, 0, "release");
-    assert_has(desk.run->out, "may shine and move again");
+    assert_has(desk.run->out, "may use light and move again");
     desk_does(&desk, 0, "lamp lamp30 --for 0.5");
     /* The daemon measures the time of a command that is stopped, as by Ctrl-Z. */
     GSubprocess *stopped = desk_begins(&desk, "laser laser60 --for 3");

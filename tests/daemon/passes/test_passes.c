@@ -103,10 +103,10 @@ static void test_refused(void) {
     t.stamp_us[2] = -1; /* another camera */
     refused(&conf, &t, NULL);
     t.stamp_us[1] = -1;
-    refused(&conf, &t, "camera cam30 does not tell when its frames were exposed");
+    refused(&conf, &t, "camera cam30 does not report when its frames were exposed");
     t.stamp_us[1] = 0;
     t.turntable.report_ms = 0;
-    refused(&conf, &t, "does not tell where it is at which time");
+    refused(&conf, &t, "does not report positions with their times");
     t.turntable = (struct axis_motion){0};
     refused(&conf, &t, "there is no [axis turntable]");
     t = timing();

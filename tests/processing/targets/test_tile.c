@@ -204,7 +204,7 @@ static void policy(void) {
     grey_write(folder, 1, "");
     g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "none", told, NULL, &error), ==,
                     CAPTURE_DONE);
-    g_assert_nonnull(strstr(told->str, "is not there yet"));
+    g_assert_nonnull(strstr(told->str, "does not exist yet"));
     grey_truth(folder, "radiometry", 40);
     g_string_truncate(told, 0);
     g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "old", told, NULL, &error), ==,
