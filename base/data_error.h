@@ -7,7 +7,7 @@
 #define DATA_ERROR data_error_quark()
 GQuark data_error_quark(void);
 enum data_error {
-    /* the data does not fit its session or format: size, NaN, checksum, syntax */
+    /* The data does not fit its session or format: size, NaN, checksum, syntax. */
     DATA_ERROR_INVALID,
     DATA_ERROR_INCOMPLETE, /* frames or products are missing */
     DATA_ERROR_EXISTS,     /* the file or session to be made already exists */

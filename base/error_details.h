@@ -43,7 +43,7 @@ void error_details_add_place(GError **error, const char *file, int line, const c
  * is known. The error then has no subject and no advice. Its domain and code do not change. */
 void error_details_replace(GError **error, const char *text);
 
-/* line of the place; 0 if there is none or it is not known */
+/* Returns the line of the place; 0 if there is none or it is not known. */
 int error_details_line(const GError *error);
 
 /* The following functions return NULL if the error has no such part. The error owns the strings. */

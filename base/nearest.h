@@ -6,7 +6,7 @@
 struct nearest {
     const char *key;  /* the misspelt name; borrowed */
     const char *name; /* the nearest name so far, or NULL if none is near enough; borrowed */
-    /* its Levenshtein distance from key; without a name, the first distance that is too large */
+    /* Its Levenshtein distance from key; without a name, the first distance that is too large. */
     int distance;
 };
 

@@ -32,7 +32,7 @@ struct option {
     const char *unit; /* for the help text; NULL if there is none */
     /* INT, DOUBLE, DOUBLES: inclusive range; if both are equal, any finite value */
     double min, max;
-    /* the default as written in a file; NULL if the user must give the key */
+    /* The default as written in a file; NULL if the user must give the key. */
     const char *fallback;
     const char *const *choices; /* CHOICE: NULL-terminated */
     gsize offset;               /* of the field in the target struct */

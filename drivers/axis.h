@@ -28,7 +28,7 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
  * with a copy of the struct that AXIS_MOTION_OPTIONS has filled in the driver's private data. */
 struct axis_motion {
     double min_deg, max_deg; /* limits, inclusive */
-    /* turns without end: targets are taken modulo 360, and the shorter way is used */
+    /* Turns without end: targets are taken modulo 360, and the shorter way is used. */
     gboolean wraps;
     double speed_deg_s;  /* > 0 */
     double accel_deg_s2; /* > 0; also the deceleration */

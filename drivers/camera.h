@@ -11,7 +11,7 @@
 typedef struct Camera Camera;
 
 enum camera_event {
-    /* the exposure has ended: lamps and axes may change while the frame is read out */
+    /* The exposure has ended: lamps and axes may change while the frame is read out. */
     CAMERA_EXPOSED,
     CAMERA_FRAME, /* the frame has arrived and was checked */
     /* The frame is stale, repeated, incomplete or of the wrong size; error says which. The trigger
@@ -56,7 +56,7 @@ struct camera_driver {
     void (*close)(Camera *camera);
     /* Changes the settings for the next trigger. The class calls it only while no trigger waits. */
     gboolean (*configure)(Camera *camera, const struct camera_settings *settings, GError **error);
-    /* makes the camera ready for triggers, with its buffers queued */
+    /* Makes the camera ready for triggers, with its buffers queued. */
     gboolean (*arm)(Camera *camera, GError **error);
     void (*disarm)(Camera *camera);
     /* Starts one exposure. The driver ends it with camera_report_frame() or camera_report_fault().

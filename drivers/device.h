@@ -26,7 +26,7 @@ enum device_error {
     DEVICE_ERROR_STALLED,      /* an axis did not reach its target */
     DEVICE_ERROR_INTERLOCK,    /* the interlock forbids it */
     DEVICE_ERROR_PROTOCOL,     /* the answer of the device is invalid, or reports a failure */
-    /* a frame that was not exposed after its trigger, or that was seen before */
+    /* A frame that was not exposed after its trigger, or that was seen before. */
     DEVICE_ERROR_STALE,
     DEVICE_ERROR_UNSUPPORTED, /* the device cannot do that */
 };
@@ -49,7 +49,7 @@ struct driver_info {
     const char *class_name; /* "axis", "lamps", "camera", "laser", "interlock" */
     const char *name;       /* the value of the key "driver", for example "sim-axis" */
     const char *help;       /* one sentence */
-    /* the options that fill the private struct; the table ends with a NULL name */
+    /* The options that fill the private struct; the table ends with a NULL name. */
     const struct option *options;
     /* size of the private struct; the class allocates it zeroed, fills it from the options, and
      * frees it */
@@ -79,7 +79,7 @@ enum device_safety {
 enum light {
     LIGHT_OFF, /* the last "off" was confirmed, and no "on" was sent since */
     LIGHT_ON,  /* light is wanted, or the first "off" after it is on its way */
-    /* the light should be off, a command has failed, and no "off" was confirmed since */
+    /* The light should be off, a command has failed, and no "off" was confirmed since. */
     LIGHT_UNSAFE,
 };
 

@@ -9,7 +9,7 @@ typedef void (*InterlockFunc)(Interlock *interlock, gboolean closed, gpointer da
 
 struct interlock_driver {
     struct driver_info info;
-    /* connects and reports the first state */
+    /* Connects and reports the first state. */
     gboolean (*open)(Interlock *interlock, GError **error);
     void (*close)(Interlock *interlock);
 };

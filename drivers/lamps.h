@@ -61,7 +61,7 @@ gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
 enum light lamps_light(const LampBank *bank, int index);
-/* whether there may be light: the state is not LIGHT_OFF */
+/* Returns whether there may be light: the state is not LIGHT_OFF. */
 gboolean lamps_is_on(const LampBank *bank, int index);
 enum device_safety lamps_safety(const LampBank *bank); /* the state of all lamps together */
 

@@ -18,9 +18,9 @@ typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpoint
 
 struct laser_driver {
     struct driver_info info;
-    /* connects, leaves the laser off, and fills warm_up_s */
+    /* Connects, leaves the laser off, and fills warm_up_s. */
     gboolean (*open)(Laser *laser, GError **error);
-    /* switches the laser off; it waits for the answer and tries once */
+    /* Switches the laser off; it waits for the answer and tries once. */
     void (*close)(Laser *laser);
     /* Starts to switch, like set() of struct lamps_driver. The driver ends it with
      * laser_report(). */
@@ -57,7 +57,7 @@ void laser_guard(Laser *laser, Interlock *interlock);
  * interlock is open, and it needs a permit (device_set_permit()). */
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 enum light laser_light(const Laser *laser);
-/* whether the laser may shine: the state is not LIGHT_OFF */
+/* Returns whether the laser may shine: the state is not LIGHT_OFF. */
 gboolean laser_is_on(const Laser *laser);
 enum device_safety laser_safety(const Laser *laser);
 

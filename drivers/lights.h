@@ -38,9 +38,9 @@ void lights_report(struct lights *lights, int index, gboolean on, const GError *
 void lights_lost(struct lights *lights, const GError *error);
 
 enum light lights_light(const struct lights *lights, int index);
-/* the state of all lights together */
+/* Returns the state of all lights together. */
 enum device_safety lights_safety(const struct lights *lights);
 gint64 lights_confirmed_us(const struct lights *lights, int index);
-/* time of the confirmed "on"; -1 if there is none */
+/* Returns the time of the confirmed "on"; -1 if there is none. */
 gint64 lights_since_us(const struct lights *lights, int index);
 gint64 lights_burnt_us(const struct lights *lights, int index);

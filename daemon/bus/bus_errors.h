@@ -13,7 +13,7 @@ enum bus_error {
     BUS_ERROR_UNKNOWN,    /* there is no camera or option of that name */
     BUS_ERROR_NO_PICTURE, /* the camera has not taken a picture yet */
     BUS_ERROR_FAILED,     /* any error whose domain has no name on the bus */
-    /* a limit of time, memory or waiting calls was reached; the message says which */
+    /* A limit of time, memory or waiting calls was reached; the message says which. */
     BUS_ERROR_LIMIT,
     BUS_ERROR_CANCELLED, /* another call has ended the operation of this call */
     BUS_ERROR_LATCHED,   /* SafeState was called, and Release was not called since */

@@ -7,9 +7,9 @@
 struct bus_options {
     gboolean process, yes;
     char *calibration; /* path; NULL for the file that the rig file names */
-    /* contents of those files; NULL if they have to be read */
+    /* Contents of those files; NULL if they have to be read. */
     char *session_text, *calibration_text;
-    /* for session_conf_choose(); NULL if no exposure is auto */
+    /* For session_conf_choose(); NULL if no exposure is auto. */
     char *exposures;
 };
 

@@ -47,13 +47,13 @@ struct Bus {
     GPtrArray *hands; /* of struct hand: devices that clients use by hand (bus_hands.h) */
     guint hand_interlocks[DEVICES_MAX_INTERLOCKS];
     GHashTable *faults; /* maps the name of a device to a message */
-    /* maps a device ("laser top") to the state that it has not confirmed */
+    /* Maps a device ("laser top") to the state that it has not confirmed. */
     GHashTable *unsafe;
     gint64 started_us;        /* real time */
     double started_elapsed_s; /* time on the rig's clock */
     double thumbnail_time_s[RIG_MAX_CAMERAS];
     gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
-    /* the last pictures of a capture that has ended */
+    /* The last pictures of a capture that has ended. */
     struct capture_thumbnail kept[RIG_MAX_CAMERAS];
     guint tick_id; /* timer that shows the time during a capture */
     guint end_id;  /* the idle source that frees a capture that has ended */

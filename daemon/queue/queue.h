@@ -35,12 +35,12 @@ struct queue_item {
     char *name;                        /* name of the session, from its file */
     char *session_path, *session_text; /* path and contents of the session file that was added */
     char *directory;                   /* absolute path of the session directory to be made */
-    /* path of the rig file against which the session was checked */
+    /* Path of the rig file against which the session was checked. */
     char *rig;
     char *calibration, *calibration_text; /* replaces the rig's calibration; empty to keep it */
-    /* what a user must do before the session; empty for nothing */
+    /* What a user must do before the session; empty for nothing. */
     char *prompt;
-    /* for session_conf_choose(); empty if nothing is chosen yet */
+    /* For session_conf_choose(); empty if nothing is chosen yet. */
     char *chosen;
     char *message; /* reason why it has stopped */
     double predicted_s;

@@ -58,7 +58,7 @@ struct devices {
     struct rig geometry; /* nominal, from the rig file */
     struct rig_timing timing;
     Axis *turntable, *arc, *arm, *probe; /* NULL if the rig has no such axis */
-    /* in the order of geometry.cameras; several stops share one camera */
+    /* In the order of geometry.cameras; several stops share one camera. */
     Camera *cameras[RIG_MAX_CAMERAS];
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
@@ -66,7 +66,7 @@ struct devices {
         LampBank *bank; /* one of banks */
         int index;
     } lamps[RIG_MAX_LAMPS]; /* in the order of geometry.lamps */
-    /* in the order of geometry.lasers; a mount position has the laser of its unit */
+    /* In the order of geometry.lasers; a mount position has the laser of its unit. */
     Laser *lasers[RIG_MAX_LASERS];
     Axis *sweeps[RIG_MAX_LASERS]; /* the sweep of each laser */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
@@ -74,7 +74,7 @@ struct devices {
     Interlock *guard; /* guards the lasers on behalf of all interlocks; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
-    /* path that the rig file names, absolute; NULL if it names none */
+    /* Path that the rig file names, absolute; NULL if it names none. */
     char *calibration_path;
     const char *calibration_text; /* contents of that file, not owned; NULL if it has to be read */
     double calibration_days;

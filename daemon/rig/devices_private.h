@@ -14,7 +14,7 @@ struct layout {
     double calibration_days;
     int lamps_at_once;
     const struct config_section *turntable, *arc, *arm, *probe;
-    /* one axis may be the sweep of several lasers */
+    /* One axis may be the sweep of several lasers. */
     const struct config_section *sweeps[RIG_MAX_LASERS];
     /* All stops of one camera or lamp have the same section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];

@@ -29,7 +29,7 @@ gboolean safe_state_is_simulated(const SafeState *state);
 enum safe_try {
     SAFE_TRY_SAFE,  /* the safe state was read back: off, or at a stop */
     SAFE_TRY_AGAIN, /* it failed; another try may succeed */
-    /* a mesorigd has the device open and is responsible for it as long as it runs */
+    /* A mesorigd has the device open and is responsible for it as long as it runs. */
     SAFE_TRY_OTHER,
     SAFE_TRY_NEVER, /* its section is wrong, so no other attempt can succeed */
 };

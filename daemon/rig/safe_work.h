@@ -21,7 +21,7 @@ enum safe_until {
     /* Ends when every device is safe, or left to another mesorigd that has had it open for
      * repeat_s. */
     SAFE_UNTIL_SAFE,
-    /* ends like SAFE_UNTIL_SAFE; prints nothing about a device that never failed */
+    /* Ends like SAFE_UNTIL_SAFE; prints nothing about a device that never failed. */
     SAFE_UNTIL_SAFE_QUIETLY,
 };
 

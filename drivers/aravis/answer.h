@@ -15,7 +15,7 @@ struct answer_state {
     gboolean stamp_is_end;
 };
 
-/* call it when the camera is armed, because ids may restart */
+/* Call it when the camera is armed, because ids may restart. */
 void answer_begin(struct answer_state *state);
 
 /* Returns the frame. Returns NULL without an error if the frame was exposed *ret_before_us before

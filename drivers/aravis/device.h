@@ -33,7 +33,7 @@ struct aravis_limits {
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
     double min_gain_db, max_gain_db; /* both are 0 if the camera has no gain */
-    /* the camera says that its rows are exposed one after the other */
+    /* The camera says that its rows are exposed one after the other. */
     gboolean rolling;
 };
 

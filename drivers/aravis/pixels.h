@@ -9,7 +9,7 @@ enum aravis_packing {
     ARAVIS_WORDS, /* two bytes per pixel, little endian */
     ARAVIS_10P,   /* four pixels in five bytes, lowest bits first */
     ARAVIS_12P,   /* two pixels in three bytes, lowest bits first */
-    /* two pixels in three bytes: the low bits of both lie between their high bytes */
+    /* Two pixels in three bytes: the low bits of both lie between their high bytes. */
     ARAVIS_PACKED,
 };
 

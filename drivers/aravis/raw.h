@@ -16,7 +16,7 @@ struct aravis_raw {
     char *feature;
     char *value; /* the present value of that feature */
     char *why;   /* reason why the function is not off; NULL if it is off */
-    /* while the function is on, the same light gives different values from frame to frame */
+    /* While the function is on, the same light gives different values from frame to frame. */
     gboolean unsteady;
 };
 void aravis_raw_free(struct aravis_raw *raw);

@@ -3,7 +3,7 @@
 
 #include "drivers/lock.h"
 
-/* whether bus is tcp:HOST:PORT rather than a serial port */
+/* Returns whether bus is tcp:HOST:PORT rather than a serial port. */
 gboolean modbus_is_tcp(const char *bus);
 
 /* Returns the name of a line in one form. Links to a serial port are resolved, and "tcp:LOCALHOST"

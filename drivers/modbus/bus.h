@@ -81,7 +81,7 @@ enum modbus_kind {
 struct modbus_request {
     enum modbus_kind kind;
     int address, n;
-    /* values to write, or values that were read; bits are 0 or 1 */
+    /* Values to write, or values that were read; bits are 0 or 1. */
     guint16 values[MODBUS_MAX_VALUES];
     /* After a write, the values are read back and compared. For a read, the values that were read
      * are compared with the given values. */

@@ -23,9 +23,10 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
 /* How modbus_line_do() repeats the next requests. */
 enum modbus_effort {
     MODBUS_REPEAT, /* repeats as often as the link says, until the deadline */
-    /* makes one attempt without waiting for the back-off time, because the caller will ask again */
+    /* Makes one attempt without waiting for the back-off time, because the caller will ask again.
+     */
     MODBUS_ONCE,
-    /* repeats like MODBUS_REPEAT, but not after an attempt that fails while *waiting is not 0 */
+    /* Repeats like MODBUS_REPEAT, but not after an attempt that fails while *waiting is not 0. */
     MODBUS_YIELD,
 };
 /* Sets how requests are repeated. waiting is an atomic integer for MODBUS_YIELD, and NULL for the

@@ -11,9 +11,9 @@
 enum video_packing {
     VIDEO_BYTES, /* one byte per pixel */
     VIDEO_WORDS, /* two bytes per pixel, low byte first, value in the low bits */
-    /* four pixels in five bytes: their upper eight bits each, then the lower bits of all */
+    /* Four pixels in five bytes: their upper eight bits each, then the lower bits of all. */
     VIDEO_MIPI10,
-    /* two pixels in three bytes: their upper eight bits each, then the lower bits of both */
+    /* Two pixels in three bytes: their upper eight bits each, then the lower bits of both. */
     VIDEO_MIPI12,
     VIDEO_YUYV, /* luma in the even bytes */
     VIDEO_UYVY, /* luma in the odd bytes */

@@ -17,7 +17,7 @@ struct video_node {
     int fd;          /* -1 if the node is not open */
     const char *who; /* the device that uses the node, such as "camera top"; not owned */
     char *path;      /* "/dev/video0" */
-    /* the strings that the node reports: "HD Webcam", "uvcvideo", "usb-…-1.2" */
+    /* The strings that the node reports: "HD Webcam", "uvcvideo", "usb-…-1.2". */
     char *card, *driver, *bus;
     /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE if the node has only that
      * type */
@@ -36,7 +36,7 @@ struct video_pix {
  * matches, or more than one. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
-/* a node that is not open, or that is zeroed with fd -1, is allowed */
+/* A node that is not open, or that is zeroed with fd -1, is allowed. */
 void video_node_close(struct video_node *node);
 
 /* Returns the sorted paths of all nodes that capture video by streaming. */

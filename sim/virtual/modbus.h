@@ -30,7 +30,7 @@ struct virtual_modbus_options {
     gboolean rtu;
     int unit;
     double speed_steps_s, accel_steps_s2; /* true values, whatever the drive's registers hold */
-    /* unit of the speed register; 0 if that register has no effect */
+    /* Unit of the speed register; 0 if that register has no effect. */
     double speed_unit_steps_s;
 };
 
@@ -47,7 +47,7 @@ const char *virtual_modbus_bus(const VirtualModbus *device);
 struct virtual_modbus_faults {
     int skip;          /* replies that are still correct */
     int late, late_ms; /* replies that are sent late_ms after they were made */
-    /* replies with a wrong check sum (TCP: with the id of another transaction) */
+    /* Replies with a wrong check sum (TCP: with the id of another transaction). */
     int damaged;
     int silent;             /* requests that are carried out but not answered */
     int refused, exception; /* requests that are refused with this exception code */

@@ -29,7 +29,7 @@ void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout
 
 void virtual_tic_enter_safe_start(VirtualTic *tic); /* as if another program had done so */
 void virtual_tic_lose_steps(VirtualTic *tic);       /* the position becomes uncertain */
-/* the forward switch stays pressed */
+/* The forward switch stays pressed. */
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked);
 void virtual_tic_cut_switches(VirtualTic *tic); /* homing never finds a switch */
 

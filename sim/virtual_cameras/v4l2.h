@@ -16,7 +16,7 @@ typedef struct VirtualV4l2 VirtualV4l2;
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-/* the moment that its time stamps mark, and their flag */
+/* The moment that its time stamps mark, and their flag. */
 enum virtual_v4l2_stamp {
     VIRTUAL_V4L2_START, /* start of the exposure, with the flag for it */
     /* time of the first data, but with the flag for the start of the
@@ -77,7 +77,7 @@ enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until a
 };
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 
-/* value of a control; -1 if it does not exist */
+/* Returns the value of a control; -1 if it does not exist. */
 gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id);
-/* number of pictures that were made, without dropped frames */
+/* Returns the number of pictures that were made, without dropped frames. */
 int virtual_v4l2_n_exposed(VirtualV4l2 *camera);

@@ -50,7 +50,7 @@ struct VirtualV4l2 {
 
     gboolean streaming;
     guint stream; /* changes when a stream begins or ends */
-    /* number of stream threads; one that is ending may still make its last picture */
+    /* Number of stream threads; one that is ending may still make its last picture. */
     int n_threads;
     gint64 first_us;    /* time of the first frame; the others follow at each interval */
     gint64 changed_us;  /* time when exposure or gain was last set */
@@ -63,12 +63,12 @@ struct VirtualV4l2 {
  * devices. That thread must not wait. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
-/* waits until no thread uses the camera any more; unlocks it */
+/* Waits until no thread uses the camera any more; unlocks it. */
 void virtual_stream_wait(VirtualV4l2 *camera);
 
 /* NULL if there is none */
 struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id);
-/* bytes of the node that one buffer occupies */
+/* Bytes of the node that one buffer occupies. */
 gsize virtual_buffer_room(const VirtualV4l2 *camera);
 
 /* Returns the oldest buffer in a state, or NULL if there is none. */

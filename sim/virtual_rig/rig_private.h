@@ -52,7 +52,7 @@ struct VirtualRig {
     struct board boards[MAX_DEVICES];
     struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
-    /* switches: one for all lasers, which is one of relays */
+    /* Switches: one for all lasers, which is one of relays. */
     VirtualRelays *relays[MAX_USB], *switches;
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
     int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
@@ -74,7 +74,7 @@ void rig_set_error(GError **error, const struct config_section *section, const c
 World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
 /* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
 char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
-/* name for world_part_find(); g_free() */
+/* Name for world_part_find(); g_free(). */
 char *rig_axis_part(const struct config_section *section);
 
 /* Copies the section without the keys that only the simulated driver accepts. */
