@@ -7,7 +7,8 @@ void program_set_locale(void) {
     setlocale(LC_COLLATE, "");
 }
 
-/* Looks beside this executable and in ../libexec/mesorig from there; NULL: neither has it. */
+/* Looks next to this executable and in ../libexec/mesorig relative to it. Returns NULL if it is in
+ * neither. */
 static char *find_beside(const char *name, GFileTest test) {
     static const char *const places[] = {"", "../libexec/mesorig"};
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);

@@ -33,7 +33,7 @@ gboolean device_init(struct device *device, const struct driver_info *info,
                      GError **error) {
     g_return_val_if_fail(device && info && section && clock, FALSE);
     g_autoptr(GPtrArray) keys =
-        g_ptr_array_new(); /* all keys that are allowed beside the driver's options */
+        g_ptr_array_new(); /* all keys that are allowed in addition to the driver's options */
     g_ptr_array_add(keys, (gpointer) "driver");
     for (; also && *also; also++)
         g_ptr_array_add(keys, (gpointer)*also);

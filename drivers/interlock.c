@@ -91,7 +91,8 @@ static void interlock_set(Interlock *interlock, gboolean closed, gboolean lost) 
     if (interlock->state->closed == closed)
         return;
     interlock->state->closed = closed;
-    /* Look the listener up each time: one may remove itself or others from the list. */
+    /* Look the listener up each time, because a listener may remove itself or others from the
+     * list. */
     const struct listener *listener;
     for (guint id = 0; (listener = next_listener(interlock, id));) {
         id = listener->id;

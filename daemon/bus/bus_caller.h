@@ -4,8 +4,7 @@
 
 #include <gio/gio.h>
 
-#define BUS_CALLER_GROUPS 256 /* largest number of groups of a user; further groups do not count   \
-                               */
+#define BUS_CALLER_GROUPS 256 /* of a user; further groups do not count */
 
 struct bus_caller {
     guint32 uid;

@@ -212,7 +212,7 @@ static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation,
     return TRUE;
 }
 
-/* All but SafeState, which bus_latch.c answers. */
+/* Connects all handlers except that of SafeState, which bus_latch.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
         const char *signal;

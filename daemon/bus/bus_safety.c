@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* What every device asks before it gives light or moves. */
+/* Decides whether a device may give light or move. */
 static gboolean bus_permits(const struct device *device, gpointer data, GError **error) {
     Bus *bus = data;
     if (!bus_latch_need_released(bus->latch, error))

@@ -9,9 +9,9 @@
 #include "bus_trial.h"
 #include "queue/queue.h"
 
-/* How often a session is gone on with after this program has ended unexpectedly. */
+/* How often a session is continued after this program has ended unexpectedly. */
 #define MOST_STARTS 3
-/* Sessions in a row that have stopped, after which the rig is suspected. */
+/* Number of sessions in a row that have stopped, after which a fault of the rig is assumed. */
 #define MOST_STOPPED 2
 
 /* The moment of a capture that was last reported to clients. */
@@ -19,16 +19,17 @@ enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAUL
 
 struct unattended {
     Bus *bus;
-    Queue *queue;            /* NULL: this daemon keeps none */
-    struct queue_item *item; /* at hand: hands, trying or begun; NULL: none */
+    Queue *queue;            /* NULL if this daemon keeps no queue */
+    struct queue_item *item; /* the present item: hands, trying or begun; NULL if there is none */
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
-    gboolean has_worked; /* since the axes were parked last */
-    guint n_parking;     /* axes on their way */
-    char *rest; /* how the rig was left when the queue was empty, or why there is none, or NULL */
-    GString *not_parked;    /* axes, and why */
-    gboolean held_by_fault; /* the queue is paused, for the session that is paused by a fault */
+    gboolean has_worked; /* a session has run since the axes were last parked */
+    guint n_parking;     /* number of axes that are being parked */
+    /* State of the rig when the queue became empty, or the reason why there is none, or NULL. */
+    char *rest;
+    GString *not_parked;    /* axes that could not be parked, and the reasons */
+    gboolean held_by_fault; /* the queue is paused because its session is paused by a fault */
     enum moment told;
 };
 
@@ -93,7 +94,8 @@ static void show_queue(struct unattended *at) {
                             at->item && at->item->state == QUEUE_HANDS ? at->item->prompt : "");
 }
 
-/* item: of the queue, or NULL: the capture under way, if there is one. */
+/* Reports a milestone. item is a session of the queue, or NULL for the capture under way, if there
+ * is one. */
 static void tell(struct unattended *at, const char *what, const struct queue_item *item,
                  const char *message) {
     Bus *bus = at->bus;
@@ -141,8 +143,8 @@ static void put_back(struct unattended *at) {
     }
 }
 
-/* Ends the item at hand, which has stopped before its last shot. rig: the fault is the rig's, and
- * the next item would stop, too. */
+/* Ends the present item, which has stopped before its last shot. rig says that the rig has a fault,
+ * so that the next item would also stop. */
 static void stop_item(struct unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
@@ -169,8 +171,8 @@ static gboolean is_interlocked(const Bus *bus) {
     return FALSE;
 }
 
-/* Keeps an item that did not begin because of the rig, not of its session, so that it is tried
- * again. */
+/* Keeps an item that did not begin because of the rig and not because of its session. It is tried
+ * again later. */
 static void keep_for_later(struct unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
@@ -182,7 +184,7 @@ static void keep_for_later(struct unattended *at, const char *why) {
 static void on_begun(Bus *bus, const GError *error) {
     struct unattended *at = bus->unattended;
     if (!error || !at->item)
-        return; /* bus_unattended_begun() has seen to it */
+        return; /* bus_unattended_begun() has handled it */
     at->item->starts--;
     if (g_error_matches(error, BUS_ERROR, BUS_ERROR_CANCELLED))
         keep_for_later(at, error->message);
@@ -195,7 +197,7 @@ static gboolean has_begun(const struct queue_item *item) {
     return item->begun_at_s > 0 && g_file_test(database, G_FILE_TEST_EXISTS);
 }
 
-/* Makes the session, or goes on with it. Its state "begun" is on disk before it begins. */
+/* Makes the session, or resumes it. The state "begun" is on disk before the capture begins. */
 static void begin_item(struct unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
@@ -281,7 +283,7 @@ static void on_parked(Bus *bus, const GError *error) {
         rest_now(at);
 }
 
-/* Parks the rig when the queue is empty: switches lights off and moves the axes to their rest
+/* Parks the rig when the queue is empty: switches lights off and moves the axes to their parking
  * positions. */
 static void park(struct unattended *at) {
     Bus *bus = at->bus;
@@ -290,7 +292,7 @@ static void park(struct unattended *at) {
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(bus->devices, &error))
         bus_report(bus, "error", "queue", error->message);
-    at->n_parking = 1; /* until all have set off */
+    at->n_parking = 1; /* counts one until all axes have started */
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(bus->devices, i);
         g_autoptr(GError) why = NULL;
@@ -308,7 +310,7 @@ static gboolean is_free(const Bus *bus) {
            !bus_latch_is_set(bus->latch);
 }
 
-/* Whether the open rig can take the session; if not, the queue is paused. */
+/* Returns whether the open rig can capture the session. If not, the queue is paused. */
 static gboolean check_rig(struct unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
@@ -369,10 +371,10 @@ void bus_unattended_begun(Bus *bus) {
     tell(at, "begun", ours ? at->item : NULL, "");
 }
 
-/* A session of the queue is paused by a fault. */
+/* Handles a fault that has paused a session of the queue. */
 static void take_fault(struct unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
-        /* It stays as it is: whoever has mended the rig goes on with it. */
+        /* The rig stays as it is. The user who repairs it continues the session. */
         g_autofree char *why =
             g_strdup_printf("session %u is paused by a fault: %s", at->item->id, status->reason);
         tell(at, "fault", at->item, status->reason);
@@ -447,7 +449,7 @@ void bus_unattended_stop(Bus *bus, const char *why) {
     if (why && (at->item || queue_next(at->queue)))
         pause_queue(at, why);
     if (!why && at->item) {
-        /* The capture is closed in good order, to be resumed. */
+        /* The capture is closed in an orderly way and can be resumed. */
         at->item->starts = 0;
         set_item(at, at->item, QUEUE_WAITING, NULL);
         at->item = NULL;

@@ -36,7 +36,8 @@ static void child_free(gpointer data) {
     g_free(child);
 }
 
-/* The running program, even if another version has replaced its file meanwhile. */
+/* Returns the path of the running program, even if another version has replaced its file
+ * meanwhile. */
 static char *find_program(GError **error) {
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *name = self ? g_path_get_basename(self) : NULL;
@@ -123,7 +124,7 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         g_task_return_error(task, error);
         return;
     }
-    g_clear_error(&error); /* it did not listen to its end: why it has ended says more */
+    g_clear_error(&error); /* the child did not read to the end; its exit status says more */
     GVariant *answer = NULL;
     if (heard && g_subprocess_get_successful(child->process))
         answer = read_answer(bytes, &error);

@@ -56,7 +56,7 @@ static void delivery_free(gpointer data) {
     g_free(delivery);
 }
 
-/* Whether only root, or this program's user, could have put the executable there. */
+/* Returns whether only root, or this program's user, could have put the executable there. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;

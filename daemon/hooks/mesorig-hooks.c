@@ -14,7 +14,7 @@
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 
-#define AGAIN_S 2 /* until a daemon that has gone is looked for again */
+#define AGAIN_S 2 /* seconds until a daemon that has gone is searched for again */
 
 static char *address, *bus, *conf_path;
 static gboolean desktop, check, version;
@@ -38,11 +38,11 @@ struct program {
     GMainLoop *loop;
     Hooks *hooks;            /* NULL: the desktop alone */
     GDBusConnection *screen; /* the session bus, for the desktop */
-    const char *address;     /* of the daemon's own socket; NULL: it is on a bus */
+    const char *address;     /* address of the daemon's own socket; NULL if it is on a bus */
     GDBusConnection *connection;
     GCancellable *cancellable;
     guint again_id;
-    char *away; /* why no daemon answers at the address; NULL: one does */
+    char *away; /* reason why no daemon answers at the address; NULL if one does */
     int exit_code;
 };
 
@@ -88,7 +88,7 @@ static void on_event(GDBusConnection *connection, const char *sender, const char
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, once for each new reason. Takes why. */
+/* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
 static void stay_away(struct program *program, GError *why) {
     if (g_strcmp0(program->away, why->message) != 0)
         g_printerr("mesorig-hooks: %s; it is tried again every %d s\n", why->message, AGAIN_S);
@@ -98,8 +98,8 @@ static void stay_away(struct program *program, GError *why) {
     program->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, program);
 }
 
-/* A daemon with a socket of its own comes and goes. A bus that ends takes all its services with it:
- * whoever has started this program starts it again. */
+/* A daemon with its own socket comes and goes. A bus that ends takes all its services with it, and
+ * the program that started this one starts it again. */
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
     struct program *program = data;
     if (program->address) {
@@ -114,7 +114,7 @@ static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *err
     g_main_loop_quit(program->loop);
 }
 
-/* Takes connection. */
+/* Takes ownership of connection. */
 static void listen_to(struct program *program, GDBusConnection *connection) {
     static const struct {
         const char *name;
@@ -133,7 +133,7 @@ static void listen_to(struct program *program, GDBusConnection *connection) {
 
 static void on_connected(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
-    struct program *program = data; /* gone where this was cancelled */
+    struct program *program = data; /* no longer valid if the call was cancelled */
     GDBusConnection *connection = bus_client_connect_finish(result, &error);
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
         g_error_free(error);
@@ -157,7 +157,7 @@ static gboolean connect_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Until a signal ends it, or the bus. FALSE: there is no bus. */
+/* Runs until a signal ends the program, or the bus ends. Returns FALSE if there is no bus. */
 static gboolean hear(struct program *program, GError **error) {
     program->cancellable = g_cancellable_new();
     if (program->address) {
@@ -209,7 +209,7 @@ static void tell_made_up(struct program *program) {
         g_dbus_connection_flush_sync(program->screen, NULL, NULL);
 }
 
-/* The sandbox of the service as it is installed. */
+/* Warns of settings that the sandbox of the installed service does not allow. */
 static void warn_of_sandbox(const struct hooks_conf *conf) {
     if (conf->mails && prctl(PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) == 1)
         g_printerr("mesorig-hooks: [mail] %s may gain no privileges here (NoNewPrivileges), which "
@@ -217,7 +217,7 @@ static void warn_of_sandbox(const struct hooks_conf *conf) {
                    conf->mail.sendmail);
 }
 
-/* An exit code. */
+/* Returns an exit code. */
 static int run(const struct hooks_conf *conf, GError **error) {
     struct program program = {.loop = g_main_loop_new(NULL, FALSE),
                               .address = address ? address

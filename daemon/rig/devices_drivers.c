@@ -9,7 +9,7 @@
 
 #include "base/json.h"
 
-/* Every driver there is. A new one is written in drivers/ and named here. */
+/* All drivers. Add a new driver in drivers/ and name it here. */
 static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
                                                          &tic_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
@@ -21,7 +21,7 @@ static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &m
 static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,
                                                                    &modbus_inputs_driver, NULL};
 
-/* Every class's driver begins with its info. */
+/* The driver of every class begins with a struct driver_info. */
 static const struct {
     const char *class_name;
     gconstpointer const *drivers;
@@ -101,7 +101,8 @@ const struct driver_info *devices_driver(gsize i) {
 }
 
 char *devices_describe_drivers(const char *name, gboolean json) {
-    /* The keys of sections of the rig file beside, or without, a driver. */
+    /* Sections of the rig file that have keys in addition to those of a driver, or that have no
+     * driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
         {"axis", "An axis's place, in its section [axis NAME] beside its driver's options"},

@@ -114,8 +114,9 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Sets *ret_fixed: a lamp or laser stands by itself if its azimuth is given, or if there is no arc.
- * Without an arc only one overhead, which has no azimuth, may leave it out. */
+/* Sets *ret_fixed: a lamp or laser is fixed if its azimuth is given, or if there is no arc. Without
+ * an arc the azimuth may be left out only for one that is overhead, because it has no azimuth
+ * there. */
 static gboolean devices_layout_take_carrier(const struct layout *layout,
                                             const struct config_section *section,
                                             const struct place_fields *place, int *ret_fixed,
@@ -131,7 +132,7 @@ static gboolean devices_layout_take_carrier(const struct layout *layout,
                : FALSE;
 }
 
-/* Checks the angles at which an axis stops with what a section describes. */
+/* Checks the angles at which an axis stops, together with the part that a section describes. */
 static gboolean check_stops(const struct layout *layout, const struct config_section *section,
                             const char *key, const struct config_section *axis, const char *name,
                             const struct option_doubles *stops, Mistakes *mistakes) {
@@ -148,7 +149,7 @@ static gboolean check_stops(const struct layout *layout, const struct config_sec
     return TRUE;
 }
 
-/* The name of a stop, and whether it is above the turntable. */
+/* Sets the name of a stop, and checks that it is above the turntable. */
 static gboolean take_stop(const struct config_section *section, const char *key, double deg,
                           struct vec3 position_mm, char to[RIG_NAME], Mistakes *mistakes) {
     g_autofree char *name = g_strdup_printf("%s@%g", section->name, deg);
@@ -166,7 +167,7 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                           deg);
 }
 
-/* Makes the stops of a camera, one after the other, from its place with the arm at 0. */
+/* Makes the stops of a camera, one after the other, from its position with the arm at 0. */
 static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
                                  const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -244,7 +245,8 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->vignetting = p.vignetting;
     camera->response = p.response;
     rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
-    if (p.theta_deg == 0) /* overhead, the azimuth is its rotation about its own axis */
+    if (p.theta_deg ==
+        0) /* overhead, the azimuth is the rotation about the camera's optical axis */
         for (int k = 0; k < 2; k++) {
             double *row = camera->rotation.m[k];
             const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), RAD(p.phi_deg));
@@ -312,7 +314,7 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     return named && carried && wired && stops;
 }
 
-/* An axis whose name says what it is for. */
+/* Returns whether the name of an axis gives its purpose. */
 static gboolean devices_layout_is_positioner(const struct layout *layout,
                                              const struct config_section *axis) {
     return axis == layout->turntable || axis == layout->arc || axis == layout->arm ||
@@ -335,7 +337,7 @@ static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mist
                           sweep);
 }
 
-/* A further place of a laser that stands above it in the file. */
+/* Adds a further mount position of a laser that is described earlier in the file. */
 static gboolean wire_mount(struct layout *layout, int i, const char *name, Mistakes *mistakes) {
     int unit = find_section(layout->lasers, i, name);
 
@@ -451,7 +453,7 @@ static gboolean devices_layout_take_place(struct layout *layout,
     return TRUE;
 }
 
-/* Reports sections that no rig file has; the sections that were meant may then seem to be
+/* Reports sections that no rig file has. The sections that were meant may then seem to be
  * missing. */
 static gboolean check_class(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
@@ -482,7 +484,7 @@ static gboolean check_class(struct layout *layout, const struct config_section *
                           "[mark NAME]");
 }
 
-/* Axes that nothing uses are misspelt ones. */
+/* Returns whether the axis is used. An axis that nothing uses is probably misspelt. */
 static gboolean devices_layout_uses(const struct layout *layout,
                                     const struct config_section *axis) {
     for (int i = 0; i < layout->geometry.n_lasers; i++)
@@ -497,7 +499,8 @@ static gboolean devices_layout_uses(const struct layout *layout,
     return axis == layout->turntable || axis == layout->arc;
 }
 
-/* lasers: all were understood, so that they say which axes they use. */
+/* Checks the file as a whole. lasers says that all lasers were understood, so that the axes that
+ * they use are known. */
 static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *mistakes) {
     const struct rig *rig = &layout->geometry;
     const struct {
@@ -536,7 +539,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                          needed[i].what);
 }
 
-/* Axes, banks and interlocks first: lamps and lasers name them. */
+/* Axes, banks and interlocks come first, because lamps and lasers name them. */
 static gboolean layout_take(struct layout *layout, Config *config, gboolean checks_drivers,
                             Mistakes *mistakes, GError **error) {
     gsize n;

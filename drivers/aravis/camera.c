@@ -6,20 +6,20 @@
 /* Time to wait for the right frame after one that was exposed before the trigger. */
 #define STALE_US G_USEC_PER_SEC
 
-/* How much longer than announced an exposure may last; less is within the uncertainty of the
- * clocks. */
+/* The time by which an exposure may exceed its announced length. A smaller excess is within the
+ * uncertainty of the clocks. */
 #define OVERTIME_US 1000
-#define STAMP_US    1000 /* by which time stamps may be off, as the class has it */
+#define STAMP_US    1000 /* tolerance of the class for errors of time stamps */
 
 struct aravis_camera {
-    struct aravis_options options; /* the first member: the options table describes it */
+    struct aravis_options options; /* the first member, which the option table describes */
     AravisWorker *worker;
     struct aravis_limits limits;
     struct camera_settings settings;
     GError *lost;
     guint exposed_timer, stale_timer;
-    gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
-    gint64 before_us;  /* how long before the trigger the old frame was exposed */
+    gint64 exposed_us; /* when the end of the exposure was reported; 0 before that */
+    gint64 before_us;  /* time from the exposure of the old frame to the trigger */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
@@ -92,7 +92,7 @@ static void aravis_camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* A frame is sent when it is exposed; but some cameras announce it earlier. */
+/* A frame is sent after its exposure. Some cameras announce it earlier. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -102,7 +102,7 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
 }
 
-/* Refuses a frame whose exposure ended after its end was reported, since lamps and axes may have
+/* Refuses a frame whose exposure ended after its end was reported, because lamps and axes may have
  * changed by then. (The class refuses a frame from the future.) */
 static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;

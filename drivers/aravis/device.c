@@ -34,7 +34,7 @@ struct AravisDevice {
     ArvCamera *camera;
     ArvStream *stream;
     struct aravis_limits limits;
-    double ticks_per_us; /* clock frequency of a GigE Vision camera; 0: no clock */
+    double ticks_per_us; /* clock frequency of a GigE Vision camera; 0 if it has no clock */
     gboolean sfnc_clock; /* the clock is read by TimestampLatch, in ns */
     char **warnings;
     gint unplugged; /* atomic: a USB camera has left the bus */
@@ -108,8 +108,8 @@ static gboolean aravis_device_asked_for(const AravisDevice *device, const char *
     return FALSE;
 }
 
-/* Switches off what the camera does to frames, since a measurement needs raw values; sets the
- * features that the rig file names, and warns of functions that are still on. */
+/* Switches off the functions of the camera that alter frames, because a measurement needs raw
+ * values. Sets the features that the rig file names, and warns of functions that are still on. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);
@@ -339,8 +339,8 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
 void aravis_device_close(AravisDevice *device) {
     if (!device)
         return;
-    /* The thread of Aravis that reports the unplugging holds the device. Wait, so that it does not
-     * drop the last reference. */
+    /* Aravis's thread that reports the unplugging holds a reference to the device. Wait for it, so
+     * that it does not drop the last reference. */
     if (g_atomic_int_get(&device->unplugged))
         g_usleep(UNPLUG_REPORT_US);
     g_clear_object(&device->stream);
@@ -457,8 +457,8 @@ static gboolean read_clock(AravisDevice *device, double *ret_us, double *ret_aft
     return why == NULL;
 }
 
-/* The camera latches its time between request and answer; the quickest of several attempts is the
- * most exact. */
+/* The camera latches its time between request and answer. Of several attempts, the one with the
+ * shortest delay is the most exact. */
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     *ret = (struct aravis_clock){.error_us = HUGE_VAL};
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)

@@ -8,18 +8,20 @@
 
 #define DEADLINE_MS 1500
 #define COMMAND_MS                                                                                 \
-    3000 /* a busy drive may answer late; the class waits 4 s longer than a move takes */
-#define IDLE_MS       200 /* between polls of a drive that stands */
-#define LEAST_UNHEARD 3   /* failed polls in a row before a drive is lost: the delay may be ours */
-#define MAX_WRITES    6   /* writes in one list of the section */
-#define MAX_WORDS     8   /* registers of one write */
+    3000 /* a busy drive may answer late; the class waits 4 s longer than the move takes */
+#define IDLE_MS 200 /* time between polls of a drive that stands */
+/* Number of failed polls in a row after which a drive is lost. A delay may be caused by this
+ * program. */
+#define LEAST_UNHEARD 3
+#define MAX_WRITES    6 /* largest number of writes in a list of the section */
+#define MAX_WORDS     8 /* largest number of registers of one write */
 
 enum phase { STANDING, MOVING, HOMING, STOPPING };
 enum bits { BITS_16, BITS_32 };
 enum order { HIGH_FIRST, LOW_FIRST };
 enum kind { HOLDING, INPUT };
 
-struct number { /* one register, or two consecutive ones */
+struct number { /* a number in one register, or in two consecutive ones */
     int address, bits;
 };
 
@@ -40,14 +42,15 @@ struct modbus_axis {
     enum phase phase;
     guint timer;
     int n_commands;   /* commands without an answer yet */
-    int last_command; /* its tag */
-    int n_unheard;    /* polls in a row without an answer */
+    int last_command; /* tag of the last command */
+    int n_unheard;    /* polls in a row that were not answered */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
-    double speed_deg_s;           /* as its register has it */
-    gint64 still_us, progress_us; /* last start or motion seen; last change of position */
-    gint64 heard_us, fed_us;      /* last answer; last feeding of the watchdog */
-    gint64 polled_us;             /* the poll under way */
+    double speed_deg_s; /* value of its register */
+    /* The last start or the last motion seen, and the last change of position. */
+    gint64 still_us, progress_us;
+    gint64 heard_us, fed_us; /* the last answer, and the last reset of the watchdog */
+    gint64 polled_us;        /* time of the poll that is under way */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
@@ -158,7 +161,8 @@ static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
     request->verify = priv->verify;
 }
 
-/* Decimal, or hexadecimal after 0x; FALSE if it is neither or too large. */
+/* Parses a decimal number, or a hexadecimal number after 0x. Returns FALSE if the text is neither
+ * or the number is too large. */
 static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
     gboolean hex = g_str_has_prefix(text, "0x");
     char *end = NULL;
@@ -167,7 +171,7 @@ static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
     return *text && !g_ascii_isspace(*text) && !*end && value == *ret;
 }
 
-/* ADDRESS=VALUE[,VALUE…] */
+/* Parses ADDRESS=VALUE[,VALUE…]. */
 static gboolean parse_write(const char *text, struct modbus_request *ret) {
     g_auto(GStrv) sides = g_strsplit(text, "=", 0);
     if (g_strv_length(sides) != 2 ||
@@ -202,7 +206,7 @@ static void check_writes(const struct config_section *section, const char *key, 
                            *writes, MAX_WORDS);
 }
 
-/* Adds writes of the section, which was checked before the device was opened. */
+/* Adds the writes of the section, which was checked before the device was opened. */
 static void add_writes(struct modbus_job *job, char *const *writes) {
     for (; *writes; writes++) {
         struct modbus_request parsed = {0};
@@ -280,8 +284,8 @@ static void modbus_axis_command(Axis *axis, enum phase phase, struct modbus_job 
                      phase == STOPPING ? DEADLINE_MS : COMMAND_MS, on_commanded, axis);
 }
 
-/* The class stops the drive, whatever it does now. Call it last: the listener may close the axis.
- */
+/* Reports a fault. The class then stops the drive, whatever the drive is doing. Call it last,
+ * because the listener may close the axis. */
 static void report_fault(Axis *axis, GError *error) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = STANDING;
@@ -293,12 +297,12 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->n_commands--;
-    if (job->skipped) /* by a stop, which follows */
+    if (job->skipped) /* skipped by a stop, which follows */
         return;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->n_commands == 0)
         poll_now(axis);
-    /* The failure of an earlier command does not matter any more. */
+    /* The failure of an earlier command is no longer relevant. */
     if (error && priv->phase != STANDING && job->tag == priv->last_command)
         report_fault(axis, g_error_copy(error));
 }
@@ -390,7 +394,7 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         priv->progress_us = clock_now_us(axis->device.clock);
     if (moving)
         priv->still_us = clock_now_us(axis->device.clock);
-    /* A drive that its own watchdog has stopped reports a fault, but it does stand. */
+    /* A drive that was stopped by its own watchdog reports a fault, but stands still. */
     gboolean halted = priv->phase == STOPPING && !moving && !axis_is_homed(axis);
     if (priv->faulty && !halted &&
         (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
@@ -404,14 +408,15 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_homing(axis, job, moving);
     else if (priv->phase == STANDING)
         check_standing(axis, job, before);
-    else if (!moving && priv->was_still) /* still in two polls in a row: at the first it may not
-                                            have begun to move */
+    /* The drive stood still in two polls in a row. At the first poll it may not have begun to
+     * move. */
+    else if (!moving && priv->was_still)
         modbus_axis_finish(axis, AXIS_STOPPED);
     else
         priv->was_still = !moving;
 }
 
-/* The drive moves whether it is polled or not, so that a late answer does not end a move. */
+/* The drive moves whether it is polled or not. A late answer therefore does not end a move. */
 static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
@@ -438,7 +443,7 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
         modbus_axis_evaluate(axis, job);
 }
 
-/* Adds the write of another speed than its register has. */
+/* Adds a write of the speed if the register has another value. */
 static void modbus_axis_set_speed(struct modbus_axis *priv, struct modbus_job *job, double deg_s) {
     if (priv->speed.address < 0 || deg_s == priv->speed_deg_s)
         return;
@@ -451,7 +456,7 @@ static gboolean modbus_axis_home(Axis *axis, GError **error) {
     struct modbus_job job = {0};
     if (priv->faulty)
         add_writes(&job, priv->clear);
-    priv->speed_deg_s = 0; /* whatever it was before: a write may have failed */
+    priv->speed_deg_s = 0; /* unknown now, because a write may have failed */
     modbus_axis_set_speed(priv, &job, priv->motion.speed_deg_s);
     add_writes(&job, priv->home);
     modbus_axis_command(axis, HOMING, &job);
@@ -525,14 +530,14 @@ static void modbus_axis_check(gconstpointer given, const struct config_section *
     modbus_link_check(&priv->link, section, mistakes);
 }
 
-/* One drive may turn several axes, each by registers of its own. */
+/* One drive may turn several axes, each with separate registers. */
 static void modbus_axis_needs(gconstpointer given, GPtrArray *to) {
     const struct modbus_axis *priv = given;
     g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,
                                           priv->link.bus, priv->link.unit));
 }
 
-/* Sets the drive up, and reads where it stands. */
+/* Sets the drive up and reads its position. */
 static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
@@ -556,7 +561,7 @@ static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     priv->faulty = has_bit(&job, priv->fault_bit);
     axis->motion = priv->motion;
     priv->speed_deg_s = priv->motion.speed_deg_s;
-    /* Without a register for the speed it turns at one speed alone. */
+    /* Without a register for the speed, the axis turns at a fixed speed. */
     if (priv->speed.address >= 0) {
         axis->motion.report_ms = priv->poll_ms + 2 * priv->stamp_ms;
         axis->motion.stamp_ms = priv->stamp_ms;

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Shorter than the deadline of the class, so that the error of the line is the one reported. */
+/* Shorter than the deadline of the class, so that the error of the line is reported. */
 #define DEADLINE_MS 1500
 
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog) {
@@ -19,7 +19,7 @@ gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
 
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes) {
-    /* The cost of one lost answer, see line.c: timeout_ms, and late_ms of silence twice. */
+    /* The cost of one lost answer (see line.c): timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)

@@ -206,7 +206,7 @@ int video_stream_take(const struct video_stream *stream, const struct video_node
         return errno == EAGAIN ? 0 : -1;
     *ret = asked.buffer;
     ret->m.offset = 0;
-    guint32 begins = asked.plane.data_offset; /* 0 where there are no planes */
+    guint32 begins = asked.plane.data_offset; /* 0 if the node has no planes */
     if (node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE)
         ret->bytesused = asked.plane.bytesused - MIN(asked.plane.bytesused, begins);
     if ((int)ret->index < stream->n &&

@@ -1,4 +1,4 @@
-/* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+/* mesorig-rig: a rig of virtual devices on this machine, for trying the real drivers. */
 #include "base/data_error.h"
 #include "base/help_text.h"
 #include "base/json.h"
@@ -37,15 +37,15 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-/* The rig file behind a line with its kind and its checksum, by which the next run, or the end of
- * this one, sees whether somebody has changed the file. */
+/* Returns the rig file after a line with its kind and its checksum. By the checksum, the next run
+ * and the end of this one find out whether somebody has changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
     return g_strdup_printf("# " OUTPUT_FILE_TEXT("virtual rig") ", SHA-256 of what follows %s\n%s",
                            sum, rig);
 }
 
-/* Whether the file is as mesorig-rig has written it. */
+/* Returns whether the file is unchanged since mesorig-rig wrote it. */
 static gboolean virtual_rig_main_is_own(const char *path) {
     g_autofree char *text = NULL;
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR) || !g_file_get_contents(path, &text, NULL, NULL))
@@ -55,7 +55,7 @@ static gboolean virtual_rig_main_is_own(const char *path) {
     return g_strcmp0(own, text) == 0;
 }
 
-/* Decides on -o before there are any devices. NULL without an error: standard output. */
+/* Decides on -o before any device exists. Returns NULL without an error for standard output. */
 static OutputFile *virtual_rig_main_output(GError **error) {
     GStatBuf in, out;
     if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
@@ -66,12 +66,13 @@ static OutputFile *virtual_rig_main_output(GError **error) {
                     out_path);
         return NULL;
     }
-    /* One to which the user has added something is not replaced. */
+    /* A file that the user has changed is not replaced. */
     return output_file_new(out_path, virtual_rig_main_is_own(out_path) ? "virtual rig" : NULL,
                            force, error);
 }
 
-/* The rig file is useless without its devices, but not what the user has written into it. */
+/* Removes the rig file, because it is useless without its devices. A file that the user has changed
+ * is kept. */
 static void virtual_rig_main_remove_file(void) {
     if (virtual_rig_main_is_own(out_path))
         g_unlink(out_path);
@@ -100,7 +101,7 @@ static void virtual_rig_main_print_json(const struct virtual_rig_device *devices
     g_print("%s}\n", text->str);
 }
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. to: NULL without -o. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. to is NULL without -o. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
@@ -172,7 +173,7 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* Returns NULL in a background job, which the terminal would stop when it reads. */
+/* Returns NULL in a background job, because the terminal would stop the job when it reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;
@@ -189,7 +190,7 @@ static int virtual_rig_main_run(void) {
     g_autoptr(VirtualRig) rig = error ? NULL
                                       : virtual_rig_new(virtual_path, (const char *const *)usb,
                                                         (const char *const *)u3v, &error);
-    /* Whoever has read that the file is there may end this program, which then removes it. */
+    /* A program that has noticed the file may end this program, which then removes the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
