@@ -13,7 +13,7 @@ struct Gpu {
     EGLContext context;
 };
 
-/* A display belongs to the whole process: it stays initialised for the next context. */
+/* Opens a display. It belongs to the whole process, and stays initialised for the next context. */
 static EGLDisplay open_display(void) {
     static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
     static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
@@ -72,7 +72,7 @@ void gpu_watch(void) {
 #endif
 }
 
-/* The library stays loaded: libepoxy opens it next. */
+/* The library stays loaded, because libepoxy opens it next. */
 gboolean gpu_find_library(gboolean window, GError **error) {
     if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)
@@ -225,7 +225,8 @@ void gpu_fill_screen(void) {
     glDeleteVertexArrays(1, &empty);
 }
 
-/* Gives the pixel format and type of an internal format; GL_RGBA and GL_FLOAT if it is unknown. */
+/* Returns the pixel format and type of an internal format, or GL_RGBA and GL_FLOAT if it is
+ * unknown. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     static const struct {
         int internal_format;

@@ -21,8 +21,8 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* The finest grid within LPCA_REVISED_BYTES; a card stores RGB bytes as 4 bytes, RGB halves as 8.
- */
+/* Returns the finest grid within LPCA_REVISED_BYTES. A card stores RGB bytes as 4 bytes, and RGB
+ * half floats as 8 bytes. */
 static int lpca_revised_fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&

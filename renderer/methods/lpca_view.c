@@ -11,15 +11,15 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row per view; columns are lights and the sky, each with all
-                                components */
+    /* One row per view; columns are lights and the sky, each with all components. */
+    struct lpca_stack stack;
     guint brdfs;
-    guint skies; /* of logarithms, else 0 */
+    guint skies; /* only with logarithms, else 0 */
     int ambient_column;
     struct direction_textures views, lights;
 };
 
-/* One row per view: for each component the measured lights, then the sky. */
+/* Fills one row per view: for each component the measured lights, then the sky. */
 static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
                                    int cluster, const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;

@@ -7,7 +7,7 @@
 #include <png.h>
 #include <string.h>
 
-#define SHORTEST 0.5F /* filtered maps hold shorter normals, and noisy ones longer */
+#define SHORTEST 0.5F /* filtering makes normals shorter, and noise makes them longer */
 #define LONGEST  1.5F
 
 G_DEFINE_QUARK(normal_map_error, normal_map_error)
@@ -27,7 +27,7 @@ static struct normal_map *normal_map_new(int width, int height) {
     return map;
 }
 
-/* n: not of unit length yet. */
+/* Sets a texel. n need not have unit length. */
 static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3], const char *path,
                                GError **error) {
     const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -48,11 +48,11 @@ static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3]
 struct png_reading {
     const char *path;
     FILE *file;
-    guint64 length;           /* of the file, in bytes */
-    int width, height, bytes; /* of a value */
+    guint64 length;           /* length of the file, in bytes */
+    int width, height, bytes; /* bytes: bytes of a value */
     guint8 *rows;
     char *message;
-    GError *why; /* decoding does not begin */
+    GError *why; /* set if decoding cannot begin */
 };
 
 static void normal_map_on_error(png_structp png, png_const_charp text) {
@@ -65,7 +65,7 @@ static void normal_map_on_error(png_structp png, png_const_charp text) {
 static void normal_map_on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Everything between setjmp and a longjmp; what it allocates is in reading. */
+/* Contains everything between setjmp and a longjmp. Allocated memory is kept in reading. */
 static gboolean normal_map_decode(png_structp png, png_infop info, struct png_reading *reading) {
     if (setjmp(png_jmpbuf(png)))
         return FALSE;

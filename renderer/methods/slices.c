@@ -57,7 +57,7 @@ static void slices_upload_values(const struct slices *slices, const struct slice
     }
 }
 
-/* A layer per view, and one of their pole. */
+/* Uploads one layer per view, and one of their pole. */
 static void slices_upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
                                    const float *pole_share) {
     const gsize texels = btf_layout_texels(from->layout), n_views = from->layout->views.n;
@@ -83,7 +83,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!views)
         return FALSE;
     slices->views = direction_table_new(views, FALSE);
-    /* Which views the pole is the mean of. */
+    /* The views whose mean is the pole. */
     int n_members;
     const int *members = directions_pole(views, &n_members);
     g_autofree guint16 *indices = g_new0(guint16, MAX(1, n_members));

@@ -4,15 +4,15 @@
 
 #include <cglm/cglm.h>
 
-#define MARGIN 0.92 /* of the picture's width or height that a shape fills */
+#define MARGIN 0.92 /* share of the picture's width or height that a shape fills */
 
-/* right, up and back: towards the eye. */
+/* Unit vectors to the right, upwards, and back towards the eye. */
 struct axes {
     vec3 right, up, back;
 };
 
-/* Finds the axes of the picture. Its vertical axis leans with the elevation, so that it is never
- * along the line of sight. */
+/* Finds the axes of the picture. Its vertical axis leans with the elevation, so it is never along
+ * the line of sight. */
 static void camera_find_axes(const struct viewer_settings *s, struct axes *ret) {
     direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
     direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
@@ -46,8 +46,8 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
 }
 
 /* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
- * z), k the tangent of half the field of view. The smallest d and its c follow from the maxima of
- * x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
+ * z). k is the tangent of half the field of view. The smallest d and its c follow from the maxima
+ * of x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
 struct extent {
     double high, low;
 };
@@ -57,9 +57,9 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
-/* Refines the pan so that the projected points are centred: perspective shrinks distant parts, so
- * that along the axis that does not fill the picture, the middle of the points would not lie in the
- * middle of the picture. */
+/* Refines the pan so that the projected points are centred. Perspective shrinks distant parts.
+ * Without this, the middle of the points would not be in the middle of the picture along the axis
+ * that does not fill it. */
 static double camera_centre(const float *points, guint n, const vec3 axis, const vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {

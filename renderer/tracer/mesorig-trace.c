@@ -1,4 +1,4 @@
-/* mesorig-trace: a picture of a scene with captured materials, by path tracing. */
+/* mesorig-trace: makes a picture of a scene with captured materials, by path tracing. */
 #include "trace_output.h"
 
 #include "base/help_text.h"
@@ -66,7 +66,7 @@ static void on_signal(int number) {
     stopped = 1;
 }
 
-/* On a terminal a line that is written over, and else none. */
+/* Shows progress on a terminal, in a line that is overwritten. Otherwise prints nothing. */
 static void trace_main_tell(const struct work_progress *progress, gpointer cancellable) {
     if (stopped)
         g_cancellable_cancel(cancellable);
@@ -79,7 +79,8 @@ static void trace_main_tell(const struct work_progress *progress, gpointer cance
         g_printerr("\r\033[K");
 }
 
-/* n_least to 3 numbers with commas between them; what is not given stays. */
+/* Parses n_least to 3 numbers, separated by commas. Numbers that are not given keep their
+ * values. */
 static gboolean trace_main_numbers(const char *option, const char *text, int n_least, double ret[3],
                                    GError **error) {
     g_auto(GStrv) parts = g_strsplit(text, ",", -1);
@@ -234,7 +235,7 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
-/* Warns about contents of the file that the picture does not show. */
+/* Warns about contents of the file that are not visible in the picture. */
 static void trace_main_warn(const char *path, const TraceScene *scene) {
     for (guint k = 0; k < scene->surfaces->len; k++) {
         const struct trace_surface *surface =
@@ -244,7 +245,7 @@ static void trace_main_warn(const char *path, const TraceScene *scene) {
     }
 }
 
-/* An EXR if options are given, else a PNG. */
+/* Writes an EXR if options are given, and a PNG otherwise. */
 static gboolean trace_main_write(OutputFile *to, const TracePicture *picture,
                                  const struct trace_options *options, GError **error) {
     const char *path = output_file_path(to, error);
@@ -263,7 +264,7 @@ static gboolean trace_main_run(const char *path, GError **error) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const struct work work = {threads, trace_main_tell, cancellable, cancellable};
     const gint64 begun_us = g_get_monotonic_time();
-    g_autoptr(OutputFile) png = NULL, exr = NULL; /* refused before hours of work */
+    g_autoptr(OutputFile) png = NULL, exr = NULL; /* decided now, before hours of work */
     if (!trace_main_options(&options, error) ||
         (png_path != NULL && !(png = output_file_new(png_path, "trace", force, error))) ||
         (exr_path != NULL && !(exr = output_file_new(exr_path, "trace", force, error))))

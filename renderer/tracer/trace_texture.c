@@ -14,10 +14,10 @@ struct trace_texture {
     int size[2];
     enum gltf_wrap wrap[2];
     guint8 *rgb;       /* rows from the top, sRGB */
-    float linear[256]; /* of a byte */
+    float linear[256]; /* linear value of each byte */
 };
 
-/* g_free() it. NULL: error. */
+/* Decodes a PNG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
                                  GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -29,7 +29,7 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
         png_image_free(&image);
         return NULL;
     }
-    image.format = PNG_FORMAT_RGBA; /* without alpha the reader would put it on a background */
+    image.format = PNG_FORMAT_RGBA; /* without alpha, the reader would blend it with a background */
     const gsize n = (gsize)image.width * image.height;
     guint8 *ret = g_try_malloc(4 * n);
     if (ret == NULL || !png_image_finish_read(&image, NULL, ret, 0, NULL)) {
@@ -46,7 +46,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
     return ret;
 }
 
-/* What libjpeg calls with errors; manager comes first, so that its address is this one's. */
+/* State for libjpeg's error functions. manager comes first, so that its address is that of the
+ * struct. */
 struct trace_texture_trouble {
     struct jpeg_error_mgr manager;
     jmp_buf back;
@@ -59,13 +60,13 @@ G_NORETURN static void trace_texture_jpeg_error(j_common_ptr codec) {
     longjmp(trouble->back, 1);
 }
 
-/* Warnings, for example that the file ends early, are errors, too. */
+/* Treats warnings as errors, for example that the file ends early. */
 static void trace_texture_jpeg_message(j_common_ptr codec, int level) {
     if (level < 0)
         trace_texture_jpeg_error(codec);
 }
 
-/* g_free() it. NULL: error. */
+/* Decodes a JPEG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size[2],
                                   GError **error) {
     struct jpeg_decompress_struct codec;
@@ -135,7 +136,7 @@ void trace_texture_free(TraceTexture *texture) {
     g_free(texture);
 }
 
-/* The pixel that stands for number k of a row or column of n. */
+/* Returns the pixel that represents number k of a row or column of n. */
 static int texture_wrapped(double k, int n, enum gltf_wrap wrap) {
     if (wrap == GLTF_WRAP_CLAMP)
         return (int)CLAMP(k, 0.0, n - 1.0);

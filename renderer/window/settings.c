@@ -120,7 +120,7 @@ int settings_entries(struct viewer_options *o, GOptionEntry *ret) {
     return n;
 }
 
-/* Adds --NAME VALUE; value: taken, quoted where that is needed. NULL: a flag. */
+/* Adds --NAME VALUE, quoted if necessary. Takes ownership of value. NULL adds a flag. */
 static void command_add(GString *command, const char *name, char *value) {
     g_string_append_printf(command, " --%s", name);
     const gboolean plain =
@@ -138,7 +138,7 @@ static char *command_number(double value) {
     return g_strdup(g_ascii_formatd(text, sizeof text, "%.10g", value));
 }
 
-/* Numbers between separators, "5x2" or "30,90,1,1,1". */
+/* Returns numbers with a separator: "5x2" or "30,90,1,1,1". */
 static char *command_numbers(const double *values, int n, const char *separator) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < n; k++) {
@@ -148,7 +148,8 @@ static char *command_numbers(const double *values, int n, const char *separator)
     return g_string_free(text, FALSE);
 }
 
-/* A file by its whole path, so that the command can be given anywhere; a name as it is. */
+/* Returns a file with its whole path, so that the command can be used in any folder. A name stays
+ * as it is. */
 static char *command_file(const char *path) {
     return g_file_test(path, G_FILE_TEST_EXISTS) ? g_canonicalize_filename(path, NULL)
                                                  : g_strdup(path);

@@ -5,8 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MAX_SIZE     16384
-#define WINDOW_LAMPS 16 /* of an environment: without a graphics card more draw too slowly */
+#define MAX_SIZE 16384
+#define WINDOW_LAMPS                                                                               \
+    16 /* lamps of an environment; more would draw too slowly without a graphics card */
 
 G_GNUC_PRINTF(2, 3)
 static gboolean refuse_options(GError **error, const char *format, ...) {
@@ -22,7 +23,7 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
     return refuse_options(error, "%s %s: %s is expected", option, text, wanted);
 }
 
-/* The data of the option group is the options; see main(). */
+/* The data of the option group are the options; see main(). */
 static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
                                   GError **error) {
     static const char *const ways[] = {"auto", "peel", "lists"};
@@ -248,7 +249,7 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
 const char *viewer_options_sample(void) {
     if (g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS))
         return MESORIG_SAMPLE;
-    /* In a source tree, what ./run demo has captured. */
+    /* In a source tree, the material that ./run demo has captured. */
     static char *demo;
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *bin = self != NULL ? g_path_get_dirname(self) : NULL;
@@ -281,7 +282,7 @@ static gboolean viewer_options_has_views(const char *session) {
     return g_file_test(btf, G_FILE_TEST_IS_DIR);
 }
 
-/* The first one that the session has a product for; without any, the default. */
+/* Returns the first method for which the session has a product, or the default if it has none. */
 static const struct method *method_of_session(const char *session) {
     for (gsize k = 0; methods[k] != NULL; k++) {
         g_autofree char *path =
@@ -311,11 +312,11 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                    methods[k]->name);
         return bad(error, "--method", o->method_name, names->str);
     }
-    if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
+    if (o->method_name == NULL && o->argument != NULL) { /* the kind that the file states */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* Only the default method can do --live and --plain, and show a session that is being
-             * captured, for which it makes eigen-maps of the views that are there. */
+            /* Only the default method supports --live and --plain, and sessions that are being
+             * captured, for which it makes eigen-maps of the existing views. */
             if (!o->live && !o->settings.plain &&
                 (o->render != NULL || !viewer_options_has_views(o->argument)))
                 o->method = method_of_session(o->argument);
@@ -332,7 +333,7 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                     "a method as --method has it");
 }
 
-/* Options that exclude or need each other. */
+/* Checks options that exclude or need each other. */
 static gboolean check_together(const struct viewer_options *o, GError **error) {
     const struct viewer_settings *s = &o->settings;
     const gboolean first = o->method == methods[0];
