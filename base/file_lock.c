@@ -29,7 +29,7 @@ static glong read_holder(int fd) {
 static int file_lock_fail(const char *path, int fd, int saved, const char *what, GError **error) {
     if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "%s: process %ld is making %s; wait until it has ended", path, read_holder(fd),
+                    "%s: process %ld is writing %s; wait until it has ended", path, read_holder(fd),
                     what);
     else
         g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),

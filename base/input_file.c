@@ -206,7 +206,7 @@ gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * file_bytes);
     return width == 0 || height <= most / width ||
            input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                           "it says that it is a picture of %" G_GUINT64_FORMAT
+                           "its header announces a picture of %" G_GUINT64_FORMAT
                            " × %" G_GUINT64_FORMAT " pixels, but a file of %" G_GUINT64_FORMAT
                            " bytes may have at most %" G_GUINT64_FORMAT
                            " pixels; save it smaller, or without compression",

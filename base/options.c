@@ -56,7 +56,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
     if (!*text || *end || strspn(text, "0123456789+-.eE") != strlen(text) || !isfinite(value))
         return value_error(error, "\"%s\" is not a number%s%s%s", text,
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
-                           option->unit ? "; write the number alone)" : "");
+                           option->unit ? "; write only the number)" : "");
     *ret = value;
     return options_check_range(option, value, text, error);
 }

@@ -87,9 +87,9 @@ gboolean output_file_move_folder(const char *folder, const char *path, GError **
     g_autofree char *beside = g_strdup_printf("%s-%08x", path, g_random_int());
     const gboolean moved = output_file_move(folder, beside);
     g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
-                exists ? "%s exists already, another program has made it meanwhile: %s; what was "
-                         "made is in %s"
-                       : "%s: cannot be made: %s; what was made is in %s",
+                exists ? "%s exists already, because another program has made it meanwhile: %s; "
+                         "the finished folder is %s"
+                       : "%s: cannot be made: %s; the finished folder is %s",
                 path, g_strerror(saved), moved ? beside : folder);
     return FALSE;
 }
@@ -185,7 +185,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
             return output_file_is_no_file(file->path, S_IFDIR, error);
         if (named) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                        "%s exists already, a symbolic link that leads nowhere: remove it, or give "
+                        "%s is a symbolic link to a file that does not exist: remove it, or give "
                         "another name",
                         file->path);
             return FALSE;
@@ -223,7 +223,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
     file->found = own ? FOUND_OWN : FOUND_OTHER;
     file->note =
         own ? g_strdup_printf("it replaces the “%s” that Mesorig had written there", file->kind)
-            : g_strdup("it replaces the file that was there");
+            : g_strdup("it replaces the existing file");
     return TRUE;
 }
 

@@ -28,7 +28,7 @@ char *program_find(const char *name, GError **error) {
         found = g_find_program_in_path(name);
     if (!found)
         g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither beside this program nor in PATH: install it", name);
+                    "%s is neither in the folder of this program nor in PATH: install it", name);
     return found;
 }
 
@@ -36,8 +36,8 @@ char *program_find_module(const char *name, GError **error) {
     char *found = find_beside(name, G_FILE_TEST_IS_REGULAR);
     if (!found)
         g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither beside this program nor in ../libexec/mesorig from there: "
-                    "install it",
+                    "%s is neither in the folder of this program nor in ../libexec/mesorig "
+                    "relative to it: install it",
                     name);
     return found;
 }

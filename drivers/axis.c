@@ -350,10 +350,11 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     const struct axis_motion *motion = &axis->motion;
     double from = axis->driver->position(axis);
     if (!axis_can_turn(axis))
-        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                                "its driver, %s, does not tell where it was at a time" ERROR_ADVICE
-                                "let it stand for pictures: [capture] motion = standing",
-                                axis->driver->info.name);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "its driver, %s, does not report positions during a motion" ERROR_ADVICE
+            "let it stand for pictures: [capture] motion = standing",
+            axis->driver->info.name);
     if (!axis_check_move(axis, from + by_deg, error))
         return FALSE;
     if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)

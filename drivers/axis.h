@@ -48,7 +48,7 @@ struct axis_motion {
 /* clang-format off */
 #define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
     {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
-     "Turns without end, so that it has no limits and takes the shorter way"},                     \
+     "Turns without end: it has no limits, and takes the shorter way to a target"},                \
     {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, AXIS_MOTION(at, min_deg),       \
      "Lower limit"},                                                                               \
     {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, AXIS_MOTION(at, max_deg),        \
@@ -60,7 +60,7 @@ struct axis_motion {
     {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AXIS_MOTION(at, backlash_deg),        \
      "Lost motion, taken up by always arriving in the positive direction"},                        \
     {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, AXIS_MOTION(at, settle_ms),            \
-     "From arrival until the load is still"}
+     "Time from arrival until the load is still"}
 #define AXIS_MOTION(at, field) ((at) + G_STRUCT_OFFSET(struct axis_motion, field))
 /* clang-format on */
 

@@ -70,10 +70,10 @@ char *interlock_advice(const Interlock *interlock) {
     const char *name = interlock->device.name;
     return interlock->state->lost
                ? g_strdup_printf("interlock %s does not answer, so it counts as open: laser and "
-                                 "motion are forbidden. Check its board and cables, then go on.",
+                                 "motion are forbidden. Check its board and cables, then continue.",
                                  name)
                : g_strdup_printf("interlock %s is open: laser and motion are forbidden. Close it, "
-                                 "then go on.",
+                                 "then continue.",
                                  name);
 }
 

@@ -306,9 +306,9 @@ static void take_command(struct lights *lights, struct command *command) {
 /* Takes a report of light that nobody has requested. */
 static void believe(struct lights *lights, int index) {
     const struct command unknown = {.index = index, .on = TRUE};
-    g_autoptr(GError) error = device_error_new(
-        DEVICE_ERROR_PROTOCOL, lights->device->who,
-        "it reports light that nobody has asked for" ERROR_ADVICE "see what else switches it");
+    g_autoptr(GError) error = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
+                                               "it reports light without a command" ERROR_ADVICE
+                                               "check what else switches it");
     lights_take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
     lights_settle(lights, error);
 }

@@ -162,7 +162,7 @@ static gboolean refuse(const char *what, pid_t pid, GError **error) {
     if (pid == getpid())
         return device_error_set(
             error, DEVICE_ERROR_BUSY, NULL,
-            "%s is open already: another section gives it another name" ERROR_ADVICE
+            "%s is already open: another section names it differently" ERROR_ADVICE
             "write it the same way in both",
             what);
     return device_error_set(error, DEVICE_ERROR_BUSY, NULL,

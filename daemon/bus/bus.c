@@ -234,9 +234,9 @@ gboolean bus_can_close(Bus *bus, GError **error) {
         return TRUE;
     bus_unattended_stop(bus, "the rig could not be closed, because a device did not confirm");
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "the rig stays open, since not every device has confirmed that it is off or stands "
-                "(%s): it is told again until it does; look at it, and cut its power if it does "
-                "not obey",
+                "the rig stays open, because not every device has confirmed that it is off or "
+                "stands still (%s): the command is repeated until it does; look at the device, and "
+                "cut its power if it does not obey",
                 unsafe->message);
     return FALSE;
 }
@@ -304,7 +304,7 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
     g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
     if (!g_file_set_contents(control, line, -1, &error))
-        g_message("commands in other terminals do not find this daemon by the session's folder: %s",
+        g_message("commands in other terminals cannot find this daemon by the session's folder: %s",
                   error->message);
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
@@ -334,7 +334,7 @@ void bus_make_safe(Bus *bus) {
     g_autoptr(GError) error = NULL;
     bus_authority_stop(bus, "SafeState ended it before it began");
     bus_unattended_stop(bus, "SafeState was called");
-    bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
+    bus_jobs_stop_begin(bus, "SafeState ended the operation that was about to begin");
     bus_hands_stop(bus, "SafeState ended it");
     bus_hold_clock(bus, FALSE);
     if (bus->capture)

@@ -151,7 +151,7 @@ static gboolean question_late(gpointer data) {
     question->deadline = 0;
     question_stop(question->bus, question,
                   g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                              "polkit has not said in time whether you may do this (%s): try "
+                              "polkit has not answered in time whether you may do this (%s): try "
                               "again, and see systemctl status polkit",
                               question->action));
     return G_SOURCE_REMOVE;
@@ -186,8 +186,8 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
     const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
     if (answer && !allowed)
         error = g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                            "%s is not allowed to you (%s): an administrator can allow it in "
-                            "/etc/polkit-1/rules.d; “mesorig safe” is allowed always",
+                            "you are not allowed to call %s (%s): an administrator can allow it in "
+                            "/etc/polkit-1/rules.d; “mesorig safe” is always allowed",
                             g_dbus_method_invocation_get_method_name(question->invocation),
                             question->action);
     else if (!answer)
@@ -273,7 +273,7 @@ static void authority_method_call(GDBusConnection *connection, const char *sende
     else if (bus->questions->len >= MAX_QUESTIONS)
         g_dbus_method_invocation_return_error(
             invocation, BUS_ERROR, BUS_ERROR_LIMIT,
-            "%d calls wait for polkit, which is the most: try again", MAX_QUESTIONS);
+            "%d calls wait for polkit, which is the maximum: try again", MAX_QUESTIONS);
     else
         ask(bus, invocation);
 }

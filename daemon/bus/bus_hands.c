@@ -263,8 +263,8 @@ static void hand_end(struct hand *hand, const char *why) {
 static gboolean on_lease_over(gpointer data) {
     struct hand *hand = data;
     hand->lease = 0;
-    bus_report(hand->bus, "info", hand->name, "its lease is over, so it goes off");
-    hand_end(hand, "its lease was over before its light was stable: call Renew while it warms up");
+    bus_report(hand->bus, "info", hand->name, "its lease has ended, so it is switched off");
+    hand_end(hand, "its lease ended before its light was stable: call Renew while it warms up");
     return G_SOURCE_REMOVE;
 }
 
@@ -277,8 +277,8 @@ static gboolean check_lease(double for_s, GError **error) {
     if (for_s > 0 && for_s <= BUS_MAX_LEASE_S)
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                "a light is on for more than 0 s and at most %d s, not for %g s: call Renew before "
-                "that time is over",
+                "a light may be on for more than 0 s and at most %d s, not for %g s: call Renew "
+                "before that time is over",
                 BUS_MAX_LEASE_S, for_s);
     return FALSE;
 }
@@ -319,7 +319,7 @@ static void end_those_of(Bus *bus, GDBusConnection *connection, const char *send
         struct hand *hand = bus->hands->pdata[i];
         if (connection && hand->connection == connection && !hand->off_asked &&
             (!sender || g_strcmp0(hand->sender, sender) == 0))
-            hand_end(hand, "the client has gone");
+            hand_end(hand, "the client has disconnected");
     }
 }
 
@@ -356,7 +356,7 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
         (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
     GError *error = NULL;
     if (g_dbus_connection_is_closed(g_dbus_method_invocation_get_connection(invocation)))
-        return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has gone");
+        return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has disconnected");
     if (emits && (error = open_interlock_error(bus)))
         return error;
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
@@ -367,7 +367,7 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
     const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
     if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
-                           "%s is busy with another call: try again when that is answered",
+                           "%s is busy with another call: try again when that call is answered",
                            like->name);
     return NULL;
 }
@@ -586,7 +586,7 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
     for (guint i = 0; i < bus->hands->len; i++)
         if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
             g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                        "somebody is moving the axis %s: try again when it stands",
+                        "somebody is moving the axis %s: try again when it stands still",
                         axis->device.name);
             return FALSE;
         }

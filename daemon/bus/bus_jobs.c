@@ -77,7 +77,7 @@ void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
         struct bus_job *job = bus->jobs->pdata[i];
         if (job->invocation &&
             g_dbus_method_invocation_get_connection(job->invocation) == connection)
-            bus_jobs_stop(bus, job, "the client has gone");
+            bus_jobs_stop(bus, job, "the client has disconnected");
     }
 }
 
@@ -206,8 +206,9 @@ static gboolean check_readable(GDBusMethodInvocation *invocation, const char *pa
     if (!path || text || !bus_authority_caller(invocation))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
-                "%s: mesorigd reads no file for another user: give its text in the option %s", path,
-                option);
+                "%s: mesorigd does not read files for another user: give the text of the file in "
+                "the option %s",
+                path, option);
     return FALSE;
 }
 

@@ -140,9 +140,10 @@ static gboolean on_look(gpointer data) {
     struct bus_latch *latch = data;
     enum device_safety safety;
     if (!latch->bus->devices) {
-        g_autoptr(GError) error = g_error_new_literal(
-            BUS_ERROR, BUS_ERROR_CANCELLED,
-            "the rig was closed before all devices had answered that they are safe: look at them");
+        g_autoptr(GError) error =
+            g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED,
+                                "the rig was closed before all devices had confirmed that they are "
+                                "safe: look at the rig");
         answer_calls(latch, G_MAXINT64, NULL, error);
     } else {
         g_autoptr(GVariant) devices =
@@ -206,7 +207,7 @@ static gboolean on_asked(gpointer data) {
         bus_rig1_set_latched(latch->bus->object, TRUE);
         if (!again)
             bus_report(latch->bus, "warning", "safe state",
-                       "everything is off and stands until “mesorig release”");
+                       "all lights are off and all axes stand still until “mesorig release”");
     }
     start_looking(latch);
     return G_SOURCE_REMOVE;

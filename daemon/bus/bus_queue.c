@@ -128,13 +128,15 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
     if (n < 0 || n >= MAX_OF_CLIENT) {
         bus_reply(
             connection, message, NULL,
-            n < 0 ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d calls of all clients are waiting, which is the most: try again",
-                                MAX_WAITING)
-                  : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d of your calls are waiting, which is the most: wait for their "
-                                "answers",
-                                MAX_OF_CLIENT));
+            n < 0
+                ? g_error_new(
+                      BUS_ERROR, BUS_ERROR_LIMIT,
+                      "%d calls of all clients are waiting, which is the maximum: try again",
+                      MAX_WAITING)
+                : g_error_new(
+                      BUS_ERROR, BUS_ERROR_LIMIT,
+                      "%d of your calls are waiting, which is the maximum: wait for their answers",
+                      MAX_OF_CLIENT));
         g_object_unref(message);
         return NULL;
     }

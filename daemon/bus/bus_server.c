@@ -180,8 +180,7 @@ static gboolean has_room(BusServer *server, pid_t pid) {
     if (count_free_files(most) >= most / RESERVED_PART + joining * JOIN_FILES)
         return TRUE;
     say(server,
-        "%u clients are connected, and few more files may be open: no more clients are "
-        "accepted",
+        "%u clients are connected, and few more files can be opened: no more clients are accepted",
         g_list_length(server->clients));
     return FALSE;
 }

@@ -107,7 +107,7 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
     const int input = trial_input(text);
     if (input < 0) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "there is no memory for what %s queue try is to read", program);
+                    "there is no memory for the input of %s queue try", program);
         return NULL;
     }
     g_autoptr(GSubprocessLauncher) launcher =

@@ -154,10 +154,10 @@ static void stop_item(struct unattended *at, const char *message, gboolean rig) 
     if (rig) {
         pause_queue(at, message);
     } else if (at->stopped_in_row >= MOST_STOPPED) {
-        g_autofree char *why = g_strdup_printf(
-            "%u sessions in a row have stopped, the last one, number %u, since %s: look at the "
-            "rig, then mesorig queue resume",
-            at->stopped_in_row, item->id, message);
+        g_autofree char *why =
+            g_strdup_printf("%u sessions in a row have stopped, the last one, number %u, because "
+                            "%s: look at the rig, then mesorig queue resume",
+                            at->stopped_in_row, item->id, message);
         pause_queue(at, why);
     }
     show_queue(at);
@@ -383,7 +383,7 @@ static void take_fault(struct unattended *at, const struct capture_status *statu
         show_queue(at);
         return;
     }
-    g_autofree char *reason = g_strdup_printf("%s To go on with it: mesorig resume %s",
+    g_autofree char *reason = g_strdup_printf("%s To continue it: mesorig resume %s",
                                               status->reason, at->item->directory);
     stop_item(at, reason, FALSE);
     capture_abort(at->bus->capture);
@@ -397,7 +397,8 @@ static void take_end(struct unattended *at, gboolean done) {
         tell(at, "done", item, "");
     } else {
         g_autofree char *message = g_strdup_printf(
-            "it was aborted; what was taken stays: mesorig resume %s", item->directory);
+            "it was aborted; the frames that were taken are kept: mesorig resume %s",
+            item->directory);
         g_autofree char *why = g_strdup_printf("session %u was aborted", item->id);
         set_item(at, item, QUEUE_STOPPED, message);
         tell(at, "aborted", item, message);
@@ -428,7 +429,8 @@ void bus_unattended_changed(Bus *bus, const struct capture_status *status) {
     if (moment == MOMENT_RUNS && at->held_by_fault) {
         at->held_by_fault = FALSE;
         if (!queue_pause(at->queue, NULL, NULL))
-            bus_report(bus, "warning", "queue", "the queue stays paused: its file is not written");
+            bus_report(bus, "warning", "queue",
+                       "the queue stays paused, because its file cannot be written");
         show_queue(at);
     }
     if (ours && moment == MOMENT_FAULT)
@@ -467,7 +469,7 @@ gboolean bus_unattended_need_free(Bus *bus, GError **error) {
     if (!bus_unattended_is_beginning(bus))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "session %u of the queue is about to begin: mesorig queue pause holds it back",
+                "session %u of the queue is about to begin: mesorig queue pause prevents that",
                 at->item->id);
     return FALSE;
 }

@@ -136,13 +136,13 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
         if (has_ended(other) || strcmp(other->directory, item->directory) != 0)
             continue;
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "session %u of the queue is to be captured into %s: choose another directory",
+                    "session %u of the queue has the directory %s: choose another directory",
                     other->id, item->directory);
         return FALSE;
     }
     if (queue->items->len - n_ended >= QUEUE_MOST - MOST_ENDED) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "%d sessions are in the queue, which is the most", QUEUE_MOST - MOST_ENDED);
+                    "%d sessions are in the queue, which is the maximum", QUEUE_MOST - MOST_ENDED);
         return FALSE;
     }
     item->id = queue->next_id++;

@@ -130,10 +130,10 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
                            ? g_ascii_strtoull(group + strlen("session "), &end, 10)
                            : 0;
     if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MOST) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s] is not [session N] with N from 1 to %u, or is more than the %d sessions "
-                    "that there may be",
-                    group, queue->next_id - 1, QUEUE_MOST);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+            "[%s] is not [session N] with N from 1 to %u, or exceeds the maximum of %d sessions",
+            group, queue->next_id - 1, QUEUE_MOST);
         return FALSE;
     }
     item->id = (guint)id;
@@ -191,7 +191,7 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
                     input_file_kind(info.st_mode));
     } else if (info.st_uid != geteuid() || (info.st_mode & 022)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-                    "others could have written it: it belongs to user %u and its mode is %04o",
+                    "other users could have written it: it belongs to user %u and its mode is %04o",
                     info.st_uid, (guint)info.st_mode & 07777);
     } else if (info.st_size > QUEUE_MOST_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is larger than %d MiB",
@@ -253,8 +253,8 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
     g_autofree char *text = queue_text(queue, &length);
     if (length > QUEUE_MOST_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "the queue would take more than the %d MiB that its file may have: wait until "
-                    "sessions of it have ended, and remove those",
+                    "the queue's file would exceed its limit of %d MiB: wait until sessions have "
+                    "ended, and remove them",
                     QUEUE_MOST_BYTES >> 20);
         return FALSE;
     }

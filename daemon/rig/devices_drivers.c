@@ -105,11 +105,14 @@ char *devices_describe_drivers(const char *name, gboolean json) {
      * driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
-        {"axis", "An axis's place, in its section [axis NAME] beside its driver's options"},
+        {"axis",
+         "Place of an axis, in its section [axis NAME], in addition to the options of its driver"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
-        {"camera", "A camera's place, in its section [camera NAME] beside its driver's options"},
-        {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},
-        {"mark", "A white mark on the turntable beside the sample, in a section [mark NAME]"},
+        {"camera", "Place of a camera, in its section [camera NAME], in addition to the options of "
+                   "its driver"},
+        {"laser",
+         "Place of a laser, in its section [laser NAME], in addition to the options of its driver"},
+        {"mark", "A white mark on the turntable next to the sample, in a section [mark NAME]"},
     };
     GString *text = g_string_new(json ? "[" : NULL);
     gsize empty = text->len;

@@ -69,7 +69,7 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
                        (int)sizeof layout->geometry.id - 1);
     if (layout->arc && fields.arc_radius_mm == 0)
         ok = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "arc_radius_mm",
-                            "must be given: there is an [axis arc]");
+                            "must be given, because there is an [axis arc]");
     layout->geometry.arc_radius_mm = fields.arc_radius_mm;
     layout->geometry.arc_width_mm = fields.arc_width_mm;
     if (layout->arm)
@@ -96,7 +96,8 @@ static gboolean count_up(int *n, int most, const struct config_section *section,
         return TRUE;
     }
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                          "one too many: there may be %d of this class", most);
+                          "there are too many sections of this class: at most %d are allowed",
+                          most);
 }
 
 static gboolean devices_layout_take_name(const struct config_section *section, char to[RIG_NAME],
@@ -128,7 +129,7 @@ static gboolean devices_layout_take_carrier(const struct layout *layout,
         return TRUE;
     return layout->has_all_sections
                ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "phi_deg",
-                                "must be given: there is no [axis arc] that would carry it")
+                                "must be given, because there is no [axis arc] to carry it")
                : FALSE;
 }
 
@@ -139,7 +140,7 @@ static gboolean check_stops(const struct layout *layout, const struct config_sec
     if (!axis)
         return layout->has_all_sections
                    ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, key,
-                                    "there is no section [axis %s] that would carry it", name)
+                                    "there is no section [axis %s] to carry it", name)
                    : FALSE;
     for (int i = 0; i < stops->n; i++)
         for (int k = 0; k < i; k++)
@@ -160,11 +161,10 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                               "name",
                               name, RIG_NAME - 1);
     g_strlcpy(to, name, RIG_NAME);
-    return position_mm.z > 0 ||
-           config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "at %g° it would stand below the turntable's top; check the axis's "
-                          "direction in [rig]",
-                          deg);
+    return position_mm.z > 0 || config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                                               "at %g° it would be below the turntable's top; "
+                                               "check the direction of the axis in [rig]",
+                                               deg);
 }
 
 /* Makes the stops of a camera, one after the other, from its position with the arm at 0. */
@@ -274,8 +274,7 @@ static gboolean wire_lamp(struct layout *layout, int i, const struct place_field
     if (bank < 0)
         return layout->has_all_sections
                    ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "bank",
-                                    "there is no section [lamps %s]; name one that there is",
-                                    p->bank)
+                                    "there is no section [lamps %s]; name an existing one", p->bank)
                    : FALSE;
     for (int k = 0; k < i; k++)
         if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index)
@@ -330,11 +329,11 @@ static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mist
     }
     if (!axis && !layout->has_all_sections)
         return FALSE;
-    return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
-                          axis
-                              ? "the axis \"%s\" does not sweep a laser; give it an axis of its own"
-                              : "there is no section [axis %s]; name the axis that sweeps the line",
-                          sweep);
+    return config_mistake(
+        mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
+        axis ? "the axis \"%s\" does not sweep a laser; give the laser a separate axis"
+             : "there is no section [axis %s]; name the axis that sweeps the line",
+        sweep);
 }
 
 /* Adds a further mount position of a laser that is described earlier in the file. */
@@ -350,9 +349,9 @@ static gboolean wire_mount(struct layout *layout, int i, const char *name, Mista
         return FALSE;
     return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
                           unit >= 0
-                              ? "\"%s\" is itself a mount; name the laser that it is a mount of"
-                              : "there is no section [laser %s] above this one; name the laser "
-                                "that is mounted here, and write it first",
+                              ? "\"%s\" is itself a mount; name the laser that is mounted there"
+                              : "there is no section [laser %s] before this one; name the laser "
+                                "that is mounted here, and put its section first",
                           name);
 }
 
@@ -521,16 +520,16 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
         if (lasers && layout->has_all_sections && g_str_equal(section->class_name, "axis") &&
             !devices_layout_uses(layout, section))
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
-                           "nothing uses this axis: it is neither turntable nor arc, no laser "
-                           "names it as its sweep, and it is no [axis arm] with cameras that have "
-                           "arm_deg, nor [axis probe] with lamps that have probe_deg");
+                           "this axis is not used: it is neither turntable nor arc, no laser names "
+                           "it as its sweep, and it is not an [axis arm] with cameras that have "
+                           "arm_deg or an [axis probe] with lamps that have probe_deg");
         /* Virtual time would run ahead of a real device. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "driver",
-                           "%s is a real device and cannot keep virtual time; write clock = real "
-                           "in [rig]",
-                           driver);
+            config_mistake(
+                mistakes, CONFIG_ERROR_VALUE, section, "driver",
+                "%s is a real device and cannot work in virtual time; write clock = real in [rig]",
+                driver);
     }
     for (gsize i = 0; layout->has_all_sections && i < G_N_ELEMENTS(needed); i++)
         if (!needed[i].there)

@@ -25,7 +25,7 @@ static void check_section(GHashTable *owners, const struct config_section *secti
         const struct config_section *owner = g_hash_table_lookup(owners, needs->pdata[i]);
         if (owner && owner != section && !told)
             told = !config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                                   "%s is that of [%s] already, in line %d; correct one of the two",
+                                   "%s is already used by [%s], in line %d; correct one of the two",
                                    (const char *)needs->pdata[i], owner->group, owner->line);
         if (!owner)
             g_hash_table_insert(owners, g_strdup(needs->pdata[i]), (gpointer)section);

@@ -140,10 +140,10 @@ static gboolean offline_camera(const struct config_section *section, int index,
     if (!offline_number(&device, "readout_ms", &readout_ms) ||
         !offline_number(&device, "trigger_ms", &trigger_ms))
         offline_assume(assumed, section,
-                       "30 pictures a second, since only the camera knows how many");
+                       "30 pictures a second, because only the camera knows its rate");
     if (!offline_number(&device, "min_exposure_us", &least_us) ||
         !offline_number(&device, "max_exposure_us", &most_us))
-        offline_assume(assumed, section, "that it can expose as the session asks");
+        offline_assume(assumed, section, "that it supports the exposures of the session");
     offline_number(&device, "bits", &bits);
     timing->readout_us[index] = (gint64)(readout_ms * 1000);
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);

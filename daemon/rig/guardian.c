@@ -201,10 +201,11 @@ static gboolean await_first_answer(Guardian *guardian, GError **error) {
                                 "the messages of mesorigd say why",
                                 guardian->rig_path, (int)guardian->pid);
     kill(guardian->pid, SIGKILL);
-    return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                            "the guardian of %s (process %d) has not answered within %g s of its "
-                            "start" ERROR_ADVICE "see whether this computer is overloaded",
-                            guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
+    return device_error_set(
+        error, DEVICE_ERROR_TIMEOUT, NULL,
+        "the guardian of %s (process %d) has not answered within %g s of its start" ERROR_ADVICE
+        "check whether this computer is overloaded",
+        guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
 }
 
 static Guardian *guardian_new(const char *rig_path) {
@@ -245,7 +246,7 @@ gboolean guardian_answers(Guardian *guardian, GError **error) {
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "the guardian of %s does not answer, so nobody would switch a laser "
                             "off if this program died" ERROR_ADVICE
-                            "it is started again by itself: try again in a few seconds",
+                            "it is being started again: try again in a few seconds",
                             guardian->rig_path);
 }
 

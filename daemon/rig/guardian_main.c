@@ -164,11 +164,10 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
         const gint64 next_us = daemon_waits ? WAIT_US : LEAVE_US;
         if (daemon_waits && past_us >= WAIT_US) {
             g_autofree char *unsafe = safe_work_unsafe(work);
-            g_autofree char *refusal =
-                g_strdup_printf("%s is not opened: it has not been safe since an earlier mesorigd "
-                                "ended, and process "
-                                "%d goes on trying" ERROR_ADVICE "see to these devices: %s",
-                                guarding->rig_path, (int)getpid(), unsafe);
+            g_autofree char *refusal = g_strdup_printf(
+                "%s is not opened: it has not been safe since an earlier mesorigd ended, and "
+                "process %d is still trying" ERROR_ADVICE "look at these devices: %s",
+                guarding->rig_path, (int)getpid(), unsafe);
             answer(refusal);
             daemon_waits = FALSE;
         }

@@ -140,7 +140,8 @@ gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_
             return FALSE;
         g_usleep(RETRY_US);
     }
-    g_printerr("mesorigd: guardian: another process keeps this rig's place; going on without\n");
+    g_printerr(
+        "mesorigd: guardian: another process holds this rig's place; continuing without it\n");
     return TRUE;
 }
 

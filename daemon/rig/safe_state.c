@@ -328,7 +328,8 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
                  repaired.doubts->len ? "; " : "", repaired.doubts->str);
     else if (repaired.doubts->len)
         set_text(ret_text, job,
-                 "NOT safe: what its section names is %s, read back, but may not be it: %s%s%s",
+                 "NOT safe: the device that its section names is %s, read back, but it may be "
+                 "another device: %s%s%s",
                  done, repaired.doubts->str, *notes ? "; " : "", notes);
     else
         set_text(ret_text, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);

@@ -306,7 +306,8 @@ static void announce(SafeWork *work) {
         return;
     work->announced = TRUE;
     tell(work,
-         "the rig is NOT safe: switch off by hand what is named above; process %d goes on trying",
+         "the rig is NOT safe: switch off by hand the devices named above; process %d is still "
+         "trying",
          (int)getpid());
 }
 
@@ -319,11 +320,11 @@ static void finish(SafeWork *work) {
     if (work->until == SAFE_UNTIL_SAFE_QUIETLY && !told)
         return;
     if (safe_work_is_safe(work))
-        tell(work, "lamps and lasers are off, axes stand");
+        tell(work, "lamps and lasers are off, axes stand still");
     else if (work->until != SAFE_UNTIL_TIRED)
-        tell(work, "the rig is NOT safe: switch off by hand what is named above");
+        tell(work, "the rig is NOT safe: switch off by hand the devices named above");
     else
-        g_printerr("mesorigd: the rig is NOT safe: switch off by hand what is named above\n");
+        g_printerr("mesorigd: the rig is NOT safe: switch off by hand the devices named above\n");
 }
 
 static gboolean is_at_work(const SafeWork *work) {

@@ -73,8 +73,8 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its frame is %d × %d of format 0x%08x, not %d × %d %s as it was set "
-                         "up; another program has changed it",
+                         "its frame is %d × %d of format 0x%08x, but it was set to %d × %d %s; "
+                         "another program has changed it",
                          width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
     }
@@ -94,8 +94,8 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     if (all >> limits->bits) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                          "its frame has values of more than %d bits" ERROR_ADVICE
-                         "check bits and pixel_format in its section: a camera that puts its bits "
-                         "first in 16 has bits = 16",
+                         "check bits and pixel_format in its section: a camera that shifts its "
+                         "values to the upper bits of 16 needs bits = 16",
                          limits->bits);
         return NULL;
     }

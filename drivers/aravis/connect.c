@@ -62,7 +62,7 @@ static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAd
     else
         device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                          routed ? "no camera answers at %s" ERROR_ADVICE "check its power and cable"
-                                : "there is no way to %s" ERROR_ADVICE
+                                : "there is no route to %s" ERROR_ADVICE
                                   "check the network's settings",
                          ip);
     if (fd >= 0)
@@ -142,8 +142,8 @@ static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError *
     if (!found)
         device_error_set(
             error, DEVICE_ERROR_DISCONNECTED, NULL,
-            "no camera \"%s\" is found" ERROR_ADVICE
-            "check its power and cable, and `arv-tool` or `mesorig devices` for its name",
+            "no camera \"%s\" was found" ERROR_ADVICE
+            "check its power and cable; `arv-tool` and `mesorig devices` list the names of cameras",
             id);
     return found;
 }

@@ -127,12 +127,12 @@ static gboolean set_raw(AravisDevice *device, GError **error) {
             if (before->what == raw->what && before->why)
                 refused = before->why;
         }
-        g_autoptr(GError) told = device_error_new(
-            DEVICE_ERROR_UNSUPPORTED, NULL,
-            "%s cannot be switched off (%s = %s: %s); %s" ERROR_ADVICE
-            "switch it off with the maker's program and save that in the camera, or choose another "
-            "pixel_format",
-            raw->what, raw->feature, raw->value, refused, raw->effect);
+        g_autoptr(GError) told =
+            device_error_new(DEVICE_ERROR_UNSUPPORTED, NULL,
+                             "%s cannot be switched off (%s = %s: %s); %s" ERROR_ADVICE
+                             "switch it off with the maker's program and save the settings in the "
+                             "camera, or choose another pixel_format",
+                             raw->what, raw->feature, raw->value, refused, raw->effect);
         if (raw->unsteady) {
             g_propagate_error(error, g_steal_pointer(&told));
             return FALSE;
@@ -285,9 +285,8 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it says that a frame has %u bytes, but %d × %d %s are %zu",
-                                payload, limits->width, limits->height, limits->format->name,
-                                bytes);
+                                "it reports frames of %u bytes, but %d × %d %s are %zu", payload,
+                                limits->width, limits->height, limits->format->name, bytes);
     if (ARV_IS_GV_STREAM(device->stream)) {
         g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                      "socket-buffer-size", room, "initial-packet-timeout",
@@ -378,7 +377,7 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
     return fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us ||
            device_error_set(error, DEVICE_ERROR_RANGE, NULL,
                             "it exposes for %.1f µs instead of the requested %" G_GINT64_FORMAT
-                            " µs" ERROR_ADVICE "ask for an exposure that it can keep",
+                            " µs" ERROR_ADVICE "choose an exposure that the camera supports",
                             is_us, exposure_us);
 }
 

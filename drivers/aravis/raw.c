@@ -11,13 +11,13 @@
 enum effect { UNSTEADY, SCALED, CURVED, NEIGHBOURS, MIXED, INVENTED, UNEVEN, OTHER, PACKED };
 
 static const char *const effects[] = {
-    [UNSTEADY] = "the same light gives other values from frame to frame",
+    [UNSTEADY] = "the same light gives different values from frame to frame",
     [SCALED] = "values are multiplied by a factor that may differ from that of the calibration",
     [CURVED] = "values are not proportional to the light",
-    [NEIGHBOURS] = "a value depends on the light at neighbouring pixels, so that edges and noise "
-                   "are not the sensor's",
+    [NEIGHBOURS] = "a value depends on the light at neighbouring pixels, so edges and noise are "
+                   "not those of the sensor",
     [MIXED] = "a value depends on the light of other colours",
-    [INVENTED] = "values of defective pixels are not measured but taken from their neighbours",
+    [INVENTED] = "values of defective pixels are not measured but computed from their neighbours",
     [UNEVEN] = "values are multiplied by factors that differ over the frame",
     [OTHER] = "frames do not show what the sensor sees",
     [PACKED] = "frames are sent in a form that this program cannot read",
@@ -279,7 +279,7 @@ static gboolean raw_visit_one(const struct survey *survey, ArvGcFeatureNode *nod
     visit->on = !off;
     if (!off)
         visit->why = g_strdup(refused              ? refused->message
-                              : survey->switch_off ? "it does not keep what it is set to"
+                              : survey->switch_off ? "it does not keep the value that was set"
                                                    : "it is on");
     return TRUE;
 }

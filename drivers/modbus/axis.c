@@ -63,9 +63,9 @@ static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "How long homing takes, for predicted times; 0: they leave homing out"},
+     "Duration of homing, for predicted times; 0: homing is not included in them"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
-     "Where the axis is when the drive counts 0, as it does after homing"},
+     "Position of the axis when the drive counts 0, which is where homing ends"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),
      "The drive's steps per degree, gears included; negative: the drive counts in the opposite "
      "direction"},
@@ -74,13 +74,13 @@ static const struct option options[] = {
     {"target_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(target.address),
      "Holding register of the absolute target, in steps"},
     {"target_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(target.bits),
-     "Size of the target, signed; 32 are two registers"},
+     "Bits of the target, signed; 32 bits are two registers"},
     {"position_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(position.address),
      "Register of the position, in steps"},
     {"position_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(position.bits),
-     "Size of the position, signed"},
+     "Bits of the position, signed"},
     {"word_order", OPTION_CHOICE, NULL, 0, 0, "high-first", order_choices, FIELD(word_order),
-     "Which half of a 32-bit value has the lower address"},
+     "The half of a 32-bit value that has the lower address"},
     {"read_with", OPTION_CHOICE, NULL, 0, 0, "holding", kind_choices, FIELD(read_with),
      "Whether position and status are holding registers (function 3) or input registers (4)"},
     {"status_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(status_address),
@@ -99,41 +99,44 @@ static const struct option options[] = {
      "Holding register of the top speed, written when opened; −1: none, the drive is set to "
      "speed_deg_s"},
     {"speed_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(speed.bits),
-     "Size of the top speed's register"},
+     "Bits of the top speed's register"},
     {"speed_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(speed_scale),
      "Value of the top speed's register for 1 deg/s"},
     {"accel_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(accel.address),
      "Holding register of the acceleration, written when opened; −1: none, the drive is set to "
      "accel_deg_s2"},
     {"accel_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(accel.bits),
-     "Size of the acceleration's register"},
+     "Bits of the acceleration's register"},
     {"accel_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(accel_scale),
      "Value of the acceleration's register for 1 deg/s²"},
     {"setup", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(setup),
-     "What is written when opened: ADDRESS=VALUE, or ADDRESS=VALUE,VALUE for registers in a row"},
+     "Values written when the axis is opened: ADDRESS=VALUE, or ADDRESS=VALUE,VALUE for "
+     "consecutive registers"},
     {"start", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(start),
-     "What is written to start a move to the target, as in setup; may be done twice"},
+     "Values written to start a move to the target, in the form of setup; they may be written "
+     "twice"},
     {"home", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(home),
-     "What is written to start homing, as in setup; in the positive direction if there is "
-     "backlash"},
+     "Values written to start homing, in the form of setup; if there is backlash, homing must end "
+     "in the positive direction"},
     {"stop", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(stop),
-     "What is written to stop, as in setup"},
+     "Values written to stop, in the form of setup"},
     {"clear", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(clear),
-     "What is written before homing to clear a fault, as in setup"},
+     "Values written before homing to clear a fault, in the form of setup"},
     {"watchdog", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(watchdog),
-     "What is written repeatedly to keep the drive's watchdog from stopping it, as in setup"},
+     "Values written repeatedly to keep the drive's watchdog from stopping it, in the form of "
+     "setup"},
     {"watchdog_ms", OPTION_DOUBLE, "ms", 10, 60000, "200", NULL, FIELD(watchdog_ms),
      "Time between two writes of watchdog"},
     MODBUS_WATCHDOG_OPTIONS(FIELD(own)),
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms),
      "Time between two polls while the axis moves"},
     {"stamp_ms", OPTION_DOUBLE, "ms", 0.1, 1000, "10", NULL, FIELD(stamp_ms),
-     "With motion = continuous: by how much the time at which the axis was somewhere may be off. A "
-     "poll that takes twice as long does not tell it; the drive's own delay must be below it, too"},
+     "With motion = continuous: largest error of the time of a position. A poll that takes more "
+     "than twice as long is ignored; the drive's own delay must also be below it"},
     {"start_ms", OPTION_DOUBLE, "ms", 1, 10000, "500", NULL, FIELD(start_ms),
      "How long the axis may stand still after a command, and pause while homing"},
     {"stall_ms", OPTION_DOUBLE, "ms", 10, 60000, "1000", NULL, FIELD(stall_ms),
-     "How long the drive may report that it moves while its position stays the same"},
+     "How long the drive may report a motion while its position does not change"},
     {"lost_ms", OPTION_DOUBLE, "ms", 1, 60000, "3000", NULL, FIELD(lost_ms),
      "How long the axis may move without an answer to a poll before that is a fault"},
     {NULL},
@@ -340,12 +343,12 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
     else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
         stalled(axis,
                 "it stands at %.3f° instead of %.3f°%s" ERROR_ADVICE
-                "see what blocks it, then home it",
+                "check what blocks it, then home it",
                 at, target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
     else if (moving && is_past(axis, priv->progress_us, priv->stall_ms))
         stalled(axis,
                 "stalled at %.3f° on its way to %.3f°: no progress for %g ms" ERROR_ADVICE
-                "see what blocks it, then home it",
+                "check what blocks it, then home it",
                 at, target, priv->stall_ms);
 }
 
@@ -380,7 +383,7 @@ static void check_standing(Axis *axis, const struct modbus_job *job, gint64 befo
             axis,
             device_error_new(DEVICE_ERROR_STALLED, NULL,
                              "it stood at %.3f° and is now at %.3f° without a command" ERROR_ADVICE
-                             "see what moved it, then home it",
+                             "check what moved it, then home it",
                              to_deg(priv, before_steps), to_deg(priv, priv->steps)));
 }
 
@@ -472,7 +475,7 @@ static gboolean modbus_axis_turn(Axis *axis, double target_deg, double speed_deg
     if (fabs(steps) > limit)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE "home it",
+            "%g° are %.0f steps, more than its target register can hold" ERROR_ADVICE "home it",
             target_deg, steps);
     priv->target_steps = (gint64)steps;
     modbus_axis_set_speed(priv, &job, speed_deg_s);

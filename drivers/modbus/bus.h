@@ -55,9 +55,9 @@ extern const char *const modbus_parities[];
     {"timeout_ms", OPTION_DOUBLE, "ms", 1, 1000, "100", NULL, MODBUS_LINK(timeout_ms),             \
      "How long an answer may take; the same for all devices of a line"},                           \
     {"late_ms", OPTION_DOUBLE, "ms", 1, 5000, "300", NULL, MODBUS_LINK(late_ms),                   \
-     "After a time-out: how late the answer may still come; the same for a line"},                 \
+     "How late an answer may come after a time-out; the same for all devices of a line"},          \
     {"retries", OPTION_INT, NULL, 0, 20, "3", NULL, MODBUS_LINK(retries),                          \
-     "How often a request is repeated that got a damaged answer or none"}
+     "How often a request is repeated after a damaged answer or none"}
 /* clang-format on */
 
 /* For a driver's check(): adds a mistake if a section further up in the file names the same line

@@ -201,7 +201,8 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
                 g_propagate_error(error, g_steal_pointer(&last));
             else
                 device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "%s is lost, and is tried again later", line->link.bus);
+                                 "the connection to %s is lost; it is tried again later",
+                                 line->link.bus);
             return FALSE;
         }
         if (line->next_attempt_us > now)
@@ -377,13 +378,12 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                     int late, GError **error) {
     g_autofree char *what = request_text(line, unit, request);
     if (late > 0 && (why == ETIMEDOUT || is_damage(why)))
-        return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                                "%s: answers come too late (%d of %d tries were overtaken by the "
-                                "answer to an earlier one)" ERROR_ADVICE
-                                "see whether the device or this computer is overloaded, or raise "
-                                "timeout_ms (%g) and late_ms (%g)",
-                                what, late, tries + late, line->link.timeout_ms,
-                                line->link.late_ms);
+        return device_error_set(
+            error, DEVICE_ERROR_TIMEOUT, NULL,
+            "%s: answers come too late (%d of %d tries were overtaken by the answer to an earlier "
+            "one)" ERROR_ADVICE "check whether the device or this computer is overloaded, or raise "
+            "timeout_ms (%g) and late_ms (%g)",
+            what, late, tries + late, line->link.timeout_ms, line->link.late_ms);
     if (why == ETIMEDOUT)
         return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                                 "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
@@ -449,12 +449,12 @@ static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
         if (is_read(wanted->kind))
             return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                     "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
-                                    "see whether the board lost its power or was not heard of "
-                                    "for too long, and what else writes it",
+                                    "check whether the board lost its power or its connection, and "
+                                    "what else writes this value",
                                     what, read->address + i, wanted->values[i], read->values[i]);
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
-                                "check what else writes it",
+                                "check what else writes this value",
                                 what, wanted->values[i], read->address + i, read->values[i]);
     }
     return TRUE;
@@ -490,10 +490,11 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
         g_autofree char *what = request_text(line, unit, request);
         return repeat(line, unit, &coil, deadline_us, error) &&
                (coil.values[0] ||
-                device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                 "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
-                                 "check that the board switches coils on for a time in this way",
-                                 what, request->values[0], request->coil));
+                device_error_set(
+                    error, DEVICE_ERROR_PROTOCOL, NULL,
+                    "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
+                    "check that the board supports switching coils on for a time in this way",
+                    what, request->values[0], request->coil));
     }
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;

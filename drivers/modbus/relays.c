@@ -33,8 +33,8 @@ struct relays {
 #define PULSE_OPTION                                                                               \
     {                                                                                              \
         "pulse_coil", OPTION_INT, NULL, -1, 65535, "-1", NULL, RELAYS(pulse_coil),                 \
-            "Address for function 5 that sets how long the (first) relay stays on, "               \
-            "watchdog_after_s × watchdog_scale, again and again; −1: its coil stays on"         \
+            "Address for function 5 that sets repeatedly how long the (first) relay stays on, "    \
+            "watchdog_after_s × watchdog_scale; −1: its coil stays on"                          \
     }
 
 static GList *all_relays; /* all open relays, since sections may share a board */
@@ -113,7 +113,7 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
     else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
                                 unheard_s > modbus_watchdog_s(&relays->watchdog))) {
         GError *why = g_error_copy(error);
-        g_prefix_error(&why, "not known to be on any more: ");
+        g_prefix_error(&why, "may not be on any more: ");
         error_details_add_subject(&why, relays->device->who);
         for (int i = 0; i < relays->n; i++)
             if (relays->on[i]) {
@@ -233,7 +233,7 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     if (relays->pulse_coil >= 0 && relays->watchdog.address >= 0)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pulse_coil",
-                       "is given beside watchdog_register; leave one of them out");
+                       "is given together with watchdog_register; leave one of them out");
     else if (has_watchdog(relays))
         modbus_watchdog_check(&relays->watchdog, &relays->link, section, max, mistakes);
     return mistakes_report(mistakes, error);
@@ -290,9 +290,9 @@ static const struct option lamps_options[] = {
     MODBUS_LINK_OPTIONS,
     {"first_coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil of the bank's first lamp, counted from 0; the others follow"},
-    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, RELAYS(n), "How many lamps it has"},
+    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, RELAYS(n), "Number of lamps"},
     {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
-     "From switching on until the output is stable"},
+     "Time from switching on until the output is stable"},
     MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
     PULSE_OPTION,
     {NULL},
@@ -342,7 +342,7 @@ static const struct option laser_options[] = {
     {"coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil that switches it, counted from 0"},
     {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
-     "From switching on until the output is stable"},
+     "Time from switching on until the output is stable"},
     MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
     PULSE_OPTION,
     {NULL},

@@ -52,8 +52,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
         found->note =
             access(path, R_OK | W_OK) < 0
                 ? g_strdup("this user may not open it: it belongs to group dialout")
-                : g_strdup_printf("for Modbus; “mesorig devices --modbus %s” asks what is on it",
-                                  path);
+                : g_strdup_printf(
+                      "for Modbus; “mesorig devices --modbus %s” searches it for devices", path);
     }
     return TRUE;
 }

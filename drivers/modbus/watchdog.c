@@ -28,8 +28,8 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
                        max);
     else if (modbus_watchdog_s(watchdog) < least_s)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_after_s",
-                       "%g s is too short, since an answer that is lost costs %g s (timeout_ms and "
-                       "twice late_ms); write %g or more",
+                       "%g s is too short, because a lost answer takes %g s (timeout_ms and twice "
+                       "late_ms); write %g or more",
                        modbus_watchdog_s(watchdog), lapse_s, least_s);
 }
 

@@ -20,7 +20,7 @@ struct modbus_watchdog {
 #define MODBUS_WATCHDOG(at, field) ((at) + G_STRUCT_OFFSET(struct modbus_watchdog, field))
 #define MODBUS_WATCHDOG_OPTIONS(at)                                                                \
     {"watchdog_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, MODBUS_WATCHDOG(at, address),   \
-     "Holding register of the communication timeout, after which the device switches off or "     \
+     "Holding register of the communication timeout, after which the device switches off or "      \
      "stops by itself; −1: none is used"},                                                         \
     {"watchdog_after_s", OPTION_DOUBLE, "s", 0.1, 600, "3", NULL, MODBUS_WATCHDOG(at, after_s),    \
      "The communication timeout; the device is polled three times within it"},                     \

@@ -97,7 +97,7 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     else if (!error && !job->error && wrong)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
-            "relay %d was switched %s, but the board says it is %s" ERROR_ADVICE
+            "relay %d was switched %s, but the board reports that it is %s" ERROR_ADVICE
             "check the board's power",
             g_bit_nth_lsf(wrong, -1) + 1, job->on ? "on" : "off", job->on ? "off" : "on");
     on_set(usb, data, n, error, user);
@@ -172,7 +172,7 @@ static gboolean board_connect(struct board *board, GError **error) {
     if (board->n >= 1 && board->n <= MAX_RELAYS)
         return TRUE;
     device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                     "the board calls itself \"%s\", which does not say how many relays it has",
+                     "the board calls itself \"%s\", which does not give its number of relays",
                      usb_product(board->usb));
     g_clear_pointer(&board->usb, usb_close);
     return FALSE;
@@ -241,9 +241,10 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
         return FALSE;
     if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
         return TRUE;
-    return device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                            "its relays do not switch off" ERROR_ADVICE
-                            "check the board, and cut the power of what it switches");
+    return device_error_set(
+        error, DEVICE_ERROR_PROTOCOL, board->who,
+        "its relays do not switch off" ERROR_ADVICE
+        "check the board, and cut the power of the lamps or the laser that it switches");
 }
 
 static void board_leave(struct usb_relays *relays, guint mask) {
@@ -328,7 +329,7 @@ static void usb_relays_laser_needs(gconstpointer given, GPtrArray *to) {
      "The board's own serial number of five characters; may be left out if only one board is "     \
      "plugged in"},                                                                                \
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),                                     \
-     "Where the board is plugged in: bus-port, with .port at each hub, as in 1-2.4"}
+     "USB path of the board: bus-port, and .port for each hub, as in 1-2.4"}
 /* clang-format on */
 
 static const struct option lamps_options[] = {
@@ -336,9 +337,9 @@ static const struct option lamps_options[] = {
     {"first_relay", OPTION_INT, NULL, 1, MAX_RELAYS, "1", NULL, FIELD(first),
      "Relay of the first lamp; the others follow"},
     {"n_lamps", OPTION_INT, NULL, 0, MAX_RELAYS, "0", NULL, FIELD(n),
-     "How many lamps; 0: up to the board's last relay"},
+     "Number of lamps; 0: up to the board's last relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until a lamp's output is stable"},
+     "Time from switching on until a lamp's output is stable"},
     {NULL},
 };
 
@@ -395,7 +396,7 @@ static const struct option laser_options[] = {
     BOARD_OPTIONS,
     {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, FIELD(first), "The laser's relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until the laser's power is stable"},
+     "Time from switching on until the laser's power is stable"},
     {NULL},
 };
 

@@ -113,14 +113,15 @@ static const struct option options[] = {
     {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(serial),
      "Serial number; may be left out if only one Tic is plugged in"},
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Where the Tic is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
+     "USB path of the Tic: bus-port, and .port for each hub, as in 1-2.4"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "How long homing takes, for predicted times; 0: they leave homing out"},
+     "Duration of homing, for predicted times; 0: homing is not included in them"},
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
-     "Limit switch towards which the axis homes; here: none, the axis stands at home_deg"},
+     "Limit switch towards which the axis homes; here: no switch, the present position is "
+     "home_deg"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position at the end of homing"},
     {"poll_ms", OPTION_INT, "ms", 1, 250, "20", NULL, FIELD(poll_ms),
@@ -247,8 +248,9 @@ static void usb_tic_resume(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gboolean to_target = tic->phase == MOVING || tic->on_target;
     GError *error = NULL;
-    g_message("axis %s: no command for %.1f s, so its command timeout stopped it; it goes on",
-              axis->device.name, (double)tic->unfed_us * 1e-6);
+    g_message(
+        "axis %s: no command for %.1f s, so its command timeout stopped it; the move continues",
+        axis->device.name, (double)tic->unfed_us * 1e-6);
     if (!send(axis, EXIT_SAFE_START, 0, &error) ||
         !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
               to_target ? tic->target_steps : 0, &error)) {
@@ -280,8 +282,8 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
         int first = g_bit_nth_lsf(timeout ? COMMAND_TIMEOUT_ERROR : (gulong)status->errors, -1);
         why = first < (int)G_N_ELEMENTS(error_texts) ? error_texts[first] : errors;
     } else if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
-        why = "its position has become uncertain: it was halted or reset" ERROR_ADVICE
-              "see what did that";
+        why = "its position has become uncertain, because it was halted or reset" ERROR_ADVICE
+              "check what caused that";
     }
     if (why)
         broke_down(axis, why);
@@ -562,8 +564,8 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
     const double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     if (speed > MAX_SPEED)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "speed_deg_s",
-                       "%g microsteps/s are more than a Tic does, %g; change speed_deg_s or "
-                       "steps_per_deg",
+                       "%g microsteps/s are more than the maximum of a Tic, %g; change speed_deg_s "
+                       "or steps_per_deg",
                        speed / SPEED_UNITS, MAX_SPEED / SPEED_UNITS);
     if (accel < MIN_ACCEL || accel > MAX_STEPS)
         config_mistake(

@@ -188,7 +188,8 @@ static struct context *context_ref(const char *who, GError **error) {
     int code = libusb_init(&context->libusb);
     if (code) {
         device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
-                         "USB cannot be used here: %s" ERROR_ADVICE "see that /dev/bus/usb exists",
+                         "USB cannot be used here: %s" ERROR_ADVICE
+                         "check that /dev/bus/usb exists",
                          libusb_strerror(code));
         g_free(context);
         return NULL;
@@ -388,8 +389,8 @@ static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GEr
     }
     if (number < 0)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, usb->who,
-                                "has no interface of the kind this driver speaks to; "
-                                "it is another device, or in its bootloader");
+                                "has no interface of the kind this driver speaks to; it is another "
+                                "device, or it is in its bootloader");
     if (!lock_device(usb, error))
         return FALSE;
     libusb_set_auto_detach_kernel_driver(usb->handle, 1);
@@ -495,9 +496,9 @@ UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer us
                          match->vendor, match->serial ? match->serial : "",
                          match->path ? match->path : "", seen->len ? seen->str : "none");
     } else if (found->next) {
-        device_error_set(error, DEVICE_ERROR_RANGE, match->who,
-                         "more than one device fits: %s" ERROR_ADVICE "say which by serial or path",
-                         seen->str);
+        device_error_set(
+            error, DEVICE_ERROR_RANGE, match->who,
+            "more than one device fits: %s" ERROR_ADVICE "select one by serial or path", seen->str);
     } else if (usb_usb_claim(found->data, match, error)) {
         usb = found->data;
         usb->lost_func = lost;

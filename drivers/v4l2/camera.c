@@ -51,47 +51,47 @@ static const char *const stamps[] = {"auto", "start", "first-data", "end", NULL}
 
 static const struct option options[] = {
     {"device", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Its node, as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after every "
-     "start"},
+     "Device node such as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after "
+     "every start"},
     {"bus", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(bus),
-     "Where the camera is plugged in, as \"mesorig devices\" says it; may be left out if there is "
-     "only one "
+     "Bus of the camera, as shown by \"mesorig devices\"; may be left out if there is only one "
      "camera"},
     {"format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(format),
-     "Four characters, as RG10 or YUYV; default: the best for measuring that it has"},
+     "Four characters, such as RG10 or YUYV; default: the best for measuring that the camera "
+     "offers"},
     {"width", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(width),
-     "Width of the frames; 0: as the camera is set"},
+     "Width of the frames; 0: not changed"},
     {"height", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(height),
-     "Height of the frames; 0: as the camera is set"},
+     "Height of the frames; 0: not changed"},
     {"frame_rate", OPTION_DOUBLE, "1/s", 0, 10000, "0", NULL, FIELD(frame_rate),
-     "Rate at which the camera sends frames, wanted or not; 0: as it is set. An exposure cannot "
-     "be longer than a frame"},
+     "Rate at which the camera sends frames all the time; 0: not changed. An exposure cannot be "
+     "longer than a frame"},
     {"black_level", OPTION_DOUBLE, "DN", -1, 65535, "-1", NULL, FIELD(black_level),
      "Value in the dark; -1: 16 for luma of limited range, otherwise 0"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
-     "What its time stamps mark: the start of the exposure, the first data, the end of the data; "
-     "auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
-     "their own stamps"},
+     "Meaning of its time stamps: the start of the exposure, the first data, the end of the data; "
+     "auto: as the kernel reports, and first-data for UVC cameras unless the kernel uses their own "
+     "stamps"},
     {"delay_ms", OPTION_DOUBLE, "ms", -1, 60000, "-1", NULL, FIELD(delay_ms),
      "How long after the end of the exposure the stamp may be (with stamp = start: after its "
      "start); -1: none for start, otherwise a frame"},
     {"settle_frames", OPTION_INT, NULL, 0, 100, "2", NULL, FIELD(settle_frames),
      "Frames after a change of exposure or gain that may still have the previous settings"},
     {"gain_0db", OPTION_INT, NULL, -1, G_MAXINT, "-1", NULL, FIELD(gain_0db),
-     "The gain control's value at 0 dB; -1: its least"},
+     "Value of the gain control at 0 dB; -1: its minimum"},
     {"gain_per_db", OPTION_DOUBLE, "1/dB", 0, 100000, "0", NULL, FIELD(gain_per_db),
-     "By how much the gain control changes for 1 dB; 0: not known, so that only 0 dB can be used"},
+     "Change of the gain control for 1 dB; 0: not known, so only 0 dB can be used"},
     {"fixed_exposure_us", OPTION_DOUBLE, "µs", 0, 1e9, "0", NULL, FIELD(fixed_exposure_us),
      "The exposure of a camera that has no control for it"},
     {"exposure_unit_us", OPTION_DOUBLE, "µs", 0, 1e6, "0", NULL, FIELD(exposure_unit_us),
-     "The step of an exposure control that counts in steps of its own, as lines of the sensor"},
+     "Duration of one step of the exposure control, if it counts in other units, such as lines of "
+     "the sensor"},
     {"white_balance_k", OPTION_INT, "K", 0, 100000, "0", NULL, FIELD(white_balance_k),
-     "Colour temperature of the white balance, if the camera has a control for that; 0: as it is "
-     "set"},
+     "Colour temperature of the white balance, if the camera has a control for it; 0: not changed"},
     {"controls", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(controls_set),
-     "Other controls, as \"gamma=100; sharpness=0\", by the names of v4l2-ctl"},
+     "Other controls, such as \"gamma=100; sharpness=0\", with the names of v4l2-ctl"},
     {"check_bandwidth", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(check_bandwidth),
-     "Refuse cameras that together send more than their USB links carry"},
+     "Refuse cameras that together send more than their USB links can carry"},
     {NULL},
 };
 
@@ -253,7 +253,7 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0",
                             gain_db,
-                            range->id ? "what its gain control means is not known (gain_per_db)"
+                            range->id ? "the unit of its gain control is not known (gain_per_db)"
                                       : "it has no gain control");
     if (range->id == 0)
         return TRUE;
@@ -263,7 +263,7 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
         return video_refuse(
             error, DEVICE_ERROR_RANGE, &v4l2->node,
             "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
-            " to %" G_GINT64_FORMAT ", and that would be %g",
+            " to %" G_GINT64_FORMAT ", and this gain would be %g",
             gain_db, range->min, range->max, wanted);
     return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }

@@ -184,12 +184,12 @@ char **video_controls_left(const struct video_node *node, char **settings) {
         if ((known && is.value == value) || was_asked_for(settings, name))
             continue;
         g_autofree char *text = g_strdup_printf(
-            "%s = %d (%d to %d) cannot be switched off: %s; %s; find out at which value it does "
-            "nothing, and write that in controls",
+            "%s = %d (%d to %d) cannot be switched off: %s; %s; find out at which value it has no "
+            "effect, and write that in controls",
             name, is.value, control.minimum, control.maximum,
-            known ? "the camera keeps its value" : "it is not known which value does nothing",
+            known ? "the camera keeps its value" : "it is not known which value has no effect",
             altering[i].effect ? altering[i].effect
-                               : "the same light gives other values from frame to frame");
+                               : "the same light gives different values from frame to frame");
         g_strv_builder_add(left, text);
     }
     return g_strv_builder_end(left);

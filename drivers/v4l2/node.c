@@ -22,7 +22,7 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
 
 gboolean video_set_error(GError **error, const struct video_node *node, int code,
                          const char *what) {
-    static const char gone[] = "it is gone" ERROR_ADVICE "check its cable";
+    static const char gone[] = "it was unplugged" ERROR_ADVICE "check its cable";
     static const char closed[] = "this user may not open it" ERROR_ADVICE
                                  "install etc/udev/60-mesorig.rules, or join group video";
     static const struct {
@@ -170,7 +170,7 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
     if (n > 1)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, who,
-            "more than one camera fits: %s" ERROR_ADVICE "say which by bus or device", seen->str);
+            "more than one camera fits: %s" ERROR_ADVICE "select one by bus or device", seen->str);
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, who,
                             "no such camera is plugged in (bus \"%s\"); found: %s" ERROR_ADVICE
                             "check its cable, and that this user may open it",

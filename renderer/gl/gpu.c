@@ -103,7 +103,7 @@ Gpu *gpu_new_headless(GError **error) {
     if (context == EGL_NO_CONTEXT ||
         !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "EGL has no OpenGL 3.3 core context: renew the graphics driver, or let Mesa "
+                    "EGL has no OpenGL 3.3 core context: update the graphics driver, or let Mesa "
                     "draw without the card (LIBGL_ALWAYS_SOFTWARE=1; libgl1-mesa-dri)");
         if (context != EGL_NO_CONTEXT)
             eglDestroyContext(display, context);
@@ -336,8 +336,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (width < 1 || height < 1 || width > largest || height > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "a picture of %d × %d samples: %s draws 1 … %d each way; choose a smaller size "
-                    "or less supersampling",
+                    "a picture of %d × %d samples: %s supports 1 … %d in each direction; choose a "
+                    "smaller size or less supersampling",
                     width, height, gpu_renderer(), largest);
         return FALSE;
     }
@@ -357,7 +357,7 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "%s cannot draw into a picture of the kind 0x%04x", gpu_renderer(),
+                "%s cannot draw into a picture of the format 0x%04x", gpu_renderer(),
                 internal_format);
     return FALSE;
 }

@@ -192,16 +192,17 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
     if (grid->n < LEAST || grid->n > 1000) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "a grid of %d samples each way is not possible; give %d to 1000", grid->n,
-                    LEAST);
+                    "a grid of %d samples in each direction is not possible; give %d to 1000",
+                    grid->n, LEAST);
         return FALSE;
     }
     if (lpca_grid_texels_of(lpca, grid->n) <= most)
         return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d components on a grid of %d are more than %s takes (%d samples "
-                "in a buffer); compress with fewer components or clusters, or draw with lpca",
-                lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
+    g_set_error(
+        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+        "%d clusters of %d components on a grid of %d are more than %s can hold (%d samples in a "
+        "buffer); compress with fewer components or clusters, or draw with lpca",
+        lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
     return FALSE;
 }
 

@@ -56,8 +56,8 @@ static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GErro
     if ((gint64)rows * MAX(1, grid->n_components) * r->n <= size && r->n * r->n + 1 <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s "
-                "takes (%d each way); compress with fewer, or draw with lpca-grid",
+                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s can "
+                "hold (%d in each direction); compress with fewer, or draw with lpca-grid",
                 grid->n_clusters, grid->n_components, r->n, gpu_renderer(), size);
     return FALSE;
 }

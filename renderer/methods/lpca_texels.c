@@ -257,10 +257,10 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
     }
     if (stack->n_layers > 0 && stack->n_layers <= layers)
         return TRUE;
-    g_set_error(
-        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-        "%d clusters of %d × %d values are more than %s takes (%d layers of %d each way); %s",
-        n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d clusters of %d × %d values are more than %s can hold (%d layers of %d in each "
+                "direction); %s",
+                n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
     return FALSE;
 }
 

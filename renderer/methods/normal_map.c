@@ -36,12 +36,11 @@ static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3]
         map->xy[2 * k + 1] = n[1] / length;
         return TRUE;
     }
-    g_set_error(
-        error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-        "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is not a normal of a surface; give a "
-        "normal map in tangent space",
-        path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
-        (double)n[1], (double)n[2]);
+    g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
+                "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is not the normal of a surface; "
+                "choose a normal map in tangent space",
+                path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
+                (double)n[1], (double)n[2]);
     return FALSE;
 }
 
@@ -187,7 +186,7 @@ static struct normal_map *normal_map_read_exr(const char *path, GError **error) 
     struct normal_map *map = part != NULL ? normal_map_of_part(part, path, error) : NULL;
     if (part == NULL)
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: the file has no part; save the normal map again", path);
+                    "%s: the file is empty; save the normal map again", path);
     exr_file_free(file);
     return map;
 }

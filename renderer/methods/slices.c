@@ -18,7 +18,8 @@ gboolean slices_check_size(const struct slices *slices, const struct btf_layout 
         layout->views.n + 1 <= (gsize)layers)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%zu × %zu texels in %d layers are more than %s takes (%d each way, %d layers); %s",
+                "%zu × %zu texels in %d layers are more than %s can hold (%d in each direction, %d "
+                "layers); %s",
                 layout->width, layout->height, n_layers, gpu_renderer(), size, layers, advice);
     return FALSE;
 }

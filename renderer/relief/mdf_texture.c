@@ -287,21 +287,19 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
     if (texture->volume != 0)
         return TRUE;
     if (mdf_texture_is_maps(texture) || !find_rings(texture)) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_FAILED,
-            "distances can be put into a volume only if they are of views on at most %d rings, "
-            "and not in factors: leave --mdf-volume out",
-            MDF_VOLUME_RINGS);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "distances can be in a volume only if their views are on at most %d rings, and "
+                    "if they are not in factors: leave --mdf-volume out",
+                    MDF_VOLUME_RINGS);
         return FALSE;
     }
     glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
     int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
     if (longest > most) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "distances of %d × %d texels in %d views do not fit into a volume: %s takes %d each "
-            "way; leave --mdf-volume out",
-            texture->width, texture->height, texture->n_views, gpu_renderer(), most);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "distances of %d × %d texels in %d views do not fit into a volume: %s supports "
+                    "%d in each direction; leave --mdf-volume out",
+                    texture->width, texture->height, texture->n_views, gpu_renderer(), most);
         return FALSE;
     }
     mdf_texture_upload_volume(texture);

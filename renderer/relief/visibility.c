@@ -179,7 +179,7 @@ static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
     glBufferData(GL_SHADER_STORAGE_BUFFER, HEADER_BYTES + FACE_BYTES * (gsize)faces, NULL,
                  GL_DYNAMIC_COPY);
-    if (gpu_check("making room for lists of faces", NULL))
+    if (gpu_check("allocating lists of faces", NULL))
         return TRUE;
     glDeleteBuffers(1, &v->faces);
     v->faces = v->room = 0;
@@ -275,7 +275,7 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
         glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D,
                                v->stencil, 0);
-        if (!gpu_check("making room for silhouettes", error))
+        if (!gpu_check("allocating silhouettes", error))
             return FALSE;
     }
     glViewport(0, 0, s->width, s->height);

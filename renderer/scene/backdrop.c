@@ -78,8 +78,8 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (environment->width > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "the environment map has %d × %d pixels, %s takes %d each way; make it "
-                    "smaller, or omit --backdrop",
+                    "the environment map has %d × %d pixels, and %s supports %d in each direction; "
+                    "make it smaller, or omit --backdrop",
                     environment->width, environment->height, gpu_renderer(), largest);
         return FALSE;
     }

@@ -150,8 +150,8 @@ struct environment *environment_read(const char *path, GError **error) {
         environment_refuse(path, "its width is not twice its height", error);
     else if (part->outside > 0)
         environment_refuse(path,
-                           "it is cropped, its data window being smaller than its display window; "
-                           "save all of it",
+                           "it is cropped: its data window is smaller than its display window; "
+                           "save the whole picture",
                            error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
@@ -181,7 +181,7 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
                                     MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the environment map is black everywhere: give another");
+                    "the environment map is black everywhere: choose another");
         return FALSE;
     }
     for (int k = 0; k < n; k++)

@@ -90,7 +90,7 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         {"light distance", s->light_distance, 0.0, 1000.0},
         {"light cone", s->light_cone_deg, 0.0, 90.0},
         {"inner cone of the light", s->light_inner_deg, 0.0, 90.0},
-        {"lamps beside a near light", s->n_lamps, 0.0,
+        {"lamps in addition to a near light", s->n_lamps, 0.0,
          VIEWER_MAX_LAMPS - (s->light_distance > 0.0 && s->lamp > 0.0)},
         {"environment's turn", s->environment_turn_deg, -1e6, 1e6},
         {"environment's lamps", s->environment_lamps, 1.0, VIEWER_MAX_LAMPS},

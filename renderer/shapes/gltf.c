@@ -119,7 +119,7 @@ static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, st
                          "with them");
     for (int k = 1; k < N_ATTRIBUTES; k++)
         if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
-            return gltf_bad(r->gltf, error, "a primitive's attributes differ in number");
+            return gltf_bad(r->gltf, error, "the attributes of a primitive have different lengths");
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
     a->of[INDICES] = gltf_indices(r->gltf, gltf_int(primitive, "indices", -1), error);

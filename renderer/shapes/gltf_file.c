@@ -178,7 +178,8 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     g_autofree char *folder = g_path_get_dirname(gltf->path);
     if (name == NULL || g_path_is_absolute(name) || strstr(name, "..") != NULL ||
         strstr(name, ":") != NULL) {
-        gltf_bad(gltf, error, "its %s is not a file beside it, and no other is opened", uri);
+        gltf_bad(gltf, error, "its %s is not a file in its folder, and no other file is opened",
+                 uri);
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);

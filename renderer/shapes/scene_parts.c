@@ -84,7 +84,7 @@ static gboolean parts_check(const struct parts *p, const char *path, GError **er
         if (!found) {
             g_autofree char *names = parts_names(p);
             g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
-                        "%s: no mesh is of the material “%s”, or --material names it twice; its "
+                        "%s: no mesh has the material “%s”, or --material names it twice; the "
                         "materials are %s",
                         path, p->bindings[b].name, *names ? names : "none");
             return FALSE;

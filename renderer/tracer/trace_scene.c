@@ -51,8 +51,8 @@ static void scene_take_materials(TraceScene *scene) {
         if (m->picture != NULL)
             to.texture = trace_texture_new(m->picture, m->wrap, &why);
         if (m->unread != NULL || why != NULL)
-            to.warning = g_strdup_printf("material “%s” has its colour without its texture: %s",
-                                         m->name, why != NULL ? why->message : m->unread);
+            to.warning = g_strdup_printf("material “%s” is shown without its texture: %s", m->name,
+                                         why != NULL ? why->message : m->unread);
         g_array_append_val(scene->surfaces, to);
     }
 }
@@ -104,7 +104,7 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
     const enum RTCError code = rtcGetDeviceError(scene->device);
     if (code != RTC_ERROR_NONE)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "Embree cannot take the scene's triangles in (error %d)%s", (int)code,
+                    "Embree cannot read the scene's triangles (error %d)%s", (int)code,
                     code == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left" : "");
     return code == RTC_ERROR_NONE;
 }
@@ -280,8 +280,8 @@ static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf
     mesorig_material_info(surface->material, &info);
     if (!info.has_relief || !(info.texel_mm > 0.0)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_MATERIAL,
-                    "%s: it has no %s, so that material “%s” can have no relief; give the file of "
-                    "its distances, as products/mdf.exr of its session",
+                    "%s: it has no %s, so material “%s” cannot have a relief; give the file of its "
+                    "distances, such as products/mdf.exr of its session",
                     surface->path, info.has_relief ? "size in mm" : "distances (MDF)",
                     surface->name);
         return FALSE;
@@ -304,8 +304,8 @@ gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char 
     }
     if (!found)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
-                    "relief “%s”: no captured material of that name is in the scene; give it with "
-                    "--material, too",
+                    "relief “%s”: no captured material of that name is in the scene; also give it "
+                    "with --material",
                     name);
     scene->has_relief |= found;
     return found;

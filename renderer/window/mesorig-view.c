@@ -317,8 +317,8 @@ static void viewer_main_tell(const struct studio *studio) {
         g_print("%s: %s on %s\n", (const char *)files->pdata[0], studio->material,
                 studio->o->shape);
     else if (files->len == 1)
-        g_print("%s: from the left measured, drawn, four times their difference; view %d at %.1f° "
-                "%.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
+        g_print("%s: from left to right measured, drawn, four times their difference; view %d at "
+                "%.1f° %.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
                 (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg,
                 m->light, m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
     if (studio->n_replaced > 0)

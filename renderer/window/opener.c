@@ -59,9 +59,9 @@ Opener *opener_new(struct GLFWwindow *window, GError **error) {
     GLFWwindow *context = glfwCreateWindow(16, 16, "mesorig-view", NULL, window);
     glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
     if (context == NULL) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "no second OpenGL context could be made to load materials in; try --render "
-                    "FILE.png");
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_NONE,
+            "no second OpenGL context could be made for loading materials; try --render FILE.png");
         return NULL;
     }
     Opener *opener = g_new0(Opener, 1);
@@ -134,5 +134,5 @@ char *opener_progress(const Opener *opener) {
         return opener_is_busy(opener) ? g_strdup("opening …") : NULL;
     g_autofree char *name = g_path_get_basename(working->path);
     return share < PUT ? g_strdup_printf("opening %s: %d %%", name, share / (PUT / 100))
-                       : g_strdup_printf("putting %s on the card", name);
+                       : g_strdup_printf("uploading %s to the card", name);
 }

@@ -73,11 +73,11 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
         glfwCreateWindow(options->width, options->height, "mesorig-view", NULL, NULL);
     if (glfw == NULL) {
         glfwGetError(&text);
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "no window with OpenGL 3.3 can be opened (%s); renew the graphics driver, let "
-                    "Mesa draw without the card (LIBGL_ALWAYS_SOFTWARE=1), or try --render "
-                    "FILE.png",
-                    text != NULL ? text : "unknown reason");
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_NONE,
+            "no window with OpenGL 3.3 can be opened (%s); update the graphics driver, let Mesa "
+            "draw without the card (LIBGL_ALWAYS_SOFTWARE=1), or try --render FILE.png",
+            text != NULL ? text : "unknown reason");
         return NULL;
     }
     glfwMakeContextCurrent(glfw);

@@ -119,8 +119,7 @@ static void files_take(struct window *w, const char *path) {
         g_autofree char *named =
             g_str_has_suffix(path, ".png") ? g_strdup(path) : g_strconcat(path, ".png", NULL);
         if (g_file_test(named, G_FILE_TEST_EXISTS)) {
-            g_autofree char *why =
-                g_strdup_printf("%s is there already: give another name.", named);
+            g_autofree char *why = g_strdup_printf("%s already exists: give another name.", named);
             window_say(w, why);
             files->focus = TRUE;
             return;

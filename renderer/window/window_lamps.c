@@ -92,7 +92,7 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg) 
 
 void window_toggle_backdrop(struct window *w) {
     if (w->environment == NULL)
-        window_say(w, "There is no environment to be seen: choose one in the panel.");
+        window_say(w, "There is no environment to show: choose one in the panel.");
     else
         w->now.settings.backdrop = !w->now.settings.backdrop;
     w->stale = TRUE;

@@ -21,18 +21,17 @@ static double loss;
 
 static const GOptionEntry entries[] = {
     {"virtual", 0, 0, G_OPTION_ARG_FILENAME, &virtual_path,
-     "Stand for the devices of this simulated rig", "RIG"},
+     "The simulated rig whose devices become virtual devices", "RIG"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &out_path,
-     "Write the rig file for the real drivers here; default: to standard output", "FILE"},
+     "Write the rig file for the real drivers to this file; default: standard output", "FILE"},
     {"usb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &usb,
-     "This device is on USB: a Tic, a relay board, a V4L2 camera; all: every one", "NAME"},
+     "Put this device on USB, as a Tic, a relay board or a V4L2 camera; all: every device", "NAME"},
     {"u3v", 0, 0, G_OPTION_ARG_STRING_ARRAY, &u3v,
-     "This camera is a USB3 Vision camera; all: every one", "NAME"},
-    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
-     "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
-    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
-     NULL},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
+     "Make this camera a USB3 Vision camera; all: every camera", "NAME"},
+    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss, "Share of the cameras' packets that is lost, 0 to 1",
+     "PART"},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print the devices as JSON", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
@@ -61,7 +60,7 @@ static OutputFile *virtual_rig_main_output(GError **error) {
     if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
         in.st_ino == out.st_ino) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "-o %s is the rig of --virtual: give another name for the rig file of the "
+                    "-o %s is the rig of --virtual: choose another name for the rig file of the "
                     "virtual devices",
                     out_path);
         return NULL;
@@ -77,8 +76,8 @@ static void virtual_rig_main_remove_file(void) {
     if (virtual_rig_main_is_own(out_path))
         g_unlink(out_path);
     else if (g_file_test(out_path, G_FILE_TEST_IS_REGULAR))
-        g_printerr("mesorig-rig: %s was changed meanwhile, and stays. Its devices are gone: what "
-                   "was added to it is of use in another rig file\n",
+        g_printerr("mesorig-rig: %s was changed meanwhile and is kept. Its devices no longer "
+                   "exist; copy your changes to another rig file\n",
                    out_path);
 }
 
@@ -120,10 +119,10 @@ static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *t
     }
     for (gsize i = 0; i < n; i++)
         g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
-    g_print("\n%s is the rig file. In another terminal:\n"
-            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
-            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
-            "Ctrl-C ends the devices; “help” and Enter says what else can be done to them here.\n",
+    g_print("\n%s is the rig file. In another terminal:\n  %s%smesorigd --listen "
+            "unix:path=/tmp/mesorig-virtual --rig %s\n  mesorig capture --address "
+            "unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\nCtrl-C ends the devices; “help” and "
+            "Enter lists further actions.\n",
             out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
     return TRUE;
 }
@@ -149,10 +148,9 @@ static void obey(VirtualRig *rig, const char *line) {
         if (virtual_rig_set_world(rig, what, &error))
             g_print("the world is %s\n", what);
     } else {
-        g_printerr("unplug NAME   cut a device off, by the name of its section\n"
-                   "plug NAME     connect it again\n"
-                   "world FILE    lay the sample of this world file on the turntable\n"
-                   "help          this list\n");
+        g_printerr("unplug NAME   disconnect a device, by the name of its section\nplug NAME     "
+                   "connect it again\nworld FILE    lay the sample of this world file on the "
+                   "turntable\nhelp          this list\n");
     }
     if (error)
         g_printerr("mesorig-rig: %s\n", error->message);

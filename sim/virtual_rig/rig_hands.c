@@ -83,10 +83,10 @@ static gboolean fits(const World *is, const World *new, const char *path, GError
         same = a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa;
     }
     if (!same)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s: its cameras, lamps or lasers are not those of this rig; change the sample "
-                    "alone",
-                    path);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+            "%s: its cameras, lamps or lasers are not those of this rig; change only the sample",
+            path);
     return same;
 }
 
@@ -106,10 +106,10 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
     }
     World *world = world_get(path, error);
     if (world && world == rig->world) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "%s is the world in use, as it was first read; give a changed world another "
-                    "name",
-                    path);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_EXISTS,
+            "%s is the world in use and is not read again; give a changed world another name",
+            path);
         world_unref(world);
         return FALSE;
     }

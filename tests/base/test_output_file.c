@@ -96,7 +96,7 @@ static void delivers(const char *path, const char *kind, gboolean force, const c
 }
 
 #define OWN   "it replaces the “report” that Mesorig had written there"
-#define OTHER "it replaces the file that was there"
+#define OTHER "it replaces the existing file"
 
 static void test_names(void) {
     empty_top();
@@ -212,7 +212,7 @@ static void test_links(void) {
     empty_top();
     const char *link = in_top("link"), *to = in_top("to.txt");
     g_assert_cmpint(symlink("to.txt", link), ==, 0);
-    refused(link, "report", TRUE, DATA_ERROR_EXISTS, "leads nowhere");
+    refused(link, "report", TRUE, DATA_ERROR_EXISTS, "to a file that does not exist");
     put(to, "of the user");
     refused(link, "report", FALSE, DATA_ERROR_EXISTS, "exists already");
     holds(to, "of the user");
