@@ -13,7 +13,7 @@
 #define CONFIG_ERROR config_error_quark()
 GQuark config_error_quark(void); /* its errors carry details: base/error_details.h */
 
-/* Messages read "FILE:LINE: [section] key: what is wrong and what would be right". */
+/* Messages have the form "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
     CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */

@@ -11,7 +11,7 @@
 
 #include <glib.h>
 
-/* Separates, in a format string, what happened from the advice:
+/* Separates the description of the failure from the advice in a format string:
  *     "no answer within %g ms" ERROR_ADVICE "check its power and its cable"
  * The message shows it as "; ". A second one in the same text belongs to the advice. */
 #define ERROR_ADVICE "\x1e"

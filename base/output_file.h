@@ -1,24 +1,24 @@
 /*
- * Output files: what happens to a file whose name a user has given, decided in one place for all
- * programs.
+ * Output files. This module decides for all programs what happens to a file whose name a user has
+ * given:
  *
- * - A name that nothing has is taken. If another program makes a file of that name meanwhile, that
- *   file stays.
+ * - A name that does not exist is used. If another program makes a file of that name meanwhile,
+ *   that file is kept.
  * - An existing file is refused, unless --force is given.
- * - A file that Mesorig itself wrote as the same kind of product may be replaced, and the program
- *   says so (output_file_note()).
+ * - A file that Mesorig itself has written as the same kind of product may be replaced, and the
+ *   program says so (output_file_note()).
  * - A character device or a pipe is written to. A folder, a socket and a disk (block device) are
  *   refused. None of them is ever replaced.
- * - A symbolic link is followed, and stays.
+ * - A symbolic link is followed and kept.
  *
- * Programs decide before they work: output_file_new() refuses, output_file_end() delivers. A file
- * is written in a folder of its own beside its place, NAME.XXXXXXXX.part, and renamed when it is
- * complete. If it cannot be renamed, it stays beside its place and the error names it.
+ * Programs decide before they work: output_file_new() refuses, and output_file_end() delivers. A
+ * file is written in a separate folder next to its place, NAME.XXXXXXXX.part, and renamed when it
+ * is complete. If it cannot be renamed, it is kept next to its place, and the error names it.
  *
- * A file is of a kind if it holds "mesorig.kind" and the kind: as an attribute of an EXR, as a text
- * chunk of a PNG, as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or of a
- * text. Other formats have no room for it: their kind is NULL, and an existing file is always
- * refused without --force. Any thread.
+ * A file is of a kind if it contains "mesorig.kind" and the kind: as an attribute of an EXR, as a
+ * text chunk of a PNG, or as "mesorig.kind: KIND" in a comment of an HTML, SVG, PDF or PLY file or
+ * of a text. Other formats have no place for it. Their kind is NULL, and an existing file is always
+ * refused without --force. Any thread may call these functions.
  */
 #pragma once
 

@@ -75,7 +75,7 @@ enum device_safety {
     DEVICE_TOLD, /* the device has not answered yet */
 };
 
-/* Whether there is light, as far as it is known. */
+/* Whether there is light, as far as this is known. */
 enum light {
     LIGHT_OFF, /* the last "off" was confirmed, and no "on" was sent since */
     LIGHT_ON,  /* light is wanted, or the first "off" after it is on its way */

@@ -374,7 +374,7 @@ void bus_unattended_begun(Bus *bus) {
 /* Handles a fault that has paused a session of the queue. */
 static void take_fault(struct unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
-        /* The rig stays as it is. The user who repairs it continues the session. */
+        /* The rig keeps its state. The user who repairs it continues the session. */
         g_autofree char *why =
             g_strdup_printf("session %u is paused by a fault: %s", at->item->id, status->reason);
         tell(at, "fault", at->item, status->reason);

@@ -1,5 +1,5 @@
-/* mesorig-hooks: tells others what happens to captures and to the rig. A process of its own, which
- * hears what the daemon says to all and may ask it nothing. */
+/* mesorig-hooks: tells others what happens to captures and to the rig. It is a separate process
+ * that receives the daemon's signals and has no rights to call methods. */
 #include "base/help_text.h"
 #include "base/nearest.h"
 #include "hooks.h"
@@ -36,7 +36,7 @@ static const GOptionEntry entries[] = {
 
 struct program {
     GMainLoop *loop;
-    Hooks *hooks;            /* NULL: the desktop alone */
+    Hooks *hooks;            /* NULL if only the desktop is used */
     GDBusConnection *screen; /* the session bus, for the desktop */
     const char *address;     /* address of the daemon's own socket; NULL if it is on a bus */
     GDBusConnection *connection;

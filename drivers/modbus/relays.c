@@ -37,7 +37,7 @@ struct relays {
             "watchdog_after_s × watchdog_scale; −1: its coil stays on"                          \
     }
 
-static GList *all_relays; /* all open relays, since sections may share a board */
+static GList *all_relays; /* all open relays, because sections may share a board */
 
 static gboolean has_watchdog(const struct relays *relays) {
     return relays->watchdog.address >= 0 || relays->pulse_coil >= 0;

@@ -4,7 +4,7 @@ in vec2 tile_size;
 in vec3 bending;
 
 uniform vec4 sight;  // w = 1: position of the eye; w = 0: unit vector towards a distant eye
-uniform float reach; // for w = 0: distances are measured from a plane at this distance
+uniform float reach; // for w = 0: distances are measured from a plane at this distance from the origin
 
 // Depths below the reference plane, with a layer per view, or with four maps per layer; see
 // mdf_factors.h.

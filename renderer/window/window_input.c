@@ -178,7 +178,7 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         w->panel = !w->panel;
 }
 
-/* Handles keys by their character, since layouts place letters and signs differently. */
+/* Handles keys by their character, because keyboard layouts place letters and signs differently. */
 static void on_character(GLFWwindow *glfw, unsigned character) {
     struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->now.settings;

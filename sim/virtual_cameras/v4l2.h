@@ -43,8 +43,8 @@ struct virtual_v4l2_config { /* zeroed members have the defaults that the commen
     guint lacks;        /* controls that it lacks */
     gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
     gboolean only_compressed;
-    /* Number of memory planes of a frame, for the multi-planar interface. 0: the single-planar
-     * interface. */
+    /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
+     * the single-planar interface. */
     int planes;
     VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
     gpointer user;
