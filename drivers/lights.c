@@ -173,8 +173,8 @@ static void lights_take(struct lights *lights, const struct command *command, gi
     lights_settle(lights, error);
 }
 
-/* Removes all but the last of several commands to switch off that have no "on" between them. An
- * answer proves the same, whichever of them it belongs to. */
+/* Removes the overdue "off" to the same light before this one, unless an "on" was sent between
+ * them. An answer that still comes proves the same for both, so only the last one is kept. */
 static void forget_older(struct lights *lights, const struct command *command) {
     GList *l = g_queue_find(&lights->commands, command);
     for (l = l ? l->prev : NULL; l; l = l->prev) {

@@ -158,8 +158,8 @@ static struct normal_map *normal_map_of_part(const struct exr_part *part, const 
     if ((!plain && !normal_map_find_planes(part, rgb, planes)) || part->width > NORMAL_MAP_MAX ||
         part->height > NORMAL_MAP_MAX) {
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels each "
-                    "way",
+                    "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels in "
+                    "each direction",
                     path, NORMAL_MAP_MAX);
         return NULL;
     }

@@ -34,9 +34,8 @@ static gboolean mdf_texture_check(int width, int height, int n_layers, GError **
     if (n_layers <= layers && width <= size && height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d × %d texels in %d layers is too large: %s takes %d texels each way "
-                "in %d layers; "
-                "process the material with fewer texels or views",
+                "an MDF of %d × %d texels in %d layers is too large: %s supports %d texels in each "
+                "direction in %d layers; process the material with fewer texels or views",
                 width, height, n_layers, gpu_renderer(), size, layers);
     return FALSE;
 }
@@ -141,7 +140,7 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* The size of a tile, in all three forms. */
+/* The values that all three forms of an MDF have in common. */
 struct extent_mm {
     int width, height, n_views;
     double texel_mm, deepest_mm;

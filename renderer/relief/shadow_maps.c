@@ -65,8 +65,8 @@ static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **err
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_LAYER) : 1)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d shadow maps of %d × %d: %s takes %d each way, and %d of them; choose a "
-                    "smaller --shadow-map or fewer lamps",
+                    "%d shadow maps of %d × %d: %s supports %d in each direction, and %d of them; "
+                    "choose a smaller --shadow-map or fewer lamps",
                     n, size, size, gpu_renderer(), largest, layers);
         return FALSE;
     }

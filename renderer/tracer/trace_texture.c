@@ -24,7 +24,7 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
     if (!png_image_begin_read_from_memory(&image, data, length) ||
         image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "%s; save it as PNG or JPEG of at most %d pixels each way",
+                    "%s; save it as PNG or JPEG of at most %d pixels in each direction",
                     *image.message ? image.message : "it is too large", TRACE_TEXTURE_MAX_SIDE);
         png_image_free(&image);
         return NULL;
@@ -87,9 +87,10 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     const gsize width = codec.image_width, height = codec.image_height;
     if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE ||
         (ret = g_try_malloc(3 * width * height)) == NULL) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "it is too large; save it as PNG or JPEG of at most %d pixels each way",
-                    TRACE_TEXTURE_MAX_SIDE);
+        g_set_error(
+            error, TRACE_ERROR, TRACE_ERROR_SCENE,
+            "it is too large; save it as PNG or JPEG of at most %d pixels in each direction",
+            TRACE_TEXTURE_MAX_SIDE);
         jpeg_destroy_decompress(&codec);
         return NULL;
     }
