@@ -282,9 +282,9 @@ static void test_moves(void) {
     g_autoptr(GError) error = NULL;
     g_assert_false(output_file_move_folder(in_top("folder"), in_top("there"), &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
-    const char *at = strstr(error->message, "is in ");
+    const char *at = strstr(error->message, "folder is ");
     g_assert_nonnull(at);
-    g_assert_true(g_file_test(at + strlen("is in "), G_FILE_TEST_IS_DIR));
+    g_assert_true(g_file_test(at + strlen("folder is "), G_FILE_TEST_IS_DIR));
     g_assert_false(g_file_test(in_top("folder"), G_FILE_TEST_EXISTS));
 }
 

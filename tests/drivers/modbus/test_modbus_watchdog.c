@@ -230,7 +230,7 @@ static void watchdog_refused(struct bench *bench, gconstpointer unused) {
                  CONFIG_ERROR_VALUE,
                  "watchdog_scale: 3 s × 100000 is not a number from 1 to 65535");
     open_refused(bench, "coil = 9\nwatchdog_register = 6\npulse_coil = 0x209\n", CONFIG_ERROR,
-                 CONFIG_ERROR_VALUE, "pulse_coil: is given beside watchdog_register");
+                 CONFIG_ERROR_VALUE, "pulse_coil: is given together with watchdog_register");
     bench_open_bank(bench, "n = 2\n");
     open_refused(bench, "coil = 9\n" REGISTER, CONFIG_ERROR, CONFIG_ERROR_VALUE,
                  "watchdog_register: [lamps bank] has another watchdog for the same board");
