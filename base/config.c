@@ -10,7 +10,7 @@
 
 /*
  * This parser replaces that of GKeyFile, which keeps no line numbers and merges sections and keys
- * that occur twice. Escapes are not interpreted: a value is the trimmed text between '=' and the
+ * that occur twice. Escapes are not interpreted. A value is the trimmed text between '=' and the
  * end of the line.
  */
 
@@ -22,9 +22,9 @@ struct entry {
 struct Config {
     char *path, *text;
     GArray *sections;   /* of struct config_section */
-    GHashTable *lines;  /* "class name" -> line of that section; keys owned */
-    GArray *problems;   /* of struct config_problem; NULL: mistakes has them */
-    Mistakes *mistakes; /* the loader's; NULL after loading */
+    GHashTable *lines;  /* maps "class name" to the line of that section; keys are owned */
+    GArray *problems;   /* of struct config_problem; NULL if mistakes has them */
+    Mistakes *mistakes; /* of the loader; NULL after loading */
     gboolean broken;    /* a section heading could not be parsed */
 };
 
@@ -62,14 +62,14 @@ static gboolean G_GNUC_PRINTF(4, 5)
     return FALSE;
 }
 
-/* text: the trimmed text between the brackets. */
+/* Adds a section. text is the trimmed text between the brackets. */
 static gboolean config_add_section(Config *config, const char *text, int line, GError **error) {
     if (!*text || strpbrk(text, "[]"))
         return syntax_error(error, config, line, "a section is written as [class] or [class name]");
     const gsize class_length = strcspn(text, " \t");
     const char *rest = text + class_length + strspn(text + class_length, " \t");
     g_autofree char *class_name = g_strndup(text, class_length);
-    /* Extra spaces within the brackets do not count. */
+    /* Extra spaces within the brackets are ignored. */
     g_autofree char *id = *rest ? g_strconcat(class_name, " ", rest, NULL) : g_strdup(class_name);
     const int before = GPOINTER_TO_INT(g_hash_table_lookup(config->lines, id));
     if (before)
@@ -142,7 +142,7 @@ static gboolean config_parse_line(Config *config, char *text, int line, GError *
     return config_add_section(config, g_strstrip(text + 1), line, error);
 }
 
-/* Leaves out a line that cannot be understood, and notes the problem. */
+/* Leaves out a line that cannot be understood, and records the problem. */
 static void take_line(Config *config, char *text, int line) {
     struct config_section *last = last_section(config);
     g_autofree char *copy = g_strdup(g_strstrip(text));
@@ -160,8 +160,8 @@ static void take_line(Config *config, char *text, int line) {
     } else {
         mistakes_add(config->mistakes, error);
     }
-    /* A broken heading begins a section, too, so that the keys after it do not join the section
-     * before. */
+    /* A broken heading also begins a section, so that the keys after it are not added to the
+     * section before. */
     const gboolean heading = *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
     if (last && !heading)
         last->incomplete = !config->problems;
@@ -205,8 +205,8 @@ static gboolean config_do_parse(Config *config, gsize length) {
     return TRUE;
 }
 
-/* Takes ownership of text, which is NUL-terminated; other NULs in it are a mistake. mistakes NULL:
- * reads leniently. */
+/* Takes ownership of text, which is NUL-terminated. Further NULs in it are a mistake. If mistakes
+ * is NULL, reads leniently. */
 static Config *config_new(char *text, gsize length, const char *path, Mistakes *mistakes) {
     Config *config = g_new0(Config, 1);
     config->mistakes = mistakes;
@@ -246,7 +246,7 @@ Config *config_load_checked(const char *path, Mistakes *mistakes) {
     return text ? config_new(text, length, path, mistakes) : NULL;
 }
 
-/* Returns config; if there are mistakes, frees it, sets the error and returns NULL. */
+/* Returns config. If there are mistakes, frees it, sets the error and returns NULL. */
 static Config *config_without(Config *config, const Mistakes *mistakes, GError **error) {
     if (mistakes_report(mistakes, error))
         return config;

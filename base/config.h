@@ -13,7 +13,7 @@
 #define CONFIG_ERROR config_error_quark()
 GQuark config_error_quark(void); /* its errors carry details: base/error_details.h */
 
-/* Messages read "FILE:LINE: [section] key: what is wrong and what would be right". */
+/* Messages have the form "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
     CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
     CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
@@ -26,8 +26,8 @@ typedef struct Config Config;
 struct config_section {
     const Config *config; /* not owned */
     char *group;          /* as written between the brackets */
-    char *class_name;     /* first word */
-    char *name;           /* the rest, or NULL */
+    char *class_name;     /* first word of the heading */
+    char *name;           /* rest of the heading, or NULL */
     int line;
     gboolean broken;     /* its heading could not be parsed: skip the keys below it */
     gboolean incomplete; /* one of its lines could not be parsed: keys may be missing */
@@ -40,8 +40,8 @@ struct config_section {
 Config *config_load(const char *path, GError **error);
 
 /* The same as config_load(), for a reader that also reports mistakes in the lines that could be
- * parsed. Other lines are left out, and added to mistakes. NULL: the file cannot be used at all;
- * mistakes say why. */
+ * parsed. Lines that could not be parsed are left out, and added to mistakes. Returns NULL if the
+ * file cannot be used at all; mistakes then say why. */
 Config *config_load_checked(const char *path, Mistakes *mistakes);
 Config *config_parse_checked(const char *text, const char *path, Mistakes *mistakes);
 
@@ -55,32 +55,32 @@ struct config_problem {
     int line;
 };
 
-/* Loads a file that may contain errors, for code that must work all the same (the safe state). A
+/* Loads a file that may contain errors, for code that must work in any case (the safe state). A
  * line that cannot be understood is left out and listed in config_problems(). A heading that is
- * broken or repeated begins a section of its own, named after its line; so does a second "driver"
- * in a section, whose class is CONFIG_NO_HEADING and which may lack its first keys. Fails only if
- * the file cannot be read. */
+ * broken or repeated begins a new section, which is named after its line. A second "driver" in a
+ * section also begins a new section. Its class is CONFIG_NO_HEADING, and its first keys may be
+ * missing. The function fails only if the file cannot be read. */
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
-/* The problems that config_load_lenient() has skipped, in file order; NULL for a Config that
- * another function loaded. Owned by the Config. */
+/* Returns the problems that config_load_lenient() has found, in file order. Returns NULL for a
+ * Config that another function loaded. The Config owns them. */
 const struct config_problem *config_problems(const Config *config, gsize *ret_n);
 
-/* The same from memory; path is used in messages and for relative paths. */
+/* The same as config_load(), from memory. path is used in messages and for relative paths. */
 Config *config_parse(const char *text, const char *path, GError **error);
 
 void config_free(Config *config); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Config, config_free)
 
 const char *config_path(const Config *config);
-const char *config_text(const Config *config); /* as it was read */
+const char *config_text(const Config *config); /* text of the file as it was read */
 
-/* Sections in file order. Owned by the Config. */
+/* Returns the sections in file order. The Config owns them. */
 const struct config_section *config_sections(const Config *config, gsize *ret_n);
 
-/* The only section of a class, or the one of that name; NULL if there is none, or its heading is
- * broken. */
+/* Returns the section of a class and name, or the only section of the class if name is NULL.
+ * Returns NULL if there is none, or if its heading is broken. */
 const struct config_section *config_find(const Config *config, const char *class_name,
                                          const char *name);
 
@@ -90,21 +90,21 @@ const char *config_value(const struct config_section *section, const char *key, 
 /* Returns all keys of a section in file order, NULL-terminated. The Config owns them. */
 const char *const *config_keys(const struct config_section *section);
 
-/* A path as written in the file, made absolute; free with g_free(). */
+/* Returns a path of the file as an absolute path. Free it with g_free(). */
 char *config_resolve(const Config *config, const char *path);
 
-/* Sets an error that begins with file, line and section; key may be NULL. Returns FALSE always, for
- * a caller that fails with it. */
+/* Sets an error that begins with file, line and section. key may be NULL. Always returns FALSE, so
+ * that a caller can return its value. */
 gboolean config_set_error(GError **error, enum config_error code,
                           const struct config_section *section, const char *key, const char *format,
                           ...) G_GNUC_PRINTF(5, 6);
 
-/* The same as config_set_error(), but adds the error to the mistakes of a file. Returns FALSE
- * always. */
+/* The same as config_set_error(), but adds the error to the mistakes of a file. Always returns
+ * FALSE. */
 gboolean config_mistake(Mistakes *mistakes, enum config_error code,
                         const struct config_section *section, const char *key, const char *format,
                         ...) G_GNUC_PRINTF(5, 6);
 
-/* Adds the mistake that something is missing in the file as a whole. Returns FALSE always. */
+/* Adds the mistake that something is missing in the file as a whole. Always returns FALSE. */
 gboolean config_lacks(Mistakes *mistakes, const Config *config, const char *format, ...)
     G_GNUC_PRINTF(3, 4);

@@ -1,4 +1,5 @@
-/* Errors in what a file, table or session holds; every room that reads data uses this domain. */
+/* Errors in the content of a file, table or session. Every room that reads data uses this
+ * domain. */
 #pragma once
 
 #include <gio/gio.h>
@@ -6,13 +7,15 @@
 #define DATA_ERROR data_error_quark()
 GQuark data_error_quark(void);
 enum data_error {
-    DATA_ERROR_INVALID,    /* does not fit its session or format: size, NaN, checksum, syntax */
+    /* The data does not fit its session or format: size, NaN, checksum, syntax. */
+    DATA_ERROR_INVALID,
     DATA_ERROR_INCOMPLETE, /* frames or products are missing */
-    DATA_ERROR_EXISTS,     /* the file or session to be made exists already */
+    DATA_ERROR_EXISTS,     /* the file or session to be made already exists */
     DATA_ERROR_IO,
 };
 
-/* DATA_ERROR_INVALID "FILE: …" or "FILE:LINE: …" (line from 1; 0: none). */
+/* Sets DATA_ERROR_INVALID with the text "FILE: …" or "FILE:LINE: …". Lines are counted from 1; line
+ * 0 leaves the line out. */
 void data_error_set(const char *file, int line, GError **error, const char *format, ...)
     G_GNUC_PRINTF(4, 5);
 /* The same as data_error_set(), as an expression with the value FALSE. */

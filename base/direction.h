@@ -1,4 +1,4 @@
-/* Directions and colours as arrays of floats, for tables of many. */
+/* Directions and colours as arrays of floats, for large tables. */
 #pragma once
 
 /* A unit vector from polar angle θ (from +z) and azimuth φ (from +x, counter-clockwise). */

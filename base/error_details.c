@@ -3,7 +3,7 @@
 #include <string.h>
 
 struct details {
-    char *file, *subject, *text, *what, *advice; /* text: what and advice, joined for display */
+    char *file, *subject, *text, *what, *advice; /* text is what and advice, joined for display */
     int line;
 };
 
@@ -66,7 +66,7 @@ GError *error_details_new_valist(GQuark domain, int code, const char *subject, c
     GError *error =
         g_error_new(domain, code, "%s%s%s", subject ? subject : "", subject ? ": " : "", text);
     struct details *details = details_of(error);
-    g_assert(details); /* the domain is one of error_details_domain() */
+    g_assert(details); /* the domain was made by error_details_domain() */
     *details = (struct details){.subject = g_strdup(subject),
                                 .text = g_steal_pointer(&text),
                                 .what = g_strdup(*parts ? *parts : ""),
@@ -91,7 +91,8 @@ void error_details_add_subject(GError **error, const char *subject) {
         g_free(details->text);
         g_free(details->what);
         g_free(details->subject);
-        details->text = g_strdup((*error)->message); /* with what others have put in front of it */
+        /* Including the text that others have put in front. */
+        details->text = g_strdup((*error)->message);
         details->what = g_steal_pointer(&what);
         details->subject = g_strdup(subject);
     }

@@ -9,7 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A process that has just taken the lock writes its number a moment later. */
+/* Reads the process number of the holder. A process that has just taken the lock writes it a moment
+ * later. */
 static glong read_holder(int fd) {
     const gint64 until_us = g_get_monotonic_time() + G_USEC_PER_SEC;
     glong holder = 0;
@@ -28,7 +29,7 @@ static glong read_holder(int fd) {
 static int file_lock_fail(const char *path, int fd, int saved, const char *what, GError **error) {
     if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
-                    "%s: process %ld is making %s; wait until it has ended", path, read_holder(fd),
+                    "%s: process %ld is writing %s; wait until it has ended", path, read_holder(fd),
                     what);
     else
         g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),
@@ -46,12 +47,13 @@ int file_lock_take(const char *path, const char *what, GError **error) {
 
         if (fd < 0 || fcntl(fd, F_OFD_SETLK, &whole) != 0)
             return file_lock_fail(path, fd, errno, what, error);
-        /* The previous holder may have removed the file after it was opened here: a lock on a
+        /* The previous holder may have removed the file after it was opened here. A lock on a
          * removed file excludes nobody. */
         if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&
             opened.st_ino == named.st_ino) {
             if (ftruncate(fd, 0) != 0 || dprintf(fd, "%ld\n", (long)getpid()) < 0)
-                g_debug("%s: %s", path, g_strerror(errno)); /* it only serves messages */
+                /* The number is only used in messages. */
+                g_debug("%s: %s", path, g_strerror(errno));
             return fd;
         }
         close(fd);

@@ -5,10 +5,10 @@
 #include <unistd.h>
 
 #define WIDTH  80
-#define COLUMN 24 /* of descriptions */
+#define COLUMN 24 /* column of the descriptions */
 
-/* Appends words so that no line is longer than WIDTH; further lines begin at an indentation.
- * column: where the text begins. A word that is longer than a line stays whole. */
+/* Appends words so that no line is longer than WIDTH. Further lines are indented. column is the
+ * column where the text begins. A word that is longer than a line is not broken. */
 static void append_wrapped(GString *to, const char *text, int column, int indentation) {
     g_auto(GStrv) words = g_strsplit(text, " ", -1);
     gboolean first = TRUE;
@@ -45,7 +45,7 @@ char *help_text_row(const char *name, const char *description) {
 char *help_text_lay_out(const char *help) {
     GString *text = g_string_new(NULL);
     g_auto(GStrv) lines = g_strsplit(help, "\n", -1);
-    gboolean verbatim = FALSE; /* examples are commands, which stay as they are */
+    gboolean verbatim = FALSE; /* in examples, which are commands and are not wrapped */
     for (char **line = lines; *line; line++) {
         const char *gap = **line == ' ' ? strstr(*line + strspn(*line, " "), "  ") : NULL;
         verbatim |= g_str_has_prefix(*line, "Examples:");

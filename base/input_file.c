@@ -9,11 +9,11 @@
 #define LEASE_US      (60 * G_USEC_PER_SEC)
 #define LEASE_POLL_US 10000
 
-#define AT_ONCE ((gsize)1 << 20) /* bytes that a buffer grows by at first */
+#define AT_ONCE ((gsize)1 << 20) /* size of the first steps in which a buffer grows */
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
 
-/* Sets the error. Returns FALSE always. */
+/* Sets the error. Always returns FALSE. */
 static gboolean G_GNUC_PRINTF(4, 5) input_file_fail(const char *path, enum input_file_error code,
                                                     GError **error, const char *format, ...) {
     va_list arguments;
@@ -68,8 +68,8 @@ static gboolean check_status(const char *path, const struct stat *status, guint6
                            (guint64)status->st_size, max_bytes);
 }
 
-/* Examines the file before it is opened, since opening some devices has effects, and again
- * afterwards, since the name may refer to another file by then. */
+/* Examines the file before it is opened, because opening some devices has side effects. Examines it
+ * again afterwards, because the name may then refer to another file. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error) {
     struct stat status;
     if (stat(path, &status) != 0) {
@@ -78,9 +78,9 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     }
     if (!check_status(path, &status, max_bytes, error))
         return -1;
-    /* Another program may hold a lease on the file, as file servers do: a blocking open() waits
-     * until the lease is given back, at most /proc/sys/fs/lease-break-time, 45 s. This open() does
-     * not block, and is repeated. */
+    /* Another program, such as a file server, may hold a lease on the file. A blocking open() would
+     * wait until the lease is given back, at most /proc/sys/fs/lease-break-time, 45 s. This open()
+     * does not block, and is repeated. */
     const gint64 until_us = g_get_monotonic_time() + LEASE_US;
     int fd;
     while ((fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) < 0 &&
@@ -98,7 +98,8 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     return -1;
 }
 
-/* Reads on until the end: files of /proc and /sys say that they are empty, and others grow. */
+/* Reads until the end of the file. Files of /proc and /sys report a length of 0, and other files
+ * grow. */
 static char *input_file_read_all(int fd, const char *path, gsize expected, gsize max_bytes,
                                  gsize *ret_length, GError **error) {
     gsize length = 0, room = MIN(expected, max_bytes) + 1;
@@ -152,8 +153,8 @@ gboolean input_file_is_utf16(const char *text, gsize length) {
     const guint8 *bytes = (const guint8 *)text;
     if (length < 2)
         return FALSE;
-    /* Without a byte-order mark one of the first two letters' bytes is 0, since the files that are
-     * read here begin with ASCII. */
+    /* The files that are read here begin with ASCII. In UTF-16 without a byte-order mark, one of
+     * the bytes of the first two letters is therefore 0. */
     return (bytes[0] == 0xff && bytes[1] == 0xfe) || (bytes[0] == 0xfe && bytes[1] == 0xff) ||
            (bytes[0] == 0) != (bytes[1] == 0);
 }
@@ -205,7 +206,7 @@ gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * file_bytes);
     return width == 0 || height <= most / width ||
            input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                           "it says that it is a picture of %" G_GUINT64_FORMAT
+                           "its header announces a picture of %" G_GUINT64_FORMAT
                            " × %" G_GUINT64_FORMAT " pixels, but a file of %" G_GUINT64_FORMAT
                            " bytes may have at most %" G_GUINT64_FORMAT
                            " pixels; save it smaller, or without compression",

@@ -1,11 +1,11 @@
 /*
- * Opens files from outside, which may be anything: a path may name a FIFO, a device or a folder; a
- * file may be far too large, or its header may announce more pixels than there is memory for.
- * Nothing here blocks, and nothing is mapped: a file that is truncated while it is read gives an
- * error.
+ * Opens files from outside, which may be anything. A path may name a FIFO, a device or a folder. A
+ * file may be far too large, or its header may announce more pixels than fit into memory. The
+ * functions never block and never map a file into memory. A file that is truncated while it is read
+ * gives an error.
  *
- * Errors name the file and what is wrong with it: G_FILE_ERROR for an error of the system, else
- * INPUT_FILE_ERROR. Any thread.
+ * Errors name the file and say what is wrong with it. They are G_FILE_ERROR for errors of the
+ * system, and INPUT_FILE_ERROR otherwise. Any thread may call these functions.
  */
 #pragma once
 
@@ -23,50 +23,54 @@ enum input_file_error {
     INPUT_FILE_ERROR_CUT,       /* it became shorter while it was read */
 };
 
-/* Propagates an error of this module, of which it takes ownership, in another domain: with the code
- * io for an error of the system (−1: as it is), and with the code unfit for a file of the wrong
- * kind or content. */
+/* Propagates an error of this module in another domain, and takes ownership of it. An error of the
+ * system gets the code io; if io is −1, it is not changed. A file of the wrong kind or content gets
+ * the code unfit. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
-/* Limit of a picture's pixels: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the length of
- * its file if that is more. No photograph compresses to less than two bits per pixel. */
+/* Limit of the number of pixels of a picture: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE
+ * times the length of its file if that is more. No photograph compresses to less than two bits per
+ * pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 
 /* Returns the kind of a file by its mode: "a FIFO", "a directory", … */
 const char *input_file_kind(mode_t mode);
 
-/* Opens a regular file of at most max_bytes for reading; links are followed. Returns the
- * descriptor; −1: error. ret_bytes, which may be NULL: the file's length. */
+/* Opens a regular file of at most max_bytes for reading. Links are followed. Returns the
+ * descriptor, or −1 with an error. *ret_bytes is the length of the file; ret_bytes may be NULL. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error);
 
-/* Reads a whole file of at most max_bytes and appends a NUL; g_free(). ret_length may be NULL. */
+/* Reads a whole file of at most max_bytes and appends a NUL. ret_length may be NULL. Free the
+ * result with g_free(). */
 char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GError **error);
 
-/* The same for a file that must be text: without a NUL in it, and not in UTF-16. The byte-order
- * mark with which editors of Windows begin a file in UTF-8 is removed. */
+/* The same as input_file_read() for a file that must be text. The text must not contain a NUL and
+ * must not be in UTF-16. The byte-order mark at the start of UTF-8 files from Windows editors is
+ * removed. */
 char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 
 /* The byte-order mark U+FEFF in UTF-8. */
 #define INPUT_FILE_MARK "\xef\xbb\xbf"
 
-/* Whether a text that should begin with ASCII is in UTF-16, and the message for it. */
+/* Returns whether a text that should begin with ASCII is in UTF-16. INPUT_FILE_UTF16 is the message
+ * for it. */
 gboolean input_file_is_utf16(const char *text, gsize length);
 #define INPUT_FILE_UTF16 "it is a text in UTF-16; save it as UTF-8"
 
-/* Reads n bytes from offset on; an error if the file has become too short for them. */
+/* Reads n bytes from offset on. Fails if the file has become too short for them. */
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 
-/* Limit of the memory for the decoded content of a file of this length: INPUT_FILE_MEMORY, or
- * INPUT_FILE_MEMORY_PER_BYTE times the length if that is more. Measured data never compresses more.
- */
+/* Returns the limit of the memory for the decoded content of a file of this length:
+ * INPUT_FILE_MEMORY, or INPUT_FILE_MEMORY_PER_BYTE times the length if that is more. Measured data
+ * never compresses more. */
 #define INPUT_FILE_MEMORY          ((guint64)384 << 20)
 #define INPUT_FILE_MEMORY_PER_BYTE 40
 guint64 input_file_memory(guint64 file_bytes);
 
-/* Checks, before a picture is decoded, that a file of this length may hold a picture of this size.
- */
+/* Checks that a file of this length may contain a picture of this size. Call it before the picture
+ * is decoded. */
 gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height,
                                  guint64 file_bytes, GError **error);
 

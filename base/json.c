@@ -88,7 +88,7 @@ static void json_append(GString *to, GVariant *value) {
     case G_VARIANT_CLASS_TUPLE:
         append_children(to, value);
         break;
-    default: { /* integers: GVariant text without the type is JSON */
+    default: { /* integers: the text of GVariant without the type is JSON */
         g_autofree char *text = g_variant_get_type_string(value)[0] == 'y'
                                     ? g_strdup_printf("%u", g_variant_get_byte(value))
                                     : g_variant_print(value, FALSE);

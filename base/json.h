@@ -1,12 +1,12 @@
-/* Writes GVariants as JSON: what the command line prints with --json. Pure functions. */
+/* Writes GVariants as JSON, for the output of --json. All functions are pure. */
 #pragma once
 
 #include <glib.h>
 
-/* Converts a value: dictionaries with string keys become objects, in their order; arrays and tuples
- * become arrays; "ay" becomes an array of numbers; a maybe becomes its value or null; a number that
- * is not finite becomes null. Takes a floating reference. g_free(). */
+/* Converts a value. Dictionaries with string keys become objects, in their order. Arrays and tuples
+ * become arrays, and "ay" becomes an array of numbers. A maybe becomes its value or null. A number
+ * that is not finite becomes null. Takes a floating reference. Free the result with g_free(). */
 char *json_text(GVariant *value);
 
-/* A string with its quotes; what is not UTF-8 is replaced. */
+/* Appends a string with its quotes. Bytes that are not UTF-8 are replaced. */
 void json_append_string(GString *to, const char *text);

@@ -2,7 +2,7 @@
 
 #include "error_details.h"
 
-/* A file of 1 MiB can contain half a million mistakes; only this many are kept. */
+/* A file of 1 MiB can contain half a million mistakes. Only this number is kept. */
 #define KEPT 1000
 
 struct Mistakes {
@@ -59,7 +59,7 @@ gboolean mistakes_report(const Mistakes *mistakes, GError **error) {
         return TRUE;
     g_autoptr(GPtrArray) sorted = g_ptr_array_copy(mistakes->list, NULL, NULL);
     g_ptr_array_set_free_func(sorted, NULL);
-    g_ptr_array_sort(sorted, compare_mistakes); /* stable */
+    g_ptr_array_sort(sorted, compare_mistakes); /* g_ptr_array_sort() is stable */
     const GError *first = sorted->pdata[0];
     if (n == 1) {
         g_propagate_error(error, g_error_copy(first));

@@ -1,23 +1,24 @@
-/* Finds the name that a misspelt one means. Pure functions. */
+/* Finds the known name that is spelt most like a misspelt one. All functions are pure. */
 #pragma once
 
 #include <glib.h>
 
 struct nearest {
-    const char *key;  /* as it was written; borrowed */
-    const char *name; /* the nearest so far, or NULL: none is near enough; borrowed */
-    int distance;     /* its Levenshtein distance from key, or the first that is too large */
+    const char *key;  /* the misspelt name; borrowed */
+    const char *name; /* the nearest name so far, or NULL if none is near enough; borrowed */
+    /* Its Levenshtein distance from key; without a name, the first distance that is too large. */
+    int distance;
 };
 
-/* Accepts names in which at most a third of the letters and one, at most three, are wrong; of a key
- * of three letters one. */
+/* Begins a search. A name is accepted if the number of wrong letters is at most a third of the
+ * letters plus one, and at most three. For a key of three letters it is at most one. */
 struct nearest nearest_new(const char *key);
 /* Replaces the nearest name if this one is nearer. Names and keys longer than 63 bytes are not
  * compared. */
 void nearest_consider(struct nearest *nearest, const char *name);
 
-/* If error is that of g_option_context_parse() for an unknown option, adds "; did you mean --NAME?"
- * with the option of the tables that is spelt most like it. For an unknown letter it names all
- * options that begin with the letter and have no letter of their own. Each table ends with a NULL
- * name, and tables with NULL. */
+/* Adds "; did you mean --NAME?" to error if it is the error of g_option_context_parse() for an
+ * unknown option. NAME is the option of the tables that is spelt most like it. For an unknown
+ * letter, the text names all options that begin with the letter and have no short form. Each table
+ * ends with a NULL name, and tables ends with NULL. */
 void nearest_add_option(GError *error, const GOptionEntry *const *tables);

@@ -10,11 +10,11 @@
 
 #define END       ".part"
 #define DIGITS    8
-#define MOST_NAME 200 /* bytes of the final name with which the name of the .part file begins */
+#define MOST_NAME 200 /* bytes of the final name that are used in the name of the .part file */
 #define TRIES     100
 
-/* Opens the folder of relative, or with all relative itself. Returns −1 and sets errno on failure.
- */
+/* Opens the folder of relative, or relative itself if all is TRUE. Returns −1 and sets errno on
+ * failure. */
 static int open_folder(const char *directory, const char *relative, gboolean all) {
     g_auto(GStrv) parts = g_strsplit(relative, "/", -1);
     int folder = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -87,7 +87,7 @@ gboolean new_file_put(const struct new_file *file, const void *bytes, gsize n) {
     return new_file_write(file->fd, bytes, n);
 }
 
-/* A device, a pipe or a socket is never replaced. */
+/* Returns whether the file may be replaced. A device, a pipe or a socket is never replaced. */
 static gboolean may_replace(const struct new_file *file) {
     struct stat status;
 
@@ -124,7 +124,7 @@ void new_file_abandon(struct new_file *file) {
     new_file_clear(file);
 }
 
-/* A file, or the folder with a file of output_file.h. */
+/* Removes a file, or a folder that contains a file of output_file.h. */
 static void remove_part(int folder, const char *name) {
     if (unlinkat(folder, name, 0) == 0 || (errno != EISDIR && errno != EPERM))
         return;

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-/* The endings of names that give the unit; longer ones first. */
+/* Suffixes of names that give the unit. Longer ones come first. */
 static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
                                     "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
                                     "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};
@@ -48,7 +48,7 @@ static gboolean options_check_range(const struct option *option, double value, c
                        option->unit ? option->unit : "");
 }
 
-/* Decimal only: strtod() would also take hexadecimal, "inf" and "nan". */
+/* Parses a decimal number. strtod() would also accept hexadecimal numbers, "inf" and "nan". */
 static gboolean parse_double(const struct option *option, const char *text, double *ret,
                              GError **error) {
     char *end = NULL;
@@ -56,7 +56,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
     if (!*text || *end || strspn(text, "0123456789+-.eE") != strlen(text) || !isfinite(value))
         return value_error(error, "\"%s\" is not a number%s%s%s", text,
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
-                           option->unit ? "; write the number alone)" : "");
+                           option->unit ? "; write only the number)" : "");
     *ret = value;
     return options_check_range(option, value, text, error);
 }
@@ -299,7 +299,7 @@ gboolean options_read(const struct option_target *targets, gsize n_targets,
             if (!config_value(section, option->name, NULL) &&
                 (section->incomplete ||
                  g_ptr_array_find_with_equal_func(meant, option->name, g_str_equal, NULL)))
-                g_error_free(error); /* a mistake that is reported already has caused it */
+                g_error_free(error); /* a mistake that was already reported has caused it */
             else
                 mistakes_add(mistakes, error);
         }

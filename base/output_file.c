@@ -18,7 +18,7 @@
 #define LOOKED_AT                                                                                  \
     ((gsize)1 << 20) /* bytes at a file's begin and end in which its kind is sought                \
                       */
-#define MOST_MARK ((goffset)1 << 30) /* a larger file gets no mark */
+#define MOST_MARK ((goffset)1 << 30) /* a larger file is not marked */
 #define TRIES     100
 #define PNG_HEAD  33 /* signature and IHDR */
 #define EXR_MAGIC "v/1\x01"
@@ -26,15 +26,15 @@
 enum found { FOUND_NOTHING, FOUND_OWN, FOUND_OTHER, FOUND_STREAM };
 
 struct OutputFile {
-    char *path;   /* as the user gave it */
-    char *target; /* with symbolic links followed */
+    char *path;   /* path as the user gave it */
+    char *target; /* path after following symbolic links */
     char *kind;   /* or NULL */
     enum found found;
-    struct stat before; /* of an existing file */
-    char *folder;       /* in which it is written; NULL before output_file_path() */
-    char *written;      /* in folder */
+    struct stat before; /* status of an existing file */
+    char *folder;       /* folder in which the file is written; NULL before output_file_path() */
+    char *written;      /* path of the file in that folder */
     char *note;
-    int lock; /* −1: none */
+    int lock; /* −1 if there is none */
     char *lock_path;
 };
 
@@ -64,8 +64,8 @@ gboolean output_file_move(const char *from, const char *to) {
         return TRUE;
     if (errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP)
         return FALSE;
-    /* The file system lacks RENAME_NOREPLACE. A second name is never given in place of another one;
-     * folders and file systems such as exFAT have no second names. */
+    /* The file system lacks RENAME_NOREPLACE. link() never replaces an existing name. It fails for
+     * folders, and on file systems without hard links such as exFAT. */
     if (link(from, to) == 0) {
         unlink(from);
         return TRUE;
@@ -87,14 +87,14 @@ gboolean output_file_move_folder(const char *folder, const char *path, GError **
     g_autofree char *beside = g_strdup_printf("%s-%08x", path, g_random_int());
     const gboolean moved = output_file_move(folder, beside);
     g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
-                exists ? "%s exists already, another program has made it meanwhile: %s; what was "
-                         "made is in %s"
-                       : "%s: cannot be made: %s; what was made is in %s",
+                exists ? "%s exists already, because another program has made it meanwhile: %s; "
+                         "the finished folder is %s"
+                       : "%s: cannot be made: %s; the finished folder is %s",
                 path, g_strerror(saved), moved ? beside : folder);
     return FALSE;
 }
 
-/* Up to LOOKED_AT bytes of a file, from at on. */
+/* Reads up to LOOKED_AT bytes of a file, from the offset at on. */
 static GByteArray *output_file_read_part(int fd, goffset at) {
     GByteArray *bytes = g_byte_array_new();
     guint8 some[1 << 14];
@@ -112,8 +112,8 @@ static gboolean output_file_is_png(const GByteArray *bytes) {
     return output_file_begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
 }
 
-/* In a PNG, an EXR or another file: the bytes that say its kind. The first two have a length among
- * them. */
+/* Returns the bytes that mark the kind in a PNG, an EXR or another file. In the first two, a length
+ * is among them. */
 static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     GByteArray *mark = g_byte_array_new();
     const guint32 length = (guint32)strlen(kind);
@@ -132,7 +132,7 @@ static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     return mark;
 }
 
-/* In a text no letter follows it. */
+/* Returns whether the bytes contain the mark. In a text, no letter may follow it. */
 static gboolean output_file_has(const GByteArray *bytes, const GByteArray *mark) {
     const gboolean text = !output_file_is_png(bytes) && !output_file_begins(bytes, EXR_MAGIC);
     const guint8 *at = memmem(bytes->data, bytes->len, mark->data, mark->len);
@@ -140,7 +140,7 @@ static gboolean output_file_has(const GByteArray *bytes, const GByteArray *mark)
     return at && (!text || next == bytes->data + bytes->len || !g_ascii_isalnum(*next));
 }
 
-/* Whether Mesorig has written the file as that kind. */
+/* Returns whether Mesorig has written the file as that kind. */
 static gboolean output_file_is(const char *path, const struct stat *status, const char *kind) {
     const int fd = kind ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY) : -1;
     if (fd < 0)
@@ -185,7 +185,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
             return output_file_is_no_file(file->path, S_IFDIR, error);
         if (named) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                        "%s exists already, a symbolic link that leads nowhere: remove it, or give "
+                        "%s is a symbolic link to a file that does not exist: remove it, or give "
                         "another name",
                         file->path);
             return FALSE;
@@ -223,7 +223,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
     file->found = own ? FOUND_OWN : FOUND_OTHER;
     file->note =
         own ? g_strdup_printf("it replaces the “%s” that Mesorig had written there", file->kind)
-            : g_strdup("it replaces the file that was there");
+            : g_strdup("it replaces the existing file");
     return TRUE;
 }
 
@@ -299,7 +299,7 @@ const char *output_file_path(OutputFile *file, GError **error) {
     return file->written;
 }
 
-/* A PNG with the kind behind its header. */
+/* Returns a PNG with the kind after its header. */
 static GByteArray *output_file_mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
     GByteArray *ret = g_byte_array_new();
     const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data + 4, chunk->len - 4));
@@ -310,7 +310,8 @@ static GByteArray *output_file_mark_png(const guint8 *png, gsize n, const GByteA
     return ret;
 }
 
-/* The file with its kind; NULL: it has it, or its format has no room that this file knows. */
+/* Returns the file with its kind. Returns NULL if the file already has it, or if this module cannot
+ * add it to the format. */
 static GByteArray *output_file_marked(const guint8 *bytes, gsize n, const char *kind) {
     const GByteArray all = {(guint8 *)bytes, (guint)n};
     g_autoptr(GByteArray) mark = output_file_mark(&all, kind);
@@ -345,7 +346,7 @@ static gboolean output_file_add_kind(const struct OutputFile *file, GError **err
     return !marked || output_file_write(file->written, marked->data, marked->len, error);
 }
 
-/* Copies to a device or pipe. Opening a pipe waits for its reader. */
+/* Copies the file to a device or pipe. Opening a pipe waits for its reader. */
 static gboolean output_file_stream(const struct OutputFile *file) {
     guint8 some[1 << 16];
     gssize n = 0;
@@ -373,7 +374,7 @@ static gboolean output_file_sync(const char *path, int flags) {
     return ok;
 }
 
-/* Whether the file that may be replaced is still the one that was looked at. */
+/* Returns whether the file that may be replaced is still the one that was examined. */
 static gboolean output_file_unchanged(const struct OutputFile *file) {
     struct stat now;
     const struct stat *before = &file->before;
@@ -384,7 +385,7 @@ static gboolean output_file_unchanged(const struct OutputFile *file) {
            now.st_mtim.tv_nsec == before->st_mtim.tv_nsec;
 }
 
-/* Whether the file has its name now; FALSE: errno. */
+/* Gives the file its name. Returns FALSE and sets errno on failure. */
 static gboolean output_file_deliver(const struct OutputFile *file) {
     struct stat now;
     if (!output_file_sync(file->written, 0))
@@ -398,7 +399,7 @@ static gboolean output_file_deliver(const struct OutputFile *file) {
     return rename(file->written, file->target) == 0;
 }
 
-/* Moves the finished file beside its place, NAME-XXXXXXXX.END, and says where it is. */
+/* Moves the finished file next to its place, as NAME-XXXXXXXX.END, and reports that name. */
 static gboolean output_file_keep(struct OutputFile *file, GError **error) {
     const int saved = errno;
     const char *name = strrchr(file->target, '/'), *end = strrchr(file->target, '.');
@@ -418,7 +419,7 @@ static gboolean output_file_keep(struct OutputFile *file, GError **error) {
     return FALSE;
 }
 
-/* Of interest is the output, not the path at which it is written. */
+/* Makes the error name the output instead of the path at which it is written. */
 static void output_file_rename_error(const struct OutputFile *file, GError **error) {
     if (!file->written || !error || !*error || !strstr((*error)->message, file->written))
         return;
@@ -439,7 +440,8 @@ gboolean output_file_end(OutputFile *file, gboolean written, GError **error) {
         return output_file_keep(file, error);
     g_clear_pointer(&file->written, g_free);
     if (!output_file_sync(folder, O_DIRECTORY))
-        g_debug("%s: %s", folder, g_strerror(errno)); /* some file systems cannot; it is written */
+        /* Some file systems cannot do this; the file is written nevertheless. */
+        g_debug("%s: %s", folder, g_strerror(errno));
     return TRUE;
 }
 

@@ -1,6 +1,6 @@
 /* A number and its noun in messages. */
 #pragma once
 
-/* Gives the two arguments of "%d %s" for a number and a noun whose plural ends in s: PLURAL (n,
- * "view") gives "1 view" or "3 views". n is an int, and is evaluated twice. */
+/* Expands to the two arguments of "%d %s" for a number and a noun whose plural ends in s. PLURAL
+ * (n, "view") gives "1 view" or "3 views". n is an int and is evaluated twice. */
 #define PLURAL(n, noun) (n), (n) == 1 ? noun : noun "s"

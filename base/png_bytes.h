@@ -3,6 +3,6 @@
 
 #include <gio/gio.h>
 
-/* Returns a whole PNG file, 8 bits sRGB. rgb: height rows of width pixels of R, G, B, the top row
- * first. NULL with an error: the size is zero or too large. */
+/* Returns a whole PNG file with 8 bits of sRGB per channel. rgb has height rows of width pixels of
+ * R, G, B, the top row first. Returns NULL with an error if the size is zero or too large. */
 GBytes *png_bytes(const guint8 *rgb, int width, int height, GError **error);

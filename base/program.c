@@ -7,7 +7,8 @@ void program_set_locale(void) {
     setlocale(LC_COLLATE, "");
 }
 
-/* Looks beside this executable and in ../libexec/mesorig from there; NULL: neither has it. */
+/* Looks next to this executable and in ../libexec/mesorig relative to it. Returns NULL if it is in
+ * neither. */
 static char *find_beside(const char *name, GFileTest test) {
     static const char *const places[] = {"", "../libexec/mesorig"};
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
@@ -27,7 +28,7 @@ char *program_find(const char *name, GError **error) {
         found = g_find_program_in_path(name);
     if (!found)
         g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither beside this program nor in PATH: install it", name);
+                    "%s is neither in the folder of this program nor in PATH: install it", name);
     return found;
 }
 
@@ -35,8 +36,8 @@ char *program_find_module(const char *name, GError **error) {
     char *found = find_beside(name, G_FILE_TEST_IS_REGULAR);
     if (!found)
         g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT,
-                    "%s is neither beside this program nor in ../libexec/mesorig from there: "
-                    "install it",
+                    "%s is neither in the folder of this program nor in ../libexec/mesorig "
+                    "relative to it: install it",
                     name);
     return found;
 }

@@ -7,10 +7,10 @@ char *residual_warning(const struct residual *residual) {
     const double value = residual->value, expected = residual->expected;
     if (!(expected > 0) || value <= RESIDUAL_LIMIT * expected)
         return NULL;
-    return g_strdup_printf("%s fits to %.3g%s%s, where noise alone explains %.3g%s%s; causes that "
-                           "fit: %s",
-                           residual->of, value, *residual->unit ? " " : "", residual->unit,
-                           expected, *residual->unit ? " " : "", residual->unit, residual->causes);
+    return g_strdup_printf(
+        "%s fits to %.3g%s%s, where noise explains only %.3g%s%s; possible causes: %s",
+        residual->of, value, *residual->unit ? " " : "", residual->unit, expected,
+        *residual->unit ? " " : "", residual->unit, residual->causes);
 }
 
 double residual_excess(const struct residual *residual) {

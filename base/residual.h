@@ -1,23 +1,24 @@
 /*
- * A residual of a calibration, compared with the value that the noise of its data explains. A
- * larger residual has a physical cause that the model does not describe.
+ * Compares a residual of a calibration with the value that the noise of its data explains. A larger
+ * residual has a physical cause that the model does not describe.
  */
 #pragma once
 
 struct residual {
-    const char *of;         /* "the light sheet of “left”": the beginning of the warning */
+    const char *of;         /* beginning of the warning, such as "the light sheet of “left”" */
     double value, expected; /* RMS, in the same unit; expected is 0 if it is not known */
     const char *unit;       /* "mm"; "" for ratios */
-    const char *causes;     /* "a bent sheet, speckle": causes that fit, the likeliest first */
+    const char *causes;     /* possible causes, the most likely first: "a bent sheet, speckle" */
 };
 
 /* A residual up to this many times its expected value is taken as noise. */
 #define RESIDUAL_LIMIT 2.0
 
-/* A sentence for the user that names the residual, its expected value and the causes; g_free().
- * NULL if the residual is at most RESIDUAL_LIMIT times its expected value, or that is not known. */
+/* Returns a sentence for the user that names the residual, its expected value and the causes. Free
+ * it with g_free(). Returns NULL if the residual is at most RESIDUAL_LIMIT times its expected
+ * value, or if the expected value is not known. */
 char *residual_warning(const struct residual *residual);
 
-/* The share that noise does not explain, √(value² − expected²), for error bars. It is 0 if the
- * residual is at most its expected value, or that is not known. */
+/* Returns the share that noise does not explain, √(value² − expected²), for error bars. It is 0 if
+ * the residual is at most its expected value, or if the expected value is not known. */
 double residual_excess(const struct residual *residual);

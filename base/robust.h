@@ -4,16 +4,19 @@
 /* Compares two doubles, for qsort(). */
 int robust_by_value(const void *a, const void *b);
 
-/* Median of n ≥ 1 values, which it sorts; for even n the mean of the two middle values. */
+/* Returns the median of n ≥ 1 values, and sorts them. For even n it is the mean of the two middle
+ * values. */
 double robust_median(double *values, int n);
 
-/* Robust standard deviation: σ = 1.4826 · median |value − middle|. It equals the standard deviation
- * for normally distributed values. */
+/* Returns the robust standard deviation: σ = 1.4826 · median |value − middle|. It equals the
+ * standard deviation for normally distributed values. */
 double robust_spread(const double *values, int n, double middle);
 
-/* Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685 · scale), 0 for |u| ≥ 1. */
+/* Returns Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685 · scale), and 0 for |u| ≥
+ * 1. */
 double robust_biweight(double residual, double scale);
 
-/* Posterior mean of a value that was measured as seen with a standard error, if its prior is normal
- * with mean 0 and standard deviation known: seen · known² / (known² + error²). */
+/* Returns the posterior mean of a value. seen is the measured value, and error its standard error.
+ * The prior is normal with mean 0 and standard deviation known. The result is seen · known² /
+ * (known² + error²). */
 double robust_shrink(double seen, double error, double known);

@@ -40,8 +40,8 @@ char **text_table_lines(const char *text) {
     return g_strsplit(copy, "\n", -1);
 }
 
-/* The separator of a header line is the one that occurs most; of two that occur as often, not the
- * one that may also stand within a name or beside it. */
+/* Returns the separator of a header line: the one that occurs most often. If two occur equally
+ * often, it is the one that is less likely to be part of a name or next to it. */
 static char find_separator(const char *text) {
     static const char separators[] = ";,\t"; /* the first wins */
     int n[3] = {0}, best = 0;

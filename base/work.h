@@ -1,8 +1,8 @@
 /*
- * Long computations: parallel loops, progress and cancelling, the same in every room.
+ * Long computations: parallel loops, progress and cancelling, in the same form in every room.
  *
- * A caller hands a struct work down; the computation reports each stage through it and stops soon
- * after its cancellable is cancelled. All callbacks come from the calling thread.
+ * A caller passes a struct work to the computation. The computation reports each stage through it,
+ * and stops soon after its cancellable is cancelled. All callbacks come from the calling thread.
  */
 #pragma once
 
@@ -11,34 +11,37 @@
 struct work_progress {
     const char *stage; /* "verify", "btf", "mdf", "eigenmaps", "read", … */
     int done, total;
-    double left_s; /* −1: not known */
+    double left_s; /* remaining time; −1 if it is not known */
 };
 typedef void (*WorkProgress)(const struct work_progress *progress, gpointer data);
 
-/* NULL, or all zero: one thread per processor, no reports, no cancelling. */
+/* The settings of a computation. A NULL pointer or a zeroed struct means one thread per processor,
+ * no reports and no cancelling. */
 struct work {
-    int n_threads;             /* 0: one per processor */
+    int n_threads;             /* 0 means one per processor */
     WorkProgress progress;     /* may be NULL; called from the calling thread */
-    gpointer data;             /* of progress */
+    gpointer data;             /* passed to progress */
     GCancellable *cancellable; /* may be NULL */
 };
 
-/* Reports done of total; the time left follows from what has been spent since begun_us (monotonic)
- * and is −1 before a twentieth is done. FALSE with G_IO_ERROR_CANCELLED when cancelled. */
+/* Reports that done of total steps are finished. The remaining time is estimated from the time
+ * since begun_us (monotonic). It is −1 until a twentieth is done. Returns FALSE with
+ * G_IO_ERROR_CANCELLED if the computation was cancelled. */
 gboolean work_tell(const struct work *work, const char *stage, int done, int total, gint64 begun_us,
                    GError **error);
 
-/* Calls func for 0 … n − 1, each once, in any thread and order, while the calling thread reports
- * stage. Libraries start no threads of their own meanwhile. FALSE when cancelled, after the calls
- * under way have ended. If each call writes only its own results, these are the same with any
- * number of threads. */
+/* Calls func once for each block from 0 to n − 1, in any thread and order, while the calling thread
+ * reports stage. Meanwhile libraries start no threads. Returns FALSE if it was cancelled, after the
+ * running calls have ended. If each call writes only its own results, the results do not depend on
+ * the number of threads. */
 typedef void (*WorkBlock)(int block, gpointer data);
 gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBlock func,
                        gpointer data, GError **error);
 
-/* The same without reports and cancelling. */
+/* The same as work_parallel(), without reports and cancelling. */
 void work_for_each(int n_threads, int n, WorkBlock func, gpointer data);
 
-/* A thread that multiplies matrices beside others calls this first: OpenBLAS on OpenMP keeps a
- * number of threads for each thread that calls it, and would start that many in each of ours. */
+/* A thread that multiplies matrices in parallel with other threads calls this function first.
+ * OpenBLAS with OpenMP keeps a pool of threads for each thread that calls it. Without this call it
+ * would start such a pool for each of our threads. */
 void work_use_one_blas_thread(void);

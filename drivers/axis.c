@@ -21,10 +21,10 @@
 
 enum activity { IDLE, HOMING, MOVING };
 
-/* Reports of a turn that are kept: a frame may arrive seconds after its exposure. */
+/* Number of reports of a turn that are kept. A frame may arrive seconds after its exposure. */
 #define N_PASSED 256
 
-struct passed { /* where it was at a time */
+struct passed { /* position at a time */
     gint64 at_us;
     double deg;
 };
@@ -34,24 +34,27 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
-    gboolean doubt;  /* it should stand, but has not confirmed it: its last motion ended in a fault,
-                        or a stop has failed. The class stops it until it has confirmed */
-    gboolean unsafe; /* with doubt: a stop has failed */
-    gboolean driver_moves; /* the driver has not reported yet; FALSE while settling */
+    /* The axis should stand but has not confirmed it, because its last motion ended in a fault or a
+     * stop has failed. The class stops it until it has confirmed. */
+    gboolean doubt;
+    gboolean unsafe;       /* a stop has failed; only with doubt */
+    gboolean driver_moves; /* the driver has not reported yet; FALSE during settling */
     gboolean stopping;
     gboolean
-        slack_unknown; /* stopped on the way: the next move takes up backlash in either direction */
+        /* The axis was stopped on the way, so the next move takes up backlash in either
+         * direction. */
+        slack_unknown;
     gboolean another_leg;
-    double target_deg; /* target of the present leg, in the angle that the driver counts */
+    double target_deg; /* target of the present part of the move, as the driver counts angles */
     guint deadline, settle;
-    guint retry;       /* the pause before the next attempt to stop it */
-    gint64 pause_us;   /* its length */
-    gboolean retrying; /* IDLE, and the class waits for the answer to an attempt */
+    guint retry;       /* timer of the pause before the next attempt to stop */
+    gint64 pause_us;   /* length of that pause */
+    gboolean retrying; /* the state is IDLE, and the class waits for the answer to an attempt */
     /* axis_turn() */
     gboolean turning;
     double turned_from_deg, turn_speed_deg_s;
-    gint64 steady_us;               /* from then on it turns at that speed */
-    struct passed passed[N_PASSED]; /* a ring */
+    gint64 steady_us;               /* from this time on it turns at constant speed */
+    struct passed passed[N_PASSED]; /* ring buffer */
     guint n_passed;
 };
 
@@ -76,8 +79,8 @@ static double leg_time_s(const struct axis_motion *motion, double way_deg) {
     return d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a);
 }
 
-/* Distance below the target at which a move reverses, so that it arrives in the positive direction.
- */
+/* Returns the distance below the target at which a move reverses, so that it arrives in the
+ * positive direction. */
 static double overshoot_deg(const struct axis_motion *motion, double to_deg) {
     double room = motion->wraps ? motion->backlash_deg : MAX(0, to_deg - motion->min_deg);
     return MIN(motion->backlash_deg, room);
@@ -221,7 +224,7 @@ static void set_deadline(Axis *axis, double predicted_s) {
                                     axis_on_deadline, axis);
 }
 
-/* The attempts that the class makes. */
+/* Makes an attempt of the class to stop the axis. */
 static void axis_on_retry(gpointer data) {
     Axis *axis = data;
     struct axis_state *state = axis->state;
@@ -239,7 +242,7 @@ static void axis_on_retry(gpointer data) {
     axis_not_stopped(axis, error);
 }
 
-/* Before another command, which decides instead. */
+/* Cancels the attempts, because another command follows. */
 static void axis_drop_retry(Axis *axis) {
     axis->state->retrying = FALSE;
     cancel_timers(axis);
@@ -347,10 +350,11 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     const struct axis_motion *motion = &axis->motion;
     double from = axis->driver->position(axis);
     if (!axis_can_turn(axis))
-        return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
-                                "its driver, %s, does not tell where it was at a time" ERROR_ADVICE
-                                "let it stand for pictures: [capture] motion = standing",
-                                axis->driver->info.name);
+        return device_error_set(
+            error, DEVICE_ERROR_RANGE, axis->device.who,
+            "its driver, %s, does not report positions during a motion" ERROR_ADVICE
+            "let it stand for pictures: [capture] motion = standing",
+            axis->driver->info.name);
     if (!axis_check_move(axis, from + by_deg, error))
         return FALSE;
     if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)
@@ -383,15 +387,15 @@ double axis_turned_from_deg(const Axis *axis) {
     return axis->state->turned_from_deg;
 }
 
-/* back: 0 for the last report. */
+/* Returns an earlier report. back is 0 for the last report. */
 static const struct passed *axis_passed(const struct axis_state *state, guint back) {
     return back < MIN(state->n_passed, N_PASSED)
                ? &state->passed[(state->n_passed - 1 - back) % N_PASSED]
                : NULL;
 }
 
-/* Rounds at 0.27 µs, where no time falls that is an even part of something: the same turn then
- * gives the same time, however its positions were rounded. */
+/* Rounds at 0.27 µs. No time that is a round number falls there, so the same turn gives the same
+ * time even if its positions were rounded differently. */
 gboolean axis_passes_at(const Axis *axis, double deg, gint64 *ret_us) {
     const struct axis_state *state = axis->state;
     const struct passed *last = axis_passed(state, 0);
@@ -436,7 +440,7 @@ gboolean axis_stop(Axis *axis, GError **error) {
     if (state->activity == IDLE || state->stopping)
         return TRUE;
     state->stopping = TRUE;
-    if (!state->driver_moves) { /* settling: the drive already stands */
+    if (!state->driver_moves) { /* settling: the drive already stands still */
         axis_settle(axis, 0);
         return TRUE;
     }
@@ -503,7 +507,7 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
             owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "a fault");
         if (state->retrying)
             axis_not_stopped(axis, owned);
-        else if (state->activity != IDLE || !state->doubt) /* else it was reported before */
+        else if (state->activity != IDLE || !state->doubt) /* otherwise it was reported before */
             axis_do_fault(axis, owned);
         return;
     }

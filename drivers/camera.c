@@ -27,7 +27,7 @@ struct camera_state {
     guint deadline;
     guint64 last_id;
     gboolean has_last_id;
-    struct seen seen[N_SEEN]; /* the latest frames, in a ring */
+    struct seen seen[N_SEEN]; /* the latest frames, in a ring buffer */
     guint n_seen;
 };
 
@@ -195,16 +195,16 @@ gboolean camera_is_waiting(const Camera *camera) {
     return camera->state->waiting;
 }
 
-/* One step of the hash. For a given hash, different words give different results; the rotation
- * moves the highest bits of a word to where the multiplication spreads them. */
+/* One step of the hash. For a given hash, different words give different results. The rotation
+ * moves the highest bits of a word to a place from which the multiplication spreads them. */
 static inline guint64 hash_step(guint64 hash, guint64 word) {
     hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
     return hash << 29 | hash >> 35;
 }
 
-/* Hash of a frame, in independent lanes, so that the processor overlaps their multiplications.
- * Returns 0 for a frame with one value in all pixels, as a covered or saturated camera may give:
- * such a frame cannot be recognised as a repeated one. */
+/* Returns the hash of a frame. It is computed in independent lanes, so that the processor can
+ * overlap their multiplications. Returns 0 for a frame with the same value in all pixels, as a
+ * covered or saturated camera may give. A repetition of such a frame cannot be recognised. */
 static guint64 hash_frame(const Frame *frame) {
     gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;
     if (memcmp(frame->pixels, frame->pixels + 1, (n - 1) * sizeof *frame->pixels) == 0)

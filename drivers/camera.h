@@ -1,7 +1,7 @@
 /*
- * A camera that exposes when it is triggered. Every frame carries the device's own id and time
- * stamp; the class accepts it only if it answers the trigger that waits for it and was exposed
- * after that trigger. A stale or repeated frame is an error, never data.
+ * A camera that exposes when it is triggered. Every frame carries an id and a time stamp from the
+ * device. The class accepts a frame only if it answers the trigger that waits for it and was
+ * exposed after that trigger. A stale or repeated frame is an error and is never used as data.
  */
 #pragma once
 
@@ -11,15 +11,20 @@
 typedef struct Camera Camera;
 
 enum camera_event {
-    CAMERA_EXPOSED, /* exposure is over: lamps and axes may change while the frame is read out */
-    CAMERA_FRAME,   /* the frame, checked */
-    CAMERA_REFUSED, /* stale, repeated, incomplete or of the wrong size: error says why; the
-                       trigger is over and may be given again */
-    CAMERA_FAULT, /* no frame before the deadline, or the camera is gone; it must be armed again */
+    /* The exposure has ended: lamps and axes may change while the frame is read out. */
+    CAMERA_EXPOSED,
+    CAMERA_FRAME, /* the frame has arrived and was checked */
+    /* The frame is stale, repeated, incomplete or of the wrong size; error says which. The trigger
+     * has ended and may be given again. */
+    CAMERA_REFUSED,
+    /* No frame arrived before the deadline, or the camera is disconnected. The camera must be armed
+     * again. */
+    CAMERA_FAULT,
 };
 
-/* A trigger ends in one CAMERA_FRAME, _REFUSED or _FAULT, with at most one CAMERA_EXPOSED before.
- * frame is set with CAMERA_FRAME (ref it to keep it), error with _REFUSED and _FAULT. */
+/* A trigger ends in one CAMERA_FRAME, CAMERA_REFUSED or CAMERA_FAULT. At most one CAMERA_EXPOSED
+ * comes before it. frame is set with CAMERA_FRAME; call frame_ref() to keep it. error is set with
+ * CAMERA_REFUSED and CAMERA_FAULT. */
 typedef void (*CameraFunc)(Camera *camera, enum camera_event event, Frame *frame,
                            const GError *error, gpointer data);
 
@@ -29,10 +34,11 @@ struct camera_format { /* filled by the driver's open() */
     int bits;
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
-    gint64 trigger_us; /* from the trigger until the exposure begins */
-    gint64 readout_us; /* from the end of the exposure until the frame is here */
-    gint64 stamp_us;   /* largest error of a frame's exposure_start_us; −1: not known, or the rows
-                          are exposed one after the other */
+    gint64 trigger_us; /* time from the trigger to the begin of the exposure */
+    gint64 readout_us; /* time from the end of the exposure to the arrival of the frame */
+    /* The largest error of a frame's exposure_start_us. It is −1 if the error is not known, or if
+     * the rows are exposed one after the other. */
+    gint64 stamp_us;
 };
 
 struct camera_settings {
@@ -43,17 +49,18 @@ struct camera_settings {
 struct camera_driver {
     struct driver_info info;
     gboolean (*open)(Camera *camera, GError **error); /* fills camera->format */
-    /* May be NULL. If a camera takes long to open, open() only starts this in a thread, and
-     * opened() waits until it is done and fills camera->format, so that several cameras are opened
-     * at once. */
+    /* May be NULL. For a camera that takes long to open, open() only starts to open it in a thread.
+     * opened() waits until it is open and fills camera->format. In this way several cameras are
+     * opened at the same time. */
     gboolean (*opened)(Camera *camera, GError **error);
     void (*close)(Camera *camera);
-    /* Takes effect for the next trigger; called only while no trigger waits. */
+    /* Changes the settings for the next trigger. The class calls it only while no trigger waits. */
     gboolean (*configure)(Camera *camera, const struct camera_settings *settings, GError **error);
-    gboolean (*arm)(Camera *camera, GError **error); /* ready for triggers; buffers queued */
+    /* Makes the camera ready for triggers, with its buffers queued. */
+    gboolean (*arm)(Camera *camera, GError **error);
     void (*disarm)(Camera *camera);
-    /* Start one exposure. Ended by camera_report_frame() or camera_report_fault(). shot is to be
-     * put into the frame; a simulated camera also makes its noise a function of it. */
+    /* Starts one exposure. The driver ends it with camera_report_frame() or camera_report_fault().
+     * The driver puts shot into the frame. A simulated camera also derives its noise from shot. */
     gboolean (*trigger)(Camera *camera, guint64 shot, GError **error);
 };
 
@@ -64,8 +71,9 @@ struct Camera {
     struct camera_state *state;
 };
 
-/* Opens in two steps, so that several cameras open at once. After the first step a camera may only
- * be finished or closed; if finishing fails it must still be closed. */
+/* Opens a camera in two steps, so that several cameras can be opened at the same time. After the
+ * first step a camera may only be finished or closed. If finishing fails, the camera must still be
+ * closed. */
 Camera *camera_open_begin(const struct camera_driver *driver, const struct config_section *section,
                           const char *const *also, Clock *clock, GError **error);
 gboolean camera_open_finish(Camera *camera, GError **error);
@@ -73,24 +81,26 @@ gboolean camera_open_finish(Camera *camera, GError **error);
 /* Calls camera_open_begin() and camera_open_finish(). */
 Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
                     const char *const *also, Clock *clock, GError **error);
-void camera_close(Camera *camera); /* disarms; NULL is ignored */
+void camera_close(Camera *camera); /* disarms the camera; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Camera, camera_close)
 
 void camera_listen(Camera *camera, CameraFunc func, gpointer data);
 
-/* Refuses an exposure outside the camera's range, and any change while a trigger waits. Setting
- * what is set already costs nothing. */
+/* Changes exposure and gain. Fails if the exposure is outside the camera's range, or while a
+ * trigger waits. If the settings are the present ones, nothing is sent to the camera. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
 gboolean camera_arm(Camera *camera, GError **error);
 void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
-/* Allows one trigger at a time. Each frame has its own shot number; a retake keeps it. */
+/* Starts one exposure. Only one trigger may wait at a time. Each frame has its own shot number; a
+ * retake has the number of the frame that it repeats. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);
 gboolean camera_is_armed(const Camera *camera);
 gboolean camera_is_waiting(const Camera *camera);
 
-/* For drivers, from the main loop's thread. report_frame takes the reference; a frame nobody waits
- * for is dropped and remembered, so that it is not taken for an answer later. */
+/* For drivers: these functions are called from the main loop's thread. camera_report_frame() takes
+ * the reference. A frame that nobody waits for is dropped. Its id is remembered, so that the frame
+ * is not taken for an answer later. */
 void camera_report_exposed(Camera *camera);
 void camera_report_frame(Camera *camera, Frame *frame);
 void camera_report_fault(Camera *camera, GError *error); /* takes ownership */

@@ -10,11 +10,11 @@ struct call {
 struct Clock {
     gint ref_count;
     gboolean is_virtual, is_lockstep;
-    gint64 now_us; /* virtual only */
-    gint holds;    /* atomic: taken and given back by any thread */
+    gint64 now_us; /* only for a virtual clock */
+    gint holds;    /* atomic, because any thread may change it */
     guint last_id;
-    GSequence *calls;  /* of struct call, by time, then in the order asked for */
-    GHashTable *by_id; /* id -> GSequenceIter */
+    GSequence *calls;  /* of struct call, ordered by time, then by request */
+    GHashTable *by_id; /* maps an id to a GSequenceIter */
     GSource *source;
 };
 
@@ -44,7 +44,7 @@ static gboolean is_due(const Clock *clock) {
     return call->at_us <= g_get_monotonic_time();
 }
 
-/* Real time sleeps in poll() until the first call is due. */
+/* A real clock sleeps in poll() until the first call is due. */
 static void set_alarm(Clock *clock) {
     const struct call *call = first_call(clock);
     if (!clock->is_virtual)
@@ -60,7 +60,8 @@ static gboolean clock_check(GSource *source) {
     return is_due(((struct clock_source *)source)->clock);
 }
 
-/* One call an iteration of the main loop, so that what it made ready runs before time jumps on. */
+/* Makes one call in each iteration of the main loop, so that sources that the call has made ready
+ * run before time jumps on. */
 static gboolean clock_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     g_autoptr(Clock) clock = clock_ref(((struct clock_source *)source)->clock);
     if (!is_due(clock)) {

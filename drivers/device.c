@@ -24,7 +24,7 @@ gboolean device_error_set(GError **error, enum device_error code, const char *wh
 gboolean device_check_real_clock(const struct device *device, GError **error) {
     return !clock_is_virtual(device->clock) ||
            config_set_error(error, CONFIG_ERROR_VALUE, device->section, "driver",
-                            "%s is real and keeps real time; set clock = real in [rig]",
+                            "%s is a real device and needs real time; set clock = real in [rig]",
                             device->info->name);
 }
 
@@ -33,7 +33,7 @@ gboolean device_init(struct device *device, const struct driver_info *info,
                      GError **error) {
     g_return_val_if_fail(device && info && section && clock, FALSE);
     g_autoptr(GPtrArray) keys =
-        g_ptr_array_new(); /* all keys that are allowed beside the driver's options */
+        g_ptr_array_new(); /* all keys that are allowed in addition to the driver's options */
     g_ptr_array_add(keys, (gpointer) "driver");
     for (; also && *also; also++)
         g_ptr_array_add(keys, (gpointer)*also);

@@ -11,7 +11,7 @@ static void found_do_free(gpointer data) {
     g_free(found);
 }
 
-/* A device may describe itself in bytes that are not UTF-8. */
+/* Replaces bytes that are not UTF-8, because a device may describe itself in any bytes. */
 static char *tidy(const char *text) {
     g_autofree char *valid = g_utf8_make_valid(text ? text : "", -1);
     for (char *c = valid; *c; c++)

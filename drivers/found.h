@@ -4,9 +4,9 @@
  *
  *     gboolean NAME_scan(GPtrArray *to, GError **error);
  *
- * which adds a struct found for each device, and fails only if the bus cannot be searched; a bus
- * that does not exist has no devices. It may wait for a second or two, and changes nothing on a
- * device.
+ * The function appends a struct found for each device. It fails only if the bus cannot be searched.
+ * A bus that does not exist has no devices. The function may wait for one or two seconds. It
+ * changes nothing on a device.
  */
 #pragma once
 
@@ -17,12 +17,13 @@ struct found {     /* strings are owned */
     char *address; /* address on its bus: "1-2.4", "/dev/video0", "192.168.0.10" */
     char *what;    /* names of maker and device, as the device reports them */
     char *serial;  /* empty if the device reports none */
-    char *section; /* of a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL: no driver
-                      is for it */
-    char *note;    /* why the device cannot be used as it is; NULL: it can be used */
+    /* a section for a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL if no driver
+     * fits the device */
+    char *section;
+    char *note; /* reason why the device cannot be used as it is; NULL if it can be used */
 };
 
-/* Appends a device to the list and returns it, for the scan to complete; what and serial may be
+/* Appends a device to the list and returns it. The scan fills in the rest. what and serial may be
  * NULL. */
 struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
                         const char *serial);

@@ -70,10 +70,10 @@ char *interlock_advice(const Interlock *interlock) {
     const char *name = interlock->device.name;
     return interlock->state->lost
                ? g_strdup_printf("interlock %s does not answer, so it counts as open: laser and "
-                                 "motion are forbidden. Check its board and cables, then go on.",
+                                 "motion are forbidden. Check its board and cables, then continue.",
                                  name)
                : g_strdup_printf("interlock %s is open: laser and motion are forbidden. Close it, "
-                                 "then go on.",
+                                 "then continue.",
                                  name);
 }
 
@@ -91,7 +91,8 @@ static void interlock_set(Interlock *interlock, gboolean closed, gboolean lost) 
     if (interlock->state->closed == closed)
         return;
     interlock->state->closed = closed;
-    /* Look the listener up each time: one may remove itself or others from the list. */
+    /* Look the listener up each time, because a listener may remove itself or others from the
+     * list. */
     const struct listener *listener;
     for (guint id = 0; (listener = next_listener(interlock, id));) {
         id = listener->id;

@@ -9,7 +9,8 @@ typedef void (*InterlockFunc)(Interlock *interlock, gboolean closed, gpointer da
 
 struct interlock_driver {
     struct driver_info info;
-    gboolean (*open)(Interlock *interlock, GError **error); /* reports its first state */
+    /* Connects and reports the first state. */
+    gboolean (*open)(Interlock *interlock, GError **error);
     void (*close)(Interlock *interlock);
 };
 
@@ -25,18 +26,19 @@ Interlock *interlock_open(const struct interlock_driver *driver,
 void interlock_close(Interlock *interlock); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
 
-/* Any number of listeners; returns an id for interlock_unlisten(). */
+/* Adds a listener; there may be any number of them. Returns an id for interlock_unlisten(). */
 guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
 void interlock_unlisten(Interlock *interlock, guint id);
 
-/* Returns FALSE until the driver reports a closed contact, and while the state cannot be read. */
+/* Returns FALSE before the driver has reported a closed contact, and while the state cannot be
+ * read. */
 gboolean interlock_is_closed(const Interlock *interlock);
 gboolean interlock_is_lost(const Interlock *interlock);
 
-/* A sentence for an operator: the interlock is open, or cannot be read and counts as open, and what
- * to do. */
+/* Returns a sentence for the operator, to be freed with g_free(). It says that the interlock is
+ * open, or cannot be read and counts as open, and what to do. */
 char *interlock_advice(const Interlock *interlock);
 
-/* For drivers; may be called from within open(). */
+/* For drivers. These functions may be called from within open(). */
 void interlock_report(Interlock *interlock, gboolean closed);
 void interlock_report_lost(Interlock *interlock);

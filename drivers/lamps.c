@@ -9,7 +9,7 @@
 struct lamps_state {
     LampsFunc func;
     gpointer data;
-    struct lights *lights; /* NULL: not open yet */
+    struct lights *lights; /* NULL before the bank is open */
 };
 
 static void lamps_free(LampBank *bank) {

@@ -1,9 +1,10 @@
 /*
- * A lamp bank: lamps that are switched one by one, by relay or by a driver board.
+ * A lamp bank: lamps that are switched one by one, by a relay board or a driver board.
  *
- * A lamp that should be off is sent "off" until the device has confirmed it (lights.h): after an
- * "off" that failed or was not answered, and after an "on" that failed or was not answered, which
- * the device may have carried out. These repetitions are not reported to the listener.
+ * The class makes sure that a lamp that should be off is off (lights.h). It repeats "off" until the
+ * device has confirmed it. It does so after an "off" that failed or was not answered, and after an
+ * "on" that failed or was not answered, because the device may have carried out that "on". These
+ * repetitions are not reported to the listener.
  */
 #pragma once
 
@@ -11,22 +12,25 @@
 
 typedef struct LampBank LampBank;
 
-/* index is -1 for all_off, and for lamps that were lost. error: NULL, or why the switch failed;
- * valid during the call. at_us: when the switch took effect, from which the warm-up counts. */
+/* index is -1 for lamps_all_off() and for lamps that were lost. error is NULL, or says why the
+ * switch failed; it is valid during the call. at_us is the time when the switch took effect, from
+ * which the warm-up counts. */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 
 struct lamps_driver {
     struct driver_info info;
-    /* Connects and fills bank->n and bank->warm_up_s; leaves all lamps off. */
+    /* Connects, fills bank->n and bank->warm_up_s, and leaves all lamps off. */
     gboolean (*open)(LampBank *bank, GError **error);
-    /* Switches all lamps off, waiting for it and trying once, then releases the device. */
+    /* Switches all lamps off and then releases the device. It waits for the answer and tries
+     * once. */
     void (*close)(LampBank *bank);
-    /* Starts to switch; the driver then calls lamps_report() once, with an error unless the device
-     * has confirmed the new state. Index -1 with on FALSE: all lamps. FALSE: nothing is reported.
-     * "Off" need not wait for other commands that have not been sent; an "on" of the same lamp must
-     * then never be sent, and ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that
-     * failed; the class does. */
+    /* Starts to switch a lamp. Index -1 with on FALSE means all lamps. The driver then calls
+     * lamps_report() once, with an error unless the device has confirmed the new state. If set()
+     * returns FALSE, the driver reports nothing. "Off" need not wait for other commands that have
+     * not been sent. If "off" overtakes an "on" of the same lamp, that "on" must never be sent and
+     * ends with DEVICE_ERROR_BUSY. A driver does not repeat an "off" that failed, because the class
+     * does. */
     gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
 };
 
@@ -34,9 +38,10 @@ struct LampBank {
     struct device device;
     const struct lamps_driver *driver;
     int n;
-    double warm_up_s;  /* from switching on until the output is stable */
-    double watchdog_s; /* filled by open(): how long after this program died, hung or lost the
-                        * connection its lamps go off by themselves; 0: they stay on */
+    double warm_up_s; /* time from switching on until the output is stable */
+    /* The time after which the lamps go off by themselves when this program has died, hangs or has
+     * lost the connection. open() fills it. It is 0 if the lamps stay on. */
+    double watchdog_s;
     struct lamps_state *state;
 };
 
@@ -49,15 +54,16 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
 
 void lamps_listen(LampBank *bank, LampsFunc func, gpointer data);
 
-/* Several switches may be under way at once; each ends in its own event, those of one lamp in
- * order. "Off" may overtake an "on" that has not been sent, which then ends with DEVICE_ERROR_BUSY.
- * "On" needs a permit (device_set_permit()). */
+/* Switches a lamp. Several switches may be under way at the same time. Each ends in one event, and
+ * the events of one lamp come in order. "Off" may overtake an "on" that has not been sent, which
+ * then ends with DEVICE_ERROR_BUSY. "On" needs a permit (device_set_permit()). */
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
 enum light lamps_light(const LampBank *bank, int index);
-gboolean lamps_is_on(const LampBank *bank, int index); /* there may be light: not LIGHT_OFF */
-enum device_safety lamps_safety(const LampBank *bank); /* of all its lamps */
+/* Returns whether there may be light: the state is not LIGHT_OFF. */
+gboolean lamps_is_on(const LampBank *bank, int index);
+enum device_safety lamps_safety(const LampBank *bank); /* the state of all lamps together */
 
 /* Since when the device has confirmed that the lamp is on; -1: it has not. */
 gint64 lamps_on_since_us(const LampBank *bank, int index);
@@ -66,7 +72,8 @@ gint64 lamps_on_since_us(const LampBank *bank, int index);
  * class counts as well. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
-/* For drivers: lamps have gone off by themselves, or their state is unknown. Reports a failed "on"
- * of all lamps (index -1) and switches all off, which is reported as well. Call it last: the
- * listener may close the bank. Takes ownership of error. */
+/* For drivers: reports that lamps have gone off by themselves, or that their state is unknown. The
+ * listener gets a failed "on" of all lamps (index -1). The class then switches all lamps off, which
+ * is reported as well. Call it last, because the listener may close the bank. Takes ownership of
+ * error. */
 void lamps_lost(LampBank *bank, GError *error);

@@ -103,7 +103,7 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
     const Interlock *guard = laser->state->guard;
     if (on && guard && !interlock_is_closed(guard))
         return device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
-                                "not switched on, since the interlock %s is open" ERROR_ADVICE
+                                "not switched on, because the interlock %s is open" ERROR_ADVICE
                                 "close it first",
                                 guard->device.name);
     return (!on || device_ask_permit(&laser->device, error)) &&

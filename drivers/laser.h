@@ -1,9 +1,11 @@
 /*
- * A line laser's power switch. Its sweep is an Axis. Never on with the interlock open.
+ * The power switch of a line laser. The laser's sweep is an Axis. The laser is never on while the
+ * interlock is open.
  *
- * A laser that should be off is sent "off" until the device has confirmed it (lights.h): after an
- * "off" that failed or was not answered, and after an "on" that failed or was not answered, which
- * the device may have carried out. These repetitions are not reported to the listener.
+ * The class makes sure that a laser that should be off is off (lights.h). It repeats "off" until
+ * the device has confirmed it. It does so after an "off" that failed or was not answered, and after
+ * an "on" that failed or was not answered, because the device may have carried out that "on". These
+ * repetitions are not reported to the listener.
  */
 #pragma once
 
@@ -16,13 +18,16 @@ typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpoint
 
 struct laser_driver {
     struct driver_info info;
-    gboolean (*open)(Laser *laser, GError **error); /* leaves it off; fills warm_up_s */
-    void (*close)(Laser *laser); /* switches it off, waiting for it and trying once */
-    /* As set() of struct lamps_driver; ended by laser_report(). */
+    /* Connects, leaves the laser off, and fills warm_up_s. */
+    gboolean (*open)(Laser *laser, GError **error);
+    /* Switches the laser off; it waits for the answer and tries once. */
+    void (*close)(Laser *laser);
+    /* Starts to switch, like set() of struct lamps_driver. The driver ends it with
+     * laser_report(). */
     gboolean (*set)(Laser *laser, gboolean on, GError **error);
-    gboolean simulated; /* emits no real light, and ends with this program */
-    /* Optional, for simulated units: the unit has been mounted at another place, given by the name
-     * of its section in the rig file. FALSE if there is no such place. */
+    gboolean simulated; /* the laser emits no real light and ends with this program */
+    /* Optional, for simulated units: says that the unit has been mounted at another place. place is
+     * the name of a section of the rig file. Returns FALSE if there is no such place. */
     gboolean (*mount)(Laser *laser, const char *place, GError **error);
 };
 
@@ -30,36 +35,39 @@ struct Laser {
     struct device device;
     const struct laser_driver *driver;
     double warm_up_s;
-    double watchdog_s; /* filled by open(): how long after this program died, hung or lost the
-                        * connection it goes off by itself; 0: it stays on */
+    /* The time after which the laser goes off by itself when this program has died, hangs or has
+     * lost the connection. open() fills it. It is 0 if the laser stays on. */
+    double watchdog_s;
     struct laser_state *state;
 };
 
 Laser *laser_open(const struct laser_driver *driver, const struct config_section *section,
                   const char *const *also, Clock *clock, GError **error);
-void laser_close(Laser *laser); /* off first; NULL is ignored */
+void laser_close(Laser *laser); /* switches the laser off first; NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Laser, laser_close)
 
 void laser_listen(Laser *laser, LaserFunc func, gpointer data);
 
-/* The interlock that guards it (not owned, must live longer), or NULL for none. When it opens the
- * laser is switched off at once, whether or not anything listens. */
+/* Sets the interlock that guards the laser, or NULL for none. It is not owned and must live longer
+ * than the laser. When the interlock opens, the laser is switched off immediately, even if it has
+ * no listener. */
 void laser_guard(Laser *laser, Interlock *interlock);
 
-/* Always accepts off; refuses on with DEVICE_ERROR_INTERLOCK while the interlock is open, and
- * without a permit (device_set_permit()). */
+/* Switches the laser. "Off" is always accepted. "On" fails with DEVICE_ERROR_INTERLOCK while the
+ * interlock is open, and it needs a permit (device_set_permit()). */
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 enum light laser_light(const Laser *laser);
-gboolean laser_is_on(const Laser *laser); /* it may shine: not LIGHT_OFF */
+/* Returns whether the laser may shine: the state is not LIGHT_OFF. */
+gboolean laser_is_on(const Laser *laser);
 enum device_safety laser_safety(const Laser *laser);
 
 /* Says that somebody has mounted the unit at the place of that section of the rig file. */
 gboolean laser_mount(Laser *laser, const char *place, GError **error);
 
-/* For drivers, as lamps_report(). Takes ownership of error. */
+/* For drivers: answers set(), like lamps_report(). Takes ownership of error. */
 void laser_report(Laser *laser, gboolean on, GError *error);
 
-/* For drivers: the laser has gone off by itself, or its state is unknown. Reports a failed "on" and
- * switches it off, which is reported as well. Call it last: the listener may close the laser. Takes
- * ownership of error. */
+/* For drivers: reports that the laser has gone off by itself, or that its state is unknown. The
+ * listener gets a failed "on". The class then switches the laser off, which is reported as well.
+ * Call it last, because the listener may close the laser. Takes ownership of error. */
 void laser_lost(Laser *laser, GError *error);

@@ -2,8 +2,8 @@
 
 #define DEADLINE_US (2 * G_USEC_PER_SEC)
 
-/* Pauses between two attempts to switch off. The longest leaves time to reach a device within a
- * second of its return, also on a line that first waits for late answers. */
+/* Pauses between two attempts to switch off. The longest is short enough to reach a device within a
+ * second of its return, even on a line that first waits for late answers. */
 #define FIRST_PAUSE_US 100000
 #define MAX_PAUSE_US   300000
 
@@ -12,17 +12,17 @@ struct command {
     guint64 number; /* counts the commands of all lights */
     int index;
     gboolean on;
-    gboolean retry;   /* sent by the class; nobody waits for its answer */
-    gboolean overdue; /* not answered in time; its answer may still come */
+    gboolean retry;   /* sent by the class, so nobody waits for its answer */
+    gboolean overdue; /* not answered in time, but its answer may still come */
     guint deadline;
 };
 
 struct light_output {
     gboolean wanted; /* on */
     gboolean dark;   /* the last "off" was confirmed, and no "on" was sent since */
-    gboolean failed; /* a command has failed, and neither "off" nor a wanted "on" was confirmed
-                        since */
-    gboolean lit;    /* "on" was confirmed, and "off" was not since */
+    /* A command has failed, and neither "off" nor a wanted "on" was confirmed since. */
+    gboolean failed;
+    gboolean lit;                  /* "on" was confirmed, and "off" was not confirmed since */
     guint64 on_number, off_number; /* the last command of each kind */
     gint64 since_us;
 };
@@ -35,8 +35,8 @@ struct lights {
     guint64 n_commands;
     GQueue commands; /* of struct command, in order, until they are answered */
     guint retry;
-    gint64 pause_us; /* before the next attempt */
-    int n, turn;     /* turn: the output that is tried next */
+    gint64 pause_us; /* pause before the next attempt */
+    int n, turn;     /* turn: number of the output that is tried next */
     struct light_output *list;
 };
 
@@ -73,7 +73,8 @@ static gboolean covers(const struct command *command, int i) {
     return command->index < 0 || command->index == i;
 }
 
-/* Whether an "off" was sent after the output's last "on" and may still be answered in time. */
+/* Returns whether an "off" was sent after the last "on" of the output and may still be answered in
+ * time. */
 static gboolean off_is_due(const struct lights *lights, int i) {
     for (const GList *l = lights->commands.head; l; l = l->next) {
         const struct command *command = l->data;
@@ -111,7 +112,7 @@ static void took_off(struct light_output *output, const struct command *command,
     }
 }
 
-/* off_due: an "off" that is under way decides, and not this "on". */
+/* Takes a confirmed "on". off_due says that an "off" is under way, whose answer decides. */
 static void took_on(struct light_output *output, const struct command *command, gint64 now,
                     gboolean failed, gboolean off_due) {
     const gboolean last = output->on_number == command->number;
@@ -131,7 +132,8 @@ static void took_on(struct light_output *output, const struct command *command, 
 
 static void lights_retry(gpointer data);
 
-/* Tells whether the device is safe, and sees to it that what should be off is tried again. */
+/* Reports whether the device is safe, and schedules a new attempt for outputs that should be
+ * off. */
 static void lights_settle(struct lights *lights, const GError *error) {
     gboolean due = FALSE;
     for (int i = 0; i < lights->n; i++)
@@ -147,7 +149,7 @@ static void lights_settle(struct lights *lights, const GError *error) {
             clock_call_in(lights->device->clock, lights->pause_us, lights_retry, lights);
 }
 
-/* What the answer to a command, or its lack, says about the lights. */
+/* Updates the state of the lights from the answer to a command, or from its lack. */
 static void lights_take(struct lights *lights, const struct command *command, gint64 now,
                         const GError *error) {
     if (!error || command->on)
@@ -164,8 +166,8 @@ static void lights_take(struct lights *lights, const struct command *command, gi
     lights_settle(lights, error);
 }
 
-/* An answer that still comes to one of several commands to switch off, with no "on" between them,
- * proves as much whichever it belongs to: keeps the last one of them. */
+/* Removes the overdue "off" to the same light before this one, unless an "on" was sent between
+ * them. An answer that still comes proves the same for both, so only the last one is kept. */
 static void forget_older(struct lights *lights, const struct command *command) {
     GList *l = g_queue_find(&lights->commands, command);
     for (l = l ? l->prev : NULL; l; l = l->prev) {
@@ -203,7 +205,7 @@ static void lights_on_deadline(gpointer data) {
         lights->answer(device, copy.index, copy.on, now, error);
 }
 
-/* FALSE: the device has refused; nobody is to be answered. */
+/* Sends a command. Returns FALSE if the device has refused it; then nobody is to be answered. */
 static gboolean lights_command(struct lights *lights, int index, gboolean on, gboolean retry,
                                GError **error) {
     struct command *command = g_new0(struct command, 1);
@@ -233,7 +235,7 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     return FALSE;
 }
 
-/* One command at a time: for all lights, unless others are wanted. */
+/* Sends one command at a time. It is for all lights, unless other lights are wanted. */
 static void lights_retry(gpointer data) {
     struct lights *lights = data;
     int first = -1, n_wanted = 0;
@@ -247,7 +249,7 @@ static void lights_retry(gpointer data) {
     for (const GList *l = lights->commands.head; l; l = l->next) {
         const struct command *command = l->data;
         if (command->retry && !command->overdue)
-            return; /* its end continues */
+            return; /* the end of that command continues */
     }
     if (first < 0)
         return;
@@ -259,10 +261,11 @@ gboolean lights_set(struct lights *lights, int index, gboolean on, GError **erro
     return lights_command(lights, index, on, FALSE, error);
 }
 
-/* The commands to one light are answered in order, but one that is overdue may never be answered.
- * Of several that ask for the same, with nothing else between them, an answer proves as much
- * whichever it belongs to, and is taken for the first that is still waited for. Otherwise the first
- * that fits is taken: at worst the answer then proves less than it could. */
+/* Returns the command to which an answer belongs. The commands to one light are answered in order,
+ * but an overdue one may never be answered. If several commands ask for the same state with no
+ * other command between them, an answer proves the same for each of them. It is then taken for the
+ * first whose answer is still awaited. Otherwise it is taken for the first that fits. In the worst
+ * case the answer then proves less than it could. */
 static struct command *find_command(const struct lights *lights, int index, gboolean on) {
     struct command *overdue = NULL;
     for (const GList *l = lights->commands.head; l; l = l->next) {
@@ -279,7 +282,8 @@ static struct command *find_command(const struct lights *lights, int index, gboo
     return overdue;
 }
 
-/* Takes a command that is answered out of the list, and those before it that never will be. */
+/* Removes a command that was answered from the list. Also removes the commands before it that will
+ * never be answered. */
 static void take_command(struct lights *lights, struct command *command) {
     for (GList *l = lights->commands.head, *next; l->data != command; l = next) {
         struct command *older = l->data;
@@ -292,12 +296,12 @@ static void take_command(struct lights *lights, struct command *command) {
     g_queue_remove(&lights->commands, command);
 }
 
-/* Light that nobody asked for. */
+/* Takes a report of light that nobody has requested. */
 static void believe(struct lights *lights, int index) {
     const struct command unknown = {.index = index, .on = TRUE};
-    g_autoptr(GError) error = device_error_new(
-        DEVICE_ERROR_PROTOCOL, lights->device->who,
-        "it reports light that nobody has asked for" ERROR_ADVICE "see what else switches it");
+    g_autoptr(GError) error = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
+                                               "it reports light without a command" ERROR_ADVICE
+                                               "check what else switches it");
     lights_take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
     lights_settle(lights, error);
 }

@@ -1,38 +1,42 @@
 /*
- * What lamp banks and lasers share: the lights of a device. Each light has a wanted state and a
- * confirmed one. "Off" is a state, not an attempt: a light that should be off is sent "off" until
- * the device has confirmed it, for as long as the device is open. A command that was not answered
- * may have been carried out, so a lost answer to "on" counts as light.
+ * The lights of a device: the code that lamp banks and lasers share. Each light has a wanted state
+ * and a confirmed state. "Off" is a state that must be reached, not a single attempt. A light that
+ * should be off is sent "off" until the device has confirmed it, as long as the device is open. A
+ * command that was not answered may have been carried out. An "on" without an answer therefore
+ * counts as light.
  */
 #pragma once
 
 #include "device.h"
 
-/* Starts a command, as the set() of a driver. index -1: all lights, with on FALSE. */
+/* Starts a command, like set() of a driver. index -1 with on FALSE means all lights. */
 typedef gboolean (*LightsSend)(gpointer device, int index, gboolean on, GError **error);
 
-/* The one answer to a command of lights_set(), called last: it may close the device. */
+/* Called exactly once for each command of lights_set(). It is called last, because it may close the
+ * device. */
 typedef void (*LightsAnswer)(gpointer device, int index, gboolean on, gint64 at_us,
                              const GError *error);
 
 struct lights;
 
-/* device begins with a struct device; owned by the caller, and closed after lights_free(). many:
- * its lights have numbers that errors name, and one command switches all of them off. */
+/* Makes the lights of a device. device begins with a struct device. It is owned by the caller and
+ * closed after lights_free(). many says that the lights have numbers, which errors name, and that
+ * one command switches all of them off. */
 struct lights *lights_new(gpointer device, int n, gboolean many, LightsSend send,
                           LightsAnswer answer);
-void lights_free(struct lights *lights); /* sends nothing more; NULL is ignored */
+void lights_free(struct lights *lights); /* sends nothing afterwards; NULL is ignored */
 
-/* Answered once, unless it fails. The commands to one light are answered in order. */
+/* Switches a light. Unless the call fails, it is answered once. The commands to one light are
+ * answered in order. */
 gboolean lights_set(struct lights *lights, int index, gboolean on, GError **error);
 
-/* For the driver's reports. A report that fits no command is believed if it says that there is
+/* Takes the report of a driver. A report that fits no command is believed if it says that there is
  * light. */
 void lights_report(struct lights *lights, int index, gboolean on, const GError *error);
 
-/* The state of all lights is unknown because of this error: switches them off. */
+/* Says that the state of all lights is unknown because of the error. Switches them off. */
 void lights_lost(struct lights *lights, const GError *error);
 
 enum light lights_light(const struct lights *lights, int index);
-enum device_safety lights_safety(const struct lights *lights); /* of all its lights */
+enum device_safety lights_safety(const struct lights *lights);  /* of all its lights */
 gint64 lights_since_us(const struct lights *lights, int index); /* of the "on"; -1: none */

@@ -10,22 +10,22 @@
 #include <unistd.h>
 
 #define PREFIX      "mesorig "
-#define RESCUE      " rescue" /* ends the key of what programs hold that make the device safe */
-#define RESCUE_US   (5 * G_USEC_PER_SEC) /* their attempts end within that time */
+#define RESCUE      " rescue" /* suffix of the key while a program makes the device safe */
+#define RESCUE_US   (5 * G_USEC_PER_SEC) /* limit of the time that their attempts take */
 #define LOOK_US     20000
-#define DRAIN_S     10  /* in which at most SOMAXCONN may ask */
-#define MAX_COMMAND 120 /* bytes of a command line that are shown */
+#define DRAIN_S     10  /* in this time, at most SOMAXCONN processes may ask */
+#define MAX_COMMAND 120 /* largest number of bytes of a command line that are shown */
 
 struct Lock {
     char *key;
-    int fd;         /* −1: nothing is held */
-    GSource *drain; /* takes the connections of those who have asked who holds it */
+    int fd;         /* −1 if no lock is held */
+    GSource *drain; /* accepts the connections of processes that have asked for the holder */
 };
 
 static gint role = LOCK_OWNER; /* atomic */
-static gint found;             /* atomic: a process number */
+static gint found;             /* atomic; a process number */
 
-/* Held while a socket is closed or drained, so that the main loop never accepts from a descriptor
+/* Held while a socket is closed or drained. The main loop therefore never accepts from a descriptor
  * that another thread has closed. */
 static GMutex drain_mutex;
 
@@ -43,7 +43,8 @@ pid_t lock_steal_found(void) {
     return pid;
 }
 
-/* A long key is replaced by its check sum. Returns the length of the address. */
+/* Fills in the address of a key. A long key is replaced by its check sum. Returns the length of the
+ * address. */
 static socklen_t set_address(const char *key, struct sockaddr_un *ret) {
     *ret = (struct sockaddr_un){.sun_family = AF_UNIX};
     char *name = ret->sun_path + 1; /* after the zero that makes it abstract */
@@ -56,8 +57,8 @@ static socklen_t set_address(const char *key, struct sockaddr_un *ret) {
     return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + n);
 }
 
-/* By a timer, since a source that waits for connections would never rest while this process has no
- * descriptor left to accept them. */
+/* Accepts connections at intervals of a timer. A source that waits for connections would be ready
+ * all the time while this process has no descriptor left to accept them. */
 static gboolean on_drain(gpointer data) {
     const int fd = GPOINTER_TO_INT(data);
     g_mutex_lock(&drain_mutex);
@@ -70,7 +71,7 @@ static gboolean on_drain(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Returns 0 or errno; EADDRINUSE: it is held. */
+/* Returns 0 or errno. EADDRINUSE means that another process holds the lock. */
 static int hold(Lock *lock) {
     struct sockaddr_un address;
     const socklen_t length = set_address(lock->key, &address);
@@ -113,7 +114,8 @@ gboolean lock_holder(const char *key, pid_t *ret_pid) {
     if (why == 0 && getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &holder, &size) == 0)
         *ret_pid = holder.pid;
     close(fd);
-    return why == 0 || why == EAGAIN; /* EAGAIN: many have asked a holder that is stopped */
+    /* EAGAIN: many processes have asked a holder that is stopped. */
+    return why == 0 || why == EAGAIN;
 }
 
 static char *read_command(pid_t pid, gsize *ret_length) {
@@ -160,7 +162,7 @@ static gboolean refuse(const char *what, pid_t pid, GError **error) {
     if (pid == getpid())
         return device_error_set(
             error, DEVICE_ERROR_BUSY, NULL,
-            "%s is open already: another section gives it another name" ERROR_ADVICE
+            "%s is already open: another section names it differently" ERROR_ADVICE
             "write it the same way in both",
             what);
     return device_error_set(error, DEVICE_ERROR_BUSY, NULL,
@@ -170,7 +172,8 @@ static gboolean refuse(const char *what, pid_t pid, GError **error) {
                                                 : "end that program");
 }
 
-/* The lock of an owner: nobody else has it, and nobody is making the device safe. */
+/* Takes the lock of an owner. No other process may hold it, and no process may be making the device
+ * safe. */
 static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what, GError **error) {
     g_autofree char *rescue = g_strconcat(lock->key, RESCUE, NULL);
     const gint64 until = g_get_monotonic_time() + RESCUE_US;
@@ -194,9 +197,9 @@ static gboolean take_for_owner(Lock *lock, enum lock_kind kind, const char *what
     return TRUE;
 }
 
-/* Announces itself first and looks for an owner then, as an owner does in the other order: of two
- * that come at the same time, at least one sees the other. That no socket can be had must not keep
- * a laser on. */
+/* Announces itself first, and then looks for an owner. An owner does the same in the opposite
+ * order. If both come at the same time, at least one therefore sees the other. If no socket can be
+ * made, the rescue continues, because that must not keep a laser on. */
 static gboolean take_for_rescue(Lock *lock, enum lock_kind kind, const char *what, GError **error) {
     pid_t pid = 0;
     g_autofree char *key = g_steal_pointer(&lock->key);

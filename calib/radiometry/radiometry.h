@@ -126,10 +126,10 @@ struct tile_fit {
     double expected; /* what the noise of the cells explains of it */
     /* RMS over the lamps of what was found minus what is nominal: the exponent, and the aim. */
     double exponent_off, aim_off_rad;
-    double quality;  /* χ² per degree of freedom; 1 if model and noise are right */
-    int degrees;     /* degrees of freedom */
-    int rejected;    /* number of rejected cells */
-    double *output;  /* of each shot's lamp, relative to that lamp's mean; g_free() */
+    double quality; /* χ² per degree of freedom; 1 if model and noise are right */
+    int degrees;    /* degrees of freedom */
+    int rejected;   /* number of rejected cells */
+    double *output; /* of each shot's lamp, relative to that lamp's mean; g_free() */
     double *output_error;
 };
 void tile_fit_clear(struct tile_fit *fit);

@@ -23,7 +23,7 @@ static void bus_notify(Bus *bus) {
 
 void bus_report(Bus *bus, const char *level, const char *source, const char *message) {
     const gboolean bad = strcmp(level, "error") == 0;
-    /* Clients see what went before it first. */
+    /* Clients receive earlier messages first. */
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(bus->object));
     bus_rig1_emit_event(bus->object, level, source, message);
     if (bad)
@@ -39,10 +39,11 @@ static void bus_on_event(Capture *capture, const char *level, const char *source
 }
 
 static void show_status(Bus *bus, const struct capture_status *status) {
-    double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1; /* in real time */
+    /* Left_s is in real time. */
+    double left_s = status->state <= CAPTURE_PAUSING ? status->left_s : -1;
     if (left_s >= 0 && clock_is_virtual(bus->devices->clock)) {
-        /* A simulated rig's clock does not run at the pace of real time. Its pace is measured since
-         * the axes were homed, since homing takes no real time in a simulation. */
+        /* The clock of a simulated rig does not run at the speed of real time. The ratio is
+         * measured since the axes were homed, because homing takes no real time in a simulation. */
         const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
         const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
         left_s = simulated_s > 0 ? left_s * real_s / simulated_s : -1;
@@ -82,8 +83,8 @@ static void end_capture(Bus *bus) {
     g_clear_pointer(&bus->capture, capture_free);
 }
 
-/* Releases the session as soon as it has ended, so that another program may resume it; clients
- * still see its last state. An idle source calls this, since the capture must not be freed within
+/* Releases the session as soon as it has ended, so that another program may resume it. Clients
+ * still see its last state. An idle source calls this, because the capture must not be freed within
  * its own callback. */
 static gboolean end_capture_idle(gpointer data) {
     Bus *bus = data;
@@ -99,7 +100,7 @@ static void bus_changed(Capture *capture, gpointer data) {
     Bus *bus = data;
     struct capture_status status;
     if (!bus->capture)
-        return; /* from within capture_start() */
+        return; /* called from within capture_start() */
     capture_get_status(capture, &status);
     show_status(bus, &status);
     bus_show_devices(bus);
@@ -110,7 +111,7 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_notify(bus);
 }
 
-/* Shows the state at intervals: while axes home, or during a long exposure, the capture reports
+/* Shows the state at intervals. While axes home, or during a long exposure, the capture reports
  * nothing. */
 static gboolean on_tick(gpointer data) {
     Bus *bus = data;
@@ -197,8 +198,8 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     guardian_set_busy(bus->guardian, TRUE);
     bus->devices = devices_open(path, &failed);
     if (!bus->devices) {
-        /* A device that has not answered may shine. One that another process has is that process's
-         * business, and wrong sections are known before any device is opened. */
+        /* A device that has not answered may shine. A device that another process has open is the
+         * responsibility of that process. Wrong sections are found before any device is opened. */
         const gboolean other = g_error_matches(failed, DEVICE_ERROR, DEVICE_ERROR_BUSY);
         guardian_end(bus->guardian,
                      failed->domain == DEVICE_ERROR && !other ? GUARDIAN_FAILED : GUARDIAN_SAFE);
@@ -233,9 +234,9 @@ gboolean bus_can_close(Bus *bus, GError **error) {
         return TRUE;
     bus_unattended_stop(bus, "the rig could not be closed, because a device did not confirm");
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "the rig stays open, since not every device has confirmed that it is off or stands "
-                "(%s): it is told again until it does; look at it, and cut its power if it does "
-                "not obey",
+                "the rig stays open, because not every device has confirmed that it is off or "
+                "stands still (%s): the command is repeated until it does; look at the device, and "
+                "cut its power if it does not obey",
                 unsafe->message);
     return FALSE;
 }
@@ -244,7 +245,7 @@ void bus_close_rig(Bus *bus) {
     static struct devices *abandoned;
     g_autoptr(GError) error = NULL;
     if (bus->ending)
-        return; /* from within bus_end(), which runs the main loop */
+        return; /* called from within bus_end(), which runs the main loop */
     bus_authority_stop(bus, "the rig was closed meanwhile");
     bus_unattended_stop(bus, NULL);
     bus_jobs_stop_all(bus, "the rig was closed meanwhile");
@@ -264,7 +265,7 @@ void bus_close_rig(Bus *bus) {
         devices_watch_safety(abandoned, NULL, NULL);
         guardian_end(bus->guardian, GUARDIAN_UNSAFE);
     } else {
-        guardian_set_busy(bus->guardian, TRUE); /* closing may block; everything is off */
+        guardian_set_busy(bus->guardian, TRUE); /* closing may block; all lights are off */
         g_clear_pointer(&bus->devices, devices_close);
         guardian_end(bus->guardian, GUARDIAN_SAFE);
     }
@@ -303,7 +304,7 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     g_autofree char *control = g_build_filename(directory, BUS_CONTROL, NULL);
     g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
     if (!g_file_set_contents(control, line, -1, &error))
-        g_message("commands in other terminals do not find this daemon by the session's folder: %s",
+        g_message("commands in other terminals cannot find this daemon by the session's folder: %s",
                   error->message);
     g_clear_error(&error);
     bus_rig1_set_session(bus->object, directory);
@@ -333,7 +334,7 @@ void bus_make_safe(Bus *bus) {
     g_autoptr(GError) error = NULL;
     bus_authority_stop(bus, "SafeState ended it before it began");
     bus_unattended_stop(bus, "SafeState was called");
-    bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
+    bus_jobs_stop_begin(bus, "SafeState ended the operation that was about to begin");
     bus_hands_stop(bus, "SafeState ended it");
     bus_hold_clock(bus, FALSE);
     if (bus->capture)

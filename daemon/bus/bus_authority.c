@@ -10,15 +10,15 @@
 
 #define ACTION(name) "org.mesorig.rig." name
 
-/* Questions that wait for polkit, for all clients. */
+/* Largest number of questions that wait for polkit, for all clients. */
 #define MAX_QUESTIONS 64
 
-/* Somebody may have to type a password. */
+/* Long enough for somebody to type a password. */
 #define ANSWER_S      25
 #define INTERACTION_S 120
 
-/* Every method of etc/org.mesorig.Rig1.xml. acts: it gives light, moves or begins a session, and is
- * refused while the rig is held in its safe state. */
+/* Every method of etc/org.mesorig.Rig1.xml. acts says that the method gives light, moves or begins
+ * a session. Such a method is refused while the rig is held in its safe state. */
 static const struct {
     const char *method, *action;
     gboolean acts;
@@ -28,27 +28,28 @@ static const struct {
     {"Validate", ACTION("look"), FALSE},
     {"GetThumbnail", ACTION("look"), FALSE},
     {"Snap", ACTION("look"), FALSE},
-    {"Start", ACTION("capture"), TRUE}, /* with another calibration: "calibrate" */
+    {"Start", ACTION("capture"), TRUE}, /* with another calibration, the action is "calibrate" */
     {"Resume", ACTION("capture"), TRUE},
     {"Pause", ACTION("capture"), FALSE},
     {"Continue", ACTION("capture"), TRUE},
     {"Abort", ACTION("capture"), FALSE},
-    {"QueueAdd", ACTION("capture"), TRUE}, /* as Start */
+    {"QueueAdd", ACTION("capture"), TRUE}, /* like Start */
     {"QueueRemove", ACTION("capture"), FALSE},
     {"QueueMove", ACTION("capture"), FALSE},
     {"QueuePause", ACTION("capture"), FALSE},
     {"QueueResume", ACTION("capture"), TRUE},
-    {"SetLamp", ACTION("move"), TRUE}, /* to switch one off: nobody is asked, and always allowed */
+    /* Switching a lamp off is always allowed, without a question. */
+    {"SetLamp", ACTION("move"), TRUE},
     {"MoveAxis", ACTION("move"), TRUE},
     {"HomeAxis", ACTION("move"), TRUE},
-    {"SetLaser", ACTION("laser"), TRUE}, /* as SetLamp */
-    {"Renew", NULL, TRUE},               /* for what the client was allowed to switch on */
+    {"SetLaser", ACTION("laser"), TRUE}, /* like SetLamp */
+    {"Renew", NULL, TRUE},               /* for lights that the client was allowed to switch on */
     {"Release", ACTION("release"), FALSE},
     {"SafeState", NULL, FALSE},
 };
 
 struct question {
-    Bus *bus; /* NULL: stopped, and the call is answered */
+    Bus *bus; /* NULL if it was stopped and the call is answered */
     GDBusMethodInvocation *invocation;
     const char *action;
     GCancellable *cancellable;
@@ -67,7 +68,8 @@ const char *bus_authority_action(const char *method, gboolean *ret_known) {
     return NULL;
 }
 
-/* Switching a light off is as free as the safe state: it must not wait for a polkit that hangs. */
+/* Returns whether a call only switches a light off. Such a call is as free as SafeState, because it
+ * must not wait for a polkit that hangs. */
 static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     gboolean on = TRUE;
@@ -77,7 +79,7 @@ static gboolean only_switches_off(GDBusMethodInvocation *invocation) {
     return !on;
 }
 
-/* Answers a call that may not begin, because of the safe state, with an error. */
+/* Answers a call that may not begin because of the safe state with an error. */
 static gboolean refuse_latched(Bus *bus, GDBusMethodInvocation *invocation) {
     const char *method = g_dbus_method_invocation_get_method_name(invocation);
     GError *error = NULL;
@@ -120,7 +122,7 @@ static void pass_on(GDBusMethodInvocation *invocation) {
                                         invocation, object);
 }
 
-/* Takes the error. */
+/* Ends the question with an error. Takes ownership of the error. */
 static void question_refuse(struct question *question, GError *error) {
     g_dbus_method_invocation_take_error(g_steal_pointer(&question->invocation),
                                         bus_errors_wrap(error));
@@ -149,13 +151,14 @@ static gboolean question_late(gpointer data) {
     question->deadline = 0;
     question_stop(question->bus, question,
                   g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                              "polkit has not said in time whether you may do this (%s): try "
+                              "polkit has not answered in time whether you may do this (%s): try "
                               "again, and see systemctl status polkit",
                               question->action));
     return G_SOURCE_REMOVE;
 }
 
-/* The last callback of a question: allowed passes the call on, else error says why not. */
+/* The last callback of a question. If allowed is TRUE, passes the call on. Otherwise error gives
+ * the reason. */
 static void question_end(struct question *question, gboolean allowed, GError *error) {
     if (question->bus) {
         g_ptr_array_remove(question->bus->questions, question);
@@ -177,14 +180,14 @@ static void on_answer(GObject *source, GAsyncResult *result, gpointer data) {
         polkit_authority_check_authorization_finish(POLKIT_AUTHORITY(source), result, &error);
     if (g_error_matches(error, G_DBUS_ERROR, G_DBUS_ERROR_SERVICE_UNKNOWN)) {
         g_clear_error(&error);
-        question_end(question, TRUE, NULL); /* it is not installed */
+        question_end(question, TRUE, NULL); /* polkit is not installed */
         return;
     }
     const gboolean allowed = answer && polkit_authorization_result_get_is_authorized(answer);
     if (answer && !allowed)
         error = g_error_new(BUS_ERROR, BUS_ERROR_DENIED,
-                            "%s is not allowed to you (%s): an administrator can allow it in "
-                            "/etc/polkit-1/rules.d; “mesorig safe” is allowed always",
+                            "you are not allowed to call %s (%s): an administrator can allow it in "
+                            "/etc/polkit-1/rules.d; “mesorig safe” is always allowed",
                             g_dbus_method_invocation_get_method_name(question->invocation),
                             question->action);
     else if (!answer)
@@ -270,7 +273,7 @@ static void authority_method_call(GDBusConnection *connection, const char *sende
     else if (bus->questions->len >= MAX_QUESTIONS)
         g_dbus_method_invocation_return_error(
             invocation, BUS_ERROR, BUS_ERROR_LIMIT,
-            "%d calls wait for polkit, which is the most: try again", MAX_QUESTIONS);
+            "%d calls wait for polkit, which is the maximum: try again", MAX_QUESTIONS);
     else
         ask(bus, invocation);
 }

@@ -6,7 +6,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* The three permission bits that apply to the caller: the owner's, the group's, or the others'. */
+/* Returns the three permission bits that apply to the caller: those of the owner, the group, or
+ * others. */
 static guint caller_rights(const struct bus_caller *caller, const struct stat *info) {
     if (caller->uid == info->st_uid)
         return (guint)(info->st_mode >> 6) & 7;

@@ -88,7 +88,7 @@ static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, 
 
 static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    const char *why = "Abort ended what was about to begin";
+    const char *why = "Abort ended the operation that was about to begin";
     const gboolean asked = bus_authority_stop(bus, why);
     const gboolean trying = bus_unattended_is_beginning(bus);
     if (trying)
@@ -212,7 +212,7 @@ static gboolean on_home_axis(BusRig1 *object, GDBusMethodInvocation *invocation,
     return TRUE;
 }
 
-/* All but SafeState, which bus_latch.c answers. */
+/* Connects all handlers except that of SafeState, which bus_latch.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
         const char *signal;

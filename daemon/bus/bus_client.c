@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define LONGEST_FOLDER  80 /* a socket's path is 107 bytes at most */
+#define LONGEST_FOLDER  80 /* the path of a socket has at most 107 bytes */
 #define CONNECT_WAIT_MS 5000
 #define UNIX_PATH       "unix:path="
 
@@ -66,7 +66,7 @@ char *bus_client_announce(const char *address, GError **error) {
 
 struct attempt {
     char *address;
-    GCancellable *stop; /* by the caller, or after CONNECT_WAIT_MS */
+    GCancellable *stop; /* cancelled by the caller, or after CONNECT_WAIT_MS */
     GCancellable *caller;
     gulong caller_id;
     guint timer;
@@ -94,7 +94,7 @@ static void on_cancelled(GCancellable *caller, gpointer stop) {
     g_cancellable_cancel(stop);
 }
 
-/* Replaces GLib's error, which names neither the address that it has tried nor a remedy. */
+/* Replaces GLib's error, which names neither the address nor a remedy. */
 static GError *explain(const struct attempt *attempt, const GError *why) {
     const char *address = attempt->address;
     if (g_error_matches(why, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT) ||
@@ -108,7 +108,7 @@ static GError *explain(const struct attempt *attempt, const GError *why) {
                            "the program that listens at %s has not answered within %d s; end it, "
                            "and start mesorigd again",
                            address, CONNECT_WAIT_MS / 1000);
-    const char *colon = strstr(why->message, ": "); /* behind "Could not connect" */
+    const char *colon = strstr(why->message, ": "); /* after "Could not connect" */
     return g_error_new(why->domain, why->code,
                        "no mesorigd answers at %s (%s); start one there: mesorigd --listen %s "
                        "--rig RIG",

@@ -1,35 +1,37 @@
 /*
- * How clients reach a daemon of their own user that listens at an address (mesorigd --listen). Each
- * such daemon is found in one folder of the user's, whatever its address: FOLDER/mesorig-XXXXXX/bus
- * is its socket, or a link to it. Main loop's thread.
+ * How clients reach a daemon of the same user that listens at an address (mesorigd --listen). All
+ * such daemons are found in one folder of the user, whatever their address:
+ * FOLDER/mesorig-XXXXXX/bus is the socket of a daemon, or a link to it. All functions belong to the
+ * main loop's thread.
  */
 #pragma once
 
 #include <gio/gio.h>
 
-/* The environment variable with the address to use where the command line names no daemon. */
+/* The environment variable with the address that is used if the command line names no daemon. */
 #define BUS_CLIENT_VARIABLE "MESORIG_ADDRESS"
 
-/* The value of BUS_CLIENT_VARIABLE; NULL: it is not set, or empty. */
+/* Returns the value of BUS_CLIENT_VARIABLE, or NULL if it is not set or empty. */
 const char *bus_client_address(void);
 
-/* The folder in which the folders of daemons are: XDG_RUNTIME_DIR, or else that for temporary
- * files. */
+/* Returns the folder that contains the folders of daemons: XDG_RUNTIME_DIR, or else the folder for
+ * temporary files. */
 const char *bus_client_folder(void);
 
-/* The first function makes a folder in bus_client_folder() that only this user may read, and
- * returns its path, g_free(). The second removes such a folder with the files "bus" and "log". */
+/* bus_client_make_folder() makes a folder in bus_client_folder() that only this user may read, and
+ * returns its path. Free it with g_free(). bus_client_remove_folder() removes such a folder with
+ * its files "bus" and "log". */
 char *bus_client_make_folder(GError **error);
 void bus_client_remove_folder(const char *folder);
 
 /* Lets clients of the same user find the daemon that listens at "unix:path=…". Returns the folder
- * that is to be removed when the daemon ends, g_free(); NULL without an error: the daemon's socket
- * is in such a folder already. */
+ * that has to be removed when the daemon ends; free it with g_free(). Returns NULL without an error
+ * if the daemon's socket is already in such a folder. */
 char *bus_client_announce(const char *address, GError **error);
 
-/* Connects to the daemon at an address, within 5 s. Errors name the address and say how a daemon is
- * started there; G_IO_ERROR_NOT_FOUND or G_IO_ERROR_CONNECTION_REFUSED: no process listens there.
- * bus_client_connect() runs the default main context while it waits. */
+/* Connects to the daemon at an address, within 5 s. Errors name the address and say how to start a
+ * daemon there. G_IO_ERROR_NOT_FOUND and G_IO_ERROR_CONNECTION_REFUSED mean that no process listens
+ * there. bus_client_connect() runs the default main context while it waits. */
 void bus_client_connect_async(const char *address, GCancellable *cancellable,
                               GAsyncReadyCallback callback, gpointer data);
 GDBusConnection *bus_client_connect_finish(GAsyncResult *result, GError **error);

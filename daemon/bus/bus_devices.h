@@ -1,15 +1,16 @@
-/* The devices of a rig as the bus lists them. */
+/* The devices of a rig in the form in which the bus lists them. */
 #pragma once
 
 #include "rig/devices.h"
 #include "session/session.h"
 
-/* "a(ssss)": class, name, driver, health. faults maps the name of a device to its fault, unsafe
- * maps class and name ("laser top") to what the device has not confirmed (all of them char *).
- * devices NULL: an empty list. Floating. */
+/* Returns the devices as "a(ssss)": class, name, driver, health. faults maps the name of a device
+ * to its fault. unsafe maps class and name ("laser top") to the state that the device has not
+ * confirmed. Keys and values are char *. If devices is NULL, the list is empty. The result is
+ * floating. */
 GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe);
 
-/* The values of the properties Pose and Places. shot NULL: none was taken; devices NULL: none are
- * open. Floating. */
+/* Return the values of the properties Pose and Places. shot is NULL if none was taken. devices is
+ * NULL if none are open. The results are floating. */
 GVariant *bus_pose(const struct devices *devices, const struct session_shot *shot);
 GVariant *bus_places(const struct devices *devices);

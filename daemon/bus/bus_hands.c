@@ -10,13 +10,13 @@
 #include "bus_errors.h"
 #include "bus_unattended.h"
 
-/* Numbers of pictures taken by hand begin here; shots of sessions have lower ones. */
+/* Numbers of pictures taken by hand begin here. Shots of sessions have lower numbers. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
 #define MOST_RETAKES  3
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
-/* A device in use by hand: a call waits for its answer, or it gives light. */
+/* A device in use by hand. Either a call waits for its answer, or the device gives light. */
 struct hand {
     Bus *bus;
     enum hand_kind kind;
@@ -25,16 +25,16 @@ struct hand {
     int lamp; /* index in the bank */
     Laser *laser;
     Axis *axis;
-    const char *name;                  /* the device's own */
-    GDBusMethodInvocation *invocation; /* the call that waits; NULL: none */
-    BusParked parked;                  /* in its place, of an axis that is parked */
-    GDBusConnection *connection;       /* of the client */
-    char *sender;                      /* its name on a message bus, or NULL */
-    guint watch;                       /* of that name */
-    gboolean off_asked;                /* it is to go off or stand, for good */
-    guint lease;                       /* source of the end of the time for which it is on */
+    const char *name;                  /* name of the device */
+    GDBusMethodInvocation *invocation; /* the call that waits; NULL if there is none */
+    BusParked parked;                  /* instead of a call, for an axis that is parked */
+    GDBusConnection *connection;       /* connection of the client */
+    char *sender;                      /* name of the client on a message bus, or NULL */
+    guint watch;                       /* watch of that name */
+    gboolean off_asked;                /* it has to go off or stop, finally */
+    guint lease;                       /* source that ends the time for which the light is on */
     gboolean homing;
-    guint warming; /* call of the clock: the light is stable then */
+    guint warming; /* call of the clock at the time when the light is stable */
     guint64 picture;
     int retakes;
 };
@@ -72,7 +72,7 @@ void bus_hands_watch(Bus *bus, gboolean watch) {
             interlock_unlisten(bus->devices->interlocks[i], bus->hand_interlocks[i]);
 }
 
-/* The device is free again. */
+/* Releases the device. */
 static void hand_drop(struct hand *hand) {
     Bus *bus = hand->bus;
     hand_listen(hand, FALSE);
@@ -92,7 +92,7 @@ static void hand_drop(struct hand *hand) {
     bus_show_devices(bus);
 }
 
-/* Answers the call: with the angle at which the axis stands, or because the light is as
+/* Answers the call with the angle of the axis, or with success because the light is as
  * requested. */
 static void hand_answer(struct hand *hand) {
     BusRig1 *object = hand->bus->object;
@@ -115,8 +115,8 @@ static void hand_answer(struct hand *hand) {
         bus_rig1_complete_move_axis(object, invocation, axis_position_deg(hand->axis));
 }
 
-/* Ends a hand whose device has failed to obey. If the device may still give light, its class tells
- * it to go off until it confirms that. */
+/* Ends the use of a device that has failed to obey. If the device may still give light, its class
+ * sends "off" until the device confirms it. */
 static void hand_lose(struct hand *hand, const GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -132,7 +132,7 @@ static void hand_on_warm(gpointer data) {
 static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, const GError *error) {
     Clock *clock = hand->bus->devices->clock;
     if (!on && !hand->off_asked)
-        return; /* the answer to an earlier command, of SafeState for instance */
+        return; /* the answer belongs to an earlier command, of SafeState for instance */
     if (error) {
         hand_lose(hand, error);
     } else if (!on) {
@@ -145,7 +145,7 @@ static void hand_switched(struct hand *hand, gboolean on, double warm_up_s, cons
     }
 }
 
-/* The hands of a bank share its one listener. */
+/* All uses of a bank share its one listener. */
 static void hand_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                          gpointer data) {
     Bus *bus = data;
@@ -178,7 +178,7 @@ static void hand_on_axis(Axis *axis, enum axis_event event, const GError *error,
     hand_drop(hand);
 }
 
-/* The picture goes as a file without a name: a message bus limits the size of messages. */
+/* Sends the picture as a file without a name, because a message bus limits the size of messages. */
 static void hand_answer_picture(struct hand *hand, const Frame *frame) {
     const gsize size = (gsize)frame->width * (gsize)frame->height * sizeof(guint16);
     g_autoptr(GError) error = NULL;
@@ -237,8 +237,8 @@ static void hand_listen(struct hand *hand, gboolean listen) {
         axis_listen(hand->axis, listen ? hand_on_axis : NULL, hand);
 }
 
-/* Switches off or stops what the client of the hand has begun. Lights and axes stay in hand until
- * they have confirmed it. */
+/* Switches off or stops the device of a client. Lights and axes stay in use until they have
+ * confirmed it. */
 static void hand_end(struct hand *hand, const char *why) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) cancelled = g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why);
@@ -249,7 +249,7 @@ static void hand_end(struct hand *hand, const char *why) {
     if (hand->axis && !axis_stop(hand->axis, &error))
         bus_report(hand->bus, "error", hand->name, error->message);
     if (hand->axis && !error && axis_is_moving(hand->axis))
-        return; /* until it stands */
+        return; /* the use ends when the axis stands */
     if (hand->camera || hand->axis) {
         hand_drop(hand);
         return;
@@ -263,8 +263,8 @@ static void hand_end(struct hand *hand, const char *why) {
 static gboolean on_lease_over(gpointer data) {
     struct hand *hand = data;
     hand->lease = 0;
-    bus_report(hand->bus, "info", hand->name, "its lease is over, so it goes off");
-    hand_end(hand, "its lease was over before its light was stable: call Renew while it warms up");
+    bus_report(hand->bus, "info", hand->name, "its lease has ended, so it is switched off");
+    hand_end(hand, "its lease ended before its light was stable: call Renew while it warms up");
     return G_SOURCE_REMOVE;
 }
 
@@ -277,8 +277,8 @@ static gboolean check_lease(double for_s, GError **error) {
     if (for_s > 0 && for_s <= BUS_MAX_LEASE_S)
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                "a light is on for more than 0 s and at most %d s, not for %g s: call Renew before "
-                "that time is over",
+                "a light may be on for more than 0 s and at most %d s, not for %g s: call Renew "
+                "before that time is over",
                 BUS_MAX_LEASE_S, for_s);
     return FALSE;
 }
@@ -319,7 +319,7 @@ static void end_those_of(Bus *bus, GDBusConnection *connection, const char *send
         struct hand *hand = bus->hands->pdata[i];
         if (connection && hand->connection == connection && !hand->off_asked &&
             (!sender || g_strcmp0(hand->sender, sender) == 0))
-            hand_end(hand, "the client has gone");
+            hand_end(hand, "the client has disconnected");
     }
 }
 
@@ -356,18 +356,18 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
         (like->kind == HAND_LASER && !like->off_asked) || like->kind == HAND_AXIS;
     GError *error = NULL;
     if (g_dbus_connection_is_closed(g_dbus_method_invocation_get_connection(invocation)))
-        return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has gone");
+        return g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, "the client has disconnected");
     if (emits && (error = open_interlock_error(bus)))
         return error;
     if (hand && hand->lease && !like->off_asked && !hand_is_of(hand, invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
                            "another client has %s on: try again when it is off", like->name);
-    /* An "off" may follow an "on" that is not answered yet, and join an "off" that no call waits
-     * for. */
+    /* An "off" may follow an "on" that is not answered yet. It may also join an "off" for which no
+     * call waits. */
     const gboolean joins = like->off_asked && hand && !(hand->off_asked && hand->invocation);
     if (hand && !joins && (hand->off_asked || hand->parked || hand->invocation))
         return g_error_new(BUS_ERROR, BUS_ERROR_BUSY,
-                           "%s is busy with another call: try again when that is answered",
+                           "%s is busy with another call: try again when that call is answered",
                            like->name);
     return NULL;
 }
@@ -375,7 +375,7 @@ static GError *check_hand(Bus *bus, GDBusMethodInvocation *invocation, const str
 static struct hand *hand_new(Bus *bus, GDBusMethodInvocation *invocation, const struct hand *like) {
     struct hand *hand = g_memdup2(like, sizeof *like);
     if (bus->hands->len == 0)
-        bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in hand */
+        bus_hold_clock(bus, FALSE); /* virtual time runs while any device is in use */
     hand->bus = bus;
     g_ptr_array_add(bus->hands, hand);
     hand_listen(hand, TRUE);
@@ -388,8 +388,8 @@ static struct hand *hand_new(Bus *bus, GDBusMethodInvocation *invocation, const 
     return hand;
 }
 
-/* Takes a device in hand. If that is not possible now, answers the call and returns NULL. A call
- * that switches off (off_asked) ends a call that has switched on. */
+/* Begins the use of a device. If that is not possible now, answers the call and returns NULL. A
+ * call that switches off (off_asked) ends a call that has switched on. */
 static struct hand *hand_take(Bus *bus, GDBusMethodInvocation *invocation, struct hand like) {
     struct hand *hand = find_hand(bus, &like);
     GError *error = check_hand(bus, invocation, hand, &like);
@@ -434,7 +434,7 @@ static gboolean is_named(GString *names, const char *is, const char *wanted) {
     return strcmp(is, wanted) == 0;
 }
 
-/* Ends a hand whose device has refused the command. */
+/* Ends the use of a device that has refused the command. */
 static void hand_refused(struct hand *hand, GError *error) {
     hand_fail(hand, error);
     hand_drop(hand);
@@ -469,7 +469,8 @@ void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *nam
         hand_refused(hand, error);
 }
 
-/* Switches a lamp or laser. A client that has it on already only begins its lease again. */
+/* Switches a lamp or laser. If the client has already switched it on, only its lease begins
+ * again. */
 static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand like, gboolean on,
                       double for_s) {
     GError *error = NULL;
@@ -492,7 +493,7 @@ static void set_light(Bus *bus, GDBusMethodInvocation *invocation, struct hand l
                           : laser_set(hand->laser, on, &error)))
         hand_refused(hand, error);
     else
-        bus_show_devices(bus); /* it may shine before it answers */
+        bus_show_devices(bus); /* the light may shine before the device answers */
 }
 
 void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *name, gboolean on,
@@ -503,7 +504,7 @@ void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char 
     if (!rig_is_free(bus, invocation))
         return;
     const struct rig *rig = &bus->devices->geometry;
-    for (; i < rig->n_lamps; i++) { /* a lamp on the probe is one lamp at all of its stops */
+    for (; i < rig->n_lamps; i++) { /* a lamp on the probe is the same lamp at all of its stops */
         rig_stop_device(rig->lamps[i].name, rig->lamps[i].on_probe, device);
         if (rig_lamp_unit(rig, i) == i && is_named(names, device, name))
             break;
@@ -537,7 +538,7 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
     set_light(bus, invocation, like, on, for_s);
 }
 
-/* Takes the axis of this name in hand. If there is none, answers the call and returns NULL. */
+/* Begins the use of the axis of this name. If there is none, answers the call and returns NULL. */
 static struct hand *take_axis(Bus *bus, GDBusMethodInvocation *invocation, const char *name) {
     g_autoptr(GString) names = g_string_new(NULL);
     Axis *axis = NULL;
@@ -562,7 +563,7 @@ void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axi
     if (hand && !axis_move(hand->axis, deg, &error))
         hand_refused(hand, error);
     else if (hand)
-        bus_show_devices(bus); /* it moves */
+        bus_show_devices(bus); /* shows that it moves */
 }
 
 void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis) {
@@ -585,7 +586,7 @@ gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error) {
     for (guint i = 0; i < bus->hands->len; i++)
         if (((const struct hand *)bus->hands->pdata[i])->axis == axis) {
             g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                        "somebody is moving the axis %s: try again when it stands",
+                        "somebody is moving the axis %s: try again when it stands still",
                         axis->device.name);
             return FALSE;
         }

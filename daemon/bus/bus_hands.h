@@ -1,18 +1,20 @@
 /*
- * Devices by hand, one at a time: pictures, lamps, lasers, axes, while nothing is captured.
+ * Devices that clients use by hand, one at a time, while nothing is captured: pictures, lamps,
+ * lasers and axes.
  *
- * A lamp or laser is on for a lease, which the daemon measures in real time and the client can
- * renew. Everything that a client has switched on goes off, and everything that it has set moving
- * stops, when the lease is over, when the client goes, when an interlock opens, and before a
- * capture, SafeState or the end of the rig. Lasers and axes are refused while an interlock is open.
- * Main loop's thread.
+ * A lamp or laser is on for a lease. The daemon measures the lease in real time, and the client can
+ * renew it. Every light that a client has switched on goes off, and every axis that it has set in
+ * motion stops, when the lease is over, when the client disconnects, when an interlock opens, and
+ * before a capture, SafeState or the end of the rig. Lasers and axes are refused while an interlock
+ * is open. All functions belong to the main loop's thread.
  */
 #pragma once
 
 #include "bus_private.h"
 
-/* Each carries out the method of the same name. It answers the call when the device has done what
- * was asked (for a lamp or laser: when the light is stable), or at once with an error. */
+/* Each function carries out the method of the same name. It answers the call when the device has
+ * done what was requested. For a lamp or laser this is when the light is stable. If the request
+ * fails, it answers with an error immediately. */
 void bus_hands_snap(Bus *bus, GDBusMethodInvocation *invocation, const char *camera,
                     gint64 exposure_us, double gain_db);
 void bus_hands_set_lamp(Bus *bus, GDBusMethodInvocation *invocation, const char *lamp, gboolean on,
@@ -22,28 +24,29 @@ void bus_hands_set_laser(Bus *bus, GDBusMethodInvocation *invocation, const char
 void bus_hands_move(Bus *bus, GDBusMethodInvocation *invocation, const char *axis, double deg);
 void bus_hands_home(Bus *bus, GDBusMethodInvocation *invocation, const char *axis);
 
-/* Begins the leases of all lamps and lasers again that the caller has switched on. ret_n: their
- * number. Error BUS_ERROR_LIMIT: for_s is out of range. */
+/* Restarts the leases of all lamps and lasers that the caller has switched on. *ret_n is their
+ * number. The error is BUS_ERROR_LIMIT if for_s is out of range. */
 gboolean bus_hands_renew(Bus *bus, GDBusMethodInvocation *invocation, double for_s, guint *ret_n,
                          GError **error);
 
-/* Moves an axis to park_deg, after homing it if need be; an axis without park_deg is homed only.
- * Refuses an axis that a client has in hand, and all axes while an interlock is open. done is
- * called once, with an error if the axis did not get there or if another call has ended the
- * move. */
+/* Moves an axis to park_deg, after homing it if necessary. An axis without park_deg is only homed.
+ * Refuses an axis that a client is using, and all axes while an interlock is open. done is called
+ * once. It gets an error if the axis did not arrive or if another call has ended the move. */
 typedef void (*BusParked)(Bus *bus, const GError *error);
 gboolean bus_hands_park(Bus *bus, Axis *axis, BusParked done, GError **error);
 
-/* Listens to the interlocks of a rig that was opened, or is to be closed. */
+/* Starts to listen to the interlocks of a rig that was opened, or stops before the rig is
+ * closed. */
 void bus_hands_watch(Bus *bus, gboolean watch);
 
-/* Ends the work of all hands: answers their calls with BUS_ERROR_CANCELLED and the text why,
+/* Ends all use of devices by hand: answers the calls with BUS_ERROR_CANCELLED and the text why,
  * commands lights off and stops axes. */
 void bus_hands_stop(Bus *bus, const char *why);
 
-/* The same as bus_hands_stop(), but does not wait for the devices: the caller listens to them from
+/* The same as bus_hands_stop(), but does not wait for the devices. The caller listens to them from
  * now on. */
 void bus_hands_end(Bus *bus, const char *why);
 
-/* Ends, in the same way, everything that a client has begun whose connection has closed. */
+/* Ends, in the same way, everything that a client has begun. Call it when the connection of the
+ * client has closed. */
 void bus_hands_end_client(Bus *bus, GDBusConnection *connection);

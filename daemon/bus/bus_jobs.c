@@ -11,17 +11,17 @@
 
 #include "base/input_file.h"
 
-/* Bytes of a configuration file. */
+/* Largest size of a configuration file, in bytes. */
 #define MOST_TEXT (1 << 20)
 
-/* Sessions that are checked at once, for all clients. */
+/* Largest number of sessions that are checked at the same time, for all clients. */
 #define MAX_CHECKS 4
 
 struct bus_job {
-    Bus *bus;                          /* NULL: stopped */
-    GDBusMethodInvocation *invocation; /* NULL: answered, or there is none */
-    BusBegun begun;                    /* in its place, of a session of the queue */
-    struct queue_item *item;           /* to be added to the queue; NULL: none */
+    Bus *bus;                          /* NULL if the job was stopped */
+    GDBusMethodInvocation *invocation; /* NULL if it was answered, or if there is none */
+    BusBegun begun;                    /* instead of a call, for a session of the queue */
+    struct queue_item *item;           /* session to be added to the queue; NULL if there is none */
     GCancellable *cancellable;
     enum preparer_task task;
     char *directory;
@@ -38,7 +38,7 @@ static void bus_jobs_fail(Bus *bus, struct bus_job *job, GError *error) {
     g_error_free(error);
 }
 
-/* It is freed when its child has ended. */
+/* Stops a job. The job is freed when its child has ended. */
 static void bus_jobs_stop(Bus *bus, struct bus_job *job, const char *why) {
     g_ptr_array_remove(bus->jobs, job);
     job->bus = NULL;
@@ -77,11 +77,11 @@ void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
         struct bus_job *job = bus->jobs->pdata[i];
         if (job->invocation &&
             g_dbus_method_invocation_get_connection(job->invocation) == connection)
-            bus_jobs_stop(bus, job, "the client has gone");
+            bus_jobs_stop(bus, job, "the client has disconnected");
     }
 }
 
-/* Takes from the plan what the queue shows. */
+/* Takes the values from the plan that the queue shows. */
 static void answer_adding(struct bus_job *job, GVariant *report, GError *error) {
     struct queue_item *item = g_steal_pointer(&job->item);
     guint number = 0;
@@ -108,7 +108,8 @@ static void answer_adding(struct bus_job *job, GVariant *report, GError *error) 
                                 report);
 }
 
-/* An invalid session is an answer; an invalid call is an error. */
+/* Answers Validate. For an invalid session the answer lists the mistakes. An invalid call is an
+ * error. */
 static void answer_check(struct bus_job *job, GVariant *report, GError *error) {
     if (job->item) {
         answer_adding(job, report, error);
@@ -158,7 +159,7 @@ static void on_prepared(GObject *source, GAsyncResult *result, gpointer data) {
     g_free(job);
 }
 
-/* invocation NULL: of a session of the queue, whose caller the request has. */
+/* Starts a job. invocation is NULL for a session of the queue, whose caller is in the request. */
 static struct bus_job *start_job(Bus *bus, GDBusMethodInvocation *invocation,
                                  struct preparer_request *request) {
     struct bus_job *job = g_new0(struct bus_job, 1);
@@ -198,15 +199,16 @@ static gboolean may_check(Bus *bus, GDBusMethodInvocation *invocation, GError **
     return FALSE;
 }
 
-/* Refuses to read a file for another user, since the daemon may have more rights than its caller,
- * or fewer: the caller has to send the file's text. */
+/* Refuses to read a file for another user, because the daemon may have more or fewer rights than
+ * its caller. The caller has to send the text of the file. */
 static gboolean check_readable(GDBusMethodInvocation *invocation, const char *path,
                                const char *text, const char *option, GError **error) {
     if (!path || text || !bus_authority_caller(invocation))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_DENIED,
-                "%s: mesorigd reads no file for another user: give its text in the option %s", path,
-                option);
+                "%s: mesorigd does not read files for another user: give the text of the file in "
+                "the option %s",
+                path, option);
     return FALSE;
 }
 
@@ -227,7 +229,8 @@ gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *s
     return TRUE;
 }
 
-/* Replaces the calibration that the rig file names, for a session that begins now. */
+/* Checks whether a call may replace the calibration of the rig file, for a session that begins
+ * now. */
 static gboolean check_calibration(const char *path, const char *text, gboolean begins,
                                   GError **error) {
     if (!path)
@@ -271,7 +274,8 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
     return TRUE;
 }
 
-/* Returns the text of a file, which the queue keeps; "" for the empty path. NULL: an error. */
+/* Returns the text of a file, which the queue keeps. It is "" for the empty path. Returns NULL with
+ * an error on failure. */
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)
         return g_strdup("");

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* The main loop looks every LOOK_MS, for ANSWER_US at most, whether the devices have answered. If
+/* The main loop checks every LOOK_MS, for ANSWER_US at most, whether the devices have answered. If
  * the main loop has not answered a call after LATE_US, the thread of the latch does. */
 #define LOOK_MS   2
 #define ANSWER_US (150 * 1000)
@@ -21,9 +21,12 @@ struct safe_call {
 
 struct bus_latch {
     GMainContext *context;
-    Bus *bus;        /* main loop only; NULL: gone */
-    gboolean told;   /* main loop only: the devices were commanded, and not released since */
-    GSource *look;   /* main loop only: looks whether the devices have answered; NULL: none */
+    Bus *bus; /* used only by the main loop; NULL after it was closed */
+    /* Used only by the main loop: the devices were commanded, and not released since. */
+    gboolean told;
+    /* Used only by the main loop: checks whether the devices have answered. NULL if there is
+     * none. */
+    GSource *look;
     GThread *thread; /* answers calls that are late */
     GMutex lock;     /* guards the fields below */
     GCond changed;
@@ -55,7 +58,7 @@ void bus_latch_unref(gpointer latch) {
     g_atomic_rc_box_release_full(latch, latch_clear);
 }
 
-/* Answers the calls that arrived at until_us or earlier. body: owned by the caller, or NULL. */
+/* Answers the calls that arrived at until_us or earlier. body is owned by the caller, or NULL. */
 static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *body,
                          const GError *error) {
     for (;;) {
@@ -70,8 +73,8 @@ static void answer_calls(struct bus_latch *latch, gint64 until_us, GVariant *bod
     }
 }
 
-/* The main loop is busy, for instance because it opens a rig: no light is switched on meanwhile,
- * and the devices are commanded next. */
+/* Answers late calls while the main loop is busy, for instance because it opens a rig. No light is
+ * switched on meanwhile, and the devices are commanded next. */
 static void answer_late(struct bus_latch *latch, gint64 until_us) {
     GVariantBuilder devices;
     g_variant_builder_init(&devices, G_VARIANT_TYPE("a(sss)"));
@@ -137,9 +140,10 @@ static gboolean on_look(gpointer data) {
     struct bus_latch *latch = data;
     enum device_safety safety;
     if (!latch->bus->devices) {
-        g_autoptr(GError) error = g_error_new_literal(
-            BUS_ERROR, BUS_ERROR_CANCELLED,
-            "the rig was closed before all devices had answered that they are safe: look at them");
+        g_autoptr(GError) error =
+            g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED,
+                                "the rig was closed before all devices had confirmed that they are "
+                                "safe: look at the rig");
         answer_calls(latch, G_MAXINT64, NULL, error);
     } else {
         g_autoptr(GVariant) devices =
@@ -167,7 +171,7 @@ static void start_looking(struct bus_latch *latch) {
     on_look(latch);
 }
 
-/* Without a rig there is nothing to hold. */
+/* Refuses SafeState, because without a rig there is nothing to hold. */
 static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     g_mutex_lock(&latch->lock);
     latch->is_set = latch->told;
@@ -175,7 +179,8 @@ static void refuse_without_rig(struct bus_latch *latch, const GError *error) {
     answer_calls(latch, G_MAXINT64, NULL, error);
 }
 
-/* A further SafeState does not command devices that have yet to answer the one before. */
+/* Returns whether devices have not yet answered an earlier SafeState. A further SafeState does not
+ * command them again. */
 static gboolean is_under_way(struct bus_latch *latch) {
     enum device_safety safety = DEVICE_SAFE;
     if (latch->told && latch->bus->devices)
@@ -197,12 +202,12 @@ static gboolean on_asked(gpointer data) {
     if (!is_under_way(latch)) {
         const gboolean again = latch->told;
         latch->told = TRUE;
-        if (!latch->bus->ending) /* else every device is being made safe */
+        if (!latch->bus->ending) /* otherwise every device is being made safe already */
             bus_make_safe(latch->bus);
         bus_rig1_set_latched(latch->bus->object, TRUE);
         if (!again)
             bus_report(latch->bus, "warning", "safe state",
-                       "everything is off and stands until “mesorig release”");
+                       "all lights are off and all axes stand still until “mesorig release”");
     }
     start_looking(latch);
     return G_SOURCE_REMOVE;

@@ -1,17 +1,20 @@
-/* The options of Validate, Start, Resume and QueueAdd, as a client has sent them. Any thread. */
+/* The options of Validate, Start, Resume and QueueAdd, as a client has sent them. Any thread may
+ * call these functions. */
 #pragma once
 
 #include <glib.h>
 
 struct bus_options {
     gboolean process, yes;
-    char *calibration;                     /* path; NULL: what the rig file names */
-    char *session_text, *calibration_text; /* of those files; NULL: they are to be read */
-    char *exposures;                       /* session_conf_choose(); NULL: nothing is auto */
+    char *calibration; /* path; NULL for the file that the rig file names */
+    /* Contents of those files; NULL if they have to be read. */
+    char *session_text, *calibration_text;
+    /* For session_conf_choose(); NULL if no exposure is auto. */
+    char *exposures;
 };
 
-/* options: a{sv}; ret is zeroed before, and cleared by the caller in any case. BUS_ERROR_UNKNOWN:
- * an option does not exist, or has the wrong type. */
+/* Reads options of type a{sv}. ret is zeroed before it is filled. The caller clears it in any case.
+ * The error is BUS_ERROR_UNKNOWN if an option does not exist or has the wrong type. */
 gboolean bus_options_read(GVariant *options, struct bus_options *ret, GError **error);
 void bus_options_clear(struct bus_options *options);
 typedef struct bus_options BusOptions;

@@ -3,22 +3,22 @@
 
 #include <string.h>
 
-/* The maximum number of calls of one client, and of all clients, that may wait for the main loop.
- * The loop handles all waiting calls in one turn, and a SafeState that arrives during that turn
+/* Largest number of calls of one client, and of all clients, that may wait for the main loop. The
+ * loop handles all waiting calls in one iteration. A SafeState that arrives during that iteration
  * waits for its end. */
 #define MAX_OF_CLIENT 32
 #define MAX_WAITING   128
 
-/* The filter runs in GDBus's thread; everything else runs in the main loop's. */
+/* The filter runs in GDBus's thread. All other functions run in the main loop's thread. */
 struct bus_queue {
     GMainContext *context;
     struct bus_latch *latch;
     GMutex lock;
-    GHashTable *of_client; /* client to the number of its calls that wait */
+    GHashTable *of_client; /* maps a client to the number of its calls that wait */
     int n_waiting;
 };
 
-struct ticket { /* of a call that waits */
+struct ticket { /* a call that waits */
     struct bus_queue *queue;
     char *client;
 };
@@ -80,7 +80,8 @@ void bus_reply(GDBusConnection *connection, GDBusMessage *message, GVariant *bod
                                        NULL);
 }
 
-/* How many calls of a client wait already, without this one; −1: the queue is full. */
+/* Counts a call. Returns the number of calls of the client that already wait, without this one, or
+ * −1 if the queue is full. */
 static int bus_queue_enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
     int n = GPOINTER_TO_INT(g_hash_table_lookup(queue->of_client, client));
@@ -109,8 +110,8 @@ static gboolean bus_queue_leave(gpointer data) {
 }
 
 /* Counts a call until the main loop takes it. GDBus passes each call to the main loop by an idle
- * source of the default priority; bus_queue_leave() is queued just before, at the same priority,
- * and so runs just before the call. */
+ * source of the default priority. bus_queue_leave() is queued just before, at the same priority,
+ * and therefore runs just before the call. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
     struct bus_queue *queue = data;
@@ -118,7 +119,8 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
         return message;
     if (bus_latch_take(queue->latch, connection, message))
         return NULL;
-    /* The client by its unique bus name; a peer-to-peer client has none, so by its connection. */
+    /* A client is identified by its unique bus name. A peer-to-peer client has none and is
+     * identified by its connection. */
     const char *sender = g_dbus_message_get_sender(message);
     g_autofree char *client =
         sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
@@ -126,13 +128,15 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
     if (n < 0 || n >= MAX_OF_CLIENT) {
         bus_reply(
             connection, message, NULL,
-            n < 0 ? g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d calls of all clients are waiting, which is the most: try again",
-                                MAX_WAITING)
-                  : g_error_new(BUS_ERROR, BUS_ERROR_LIMIT,
-                                "%d of your calls are waiting, which is the most: wait for their "
-                                "answers",
-                                MAX_OF_CLIENT));
+            n < 0
+                ? g_error_new(
+                      BUS_ERROR, BUS_ERROR_LIMIT,
+                      "%d calls of all clients are waiting, which is the maximum: try again",
+                      MAX_WAITING)
+                : g_error_new(
+                      BUS_ERROR, BUS_ERROR_LIMIT,
+                      "%d of your calls are waiting, which is the maximum: wait for their answers",
+                      MAX_OF_CLIENT));
         g_object_unref(message);
         return NULL;
     }

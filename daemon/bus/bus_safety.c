@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* What every device asks before it gives light or moves. */
+/* Decides whether a device may give light or move. */
 static gboolean bus_permits(const struct device *device, gpointer data, GError **error) {
     Bus *bus = data;
     if (!bus_latch_need_released(bus->latch, error))
@@ -36,7 +36,7 @@ static void bus_on_safety(struct device *device, const GError *error, gpointer d
         const gboolean is_axis = strcmp(device->info->class_name, "axis") == 0;
         g_hash_table_remove(bus->faults, device->name);
         bus_report(bus, "info", device->name,
-                   is_axis ? "confirmed to stand again" : "confirmed off again");
+                   is_axis ? "confirmed again that it stands still" : "confirmed off again");
         bus_rest_clock(bus);
         bus_unattended_poke(bus);
     }
@@ -60,8 +60,8 @@ gboolean bus_need_safe(Bus *bus, GError **error) {
     if (!g_hash_table_iter_next(&iter, &who, &why))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "%s has not confirmed that it is off or stands, and is told again until it does "
-                "(%s): look at it, and cut its power if it does not obey",
+                "%s has not confirmed that it is off or stands still; the command is repeated "
+                "until it does (%s): look at the device, and cut its power if it does not obey",
                 (const char *)who, (const char *)why);
     return FALSE;
 }

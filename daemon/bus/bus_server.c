@@ -13,35 +13,38 @@
 #include <unistd.h>
 
 /*
- * GDBusServer is not used: with a full table of descriptors it never rests and logs an error each
- * time that it cannot accept; and a client that does not authenticate itself keeps a thread for
- * ever.
+ * GDBusServer is not used, for two reasons. If the table of descriptors is full, it is ready all
+ * the time and logs an error each time that it cannot accept. And a client that does not
+ * authenticate itself keeps a thread for ever.
  */
 
-#define RESERVED_PART 8  /* clients leave this part of the descriptors to devices and files: 1/8 */
-#define MOST_CLIENTS  64 /* connections of one process */
-#define JOIN_S        10 /* a client must have authenticated itself by then */
-#define JOIN_FILES    4 /* at most, while it does so; GLib aborts the program if one cannot be had */
-#define AGAIN_MS      500
-#define SAY_AGAIN_US  (60 * G_USEC_PER_SEC)
+#define RESERVED_PART 8  /* clients leave 1/8 of the descriptors to devices and files */
+#define MOST_CLIENTS  64 /* largest number of connections of one process */
+#define JOIN_S        10 /* time within which a client must have authenticated itself */
+/* Descriptors that a client needs at most while it authenticates itself. GLib aborts the program if
+ * it cannot get one. */
+#define JOIN_FILES   4
+#define AGAIN_MS     500
+#define SAY_AGAIN_US (60 * G_USEC_PER_SEC)
 
 struct BusServer {
     Bus *bus;
     char *path, *guid, *announced;
     GDBusAuthObserver *observer;
     GSocket *socket;
-    guint waiting, again; /* for clients; for a descriptor that accepts one */
-    GList *clients;       /* of struct client */
-    gint64 said_us;       /* when the log last told that a client was refused; 0: never */
+    /* Sources that wait for clients, and for a free descriptor to accept one. */
+    guint waiting, again;
+    GList *clients; /* of struct client */
+    gint64 said_us; /* when the log last reported that a client was refused; 0 if never */
 };
 
 struct client {
     BusServer *server;
     pid_t pid;
     GSocketConnection *stream;
-    GDBusConnection *connection; /* set by the thread; NULL: not authenticated */
-    GThread *thread;             /* authenticates; NULL: has done so */
-    GSource *joined;             /* ready when the thread is done */
+    GDBusConnection *connection; /* set by the thread; NULL before authentication */
+    GThread *thread;             /* authenticates the client; NULL after that */
+    GSource *joined;             /* ready when the thread has finished */
     guint timer;
     gulong closed;
 };
@@ -56,7 +59,7 @@ static void client_free(struct client *client) {
     client->server->clients = g_list_remove(client->server->clients, client);
     g_clear_handle_id(&client->timer, g_source_remove);
     if (client->thread) {
-        g_socket_shutdown(socket, TRUE, TRUE, NULL); /* ends its wait */
+        g_socket_shutdown(socket, TRUE, TRUE, NULL); /* ends the wait of the thread */
         g_thread_join(client->thread);
     }
     g_source_destroy(client->joined);
@@ -73,7 +76,7 @@ static void on_closed(GDBusConnection *connection, gboolean vanished, GError *er
     client_free(client);
 }
 
-/* Messages are held until the objects are there. */
+/* Messages are held until the objects exist. */
 static gpointer authenticate(gpointer data) {
     const GDBusConnectionFlags flags = G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_SERVER |
                                        G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER |
@@ -131,7 +134,7 @@ static void client_new(BusServer *server, GSocket *socket, pid_t pid) {
     server->clients = g_list_prepend(server->clients, client);
 }
 
-/* Once a minute at most. */
+/* Writes to the log, at most once a minute. */
 G_GNUC_PRINTF(2, 3)
 static void say(BusServer *server, const char *format, ...) {
     const gint64 now_us = g_get_monotonic_time();
@@ -150,8 +153,8 @@ static pid_t process_of(GSocket *socket) {
     return credentials ? g_credentials_get_unix_pid(credentials, NULL) : 0;
 }
 
-/* How many more files may be opened; only descriptors that select() takes count, since libmodbus
- * calls it. */
+/* Returns the number of files that can still be opened. Only descriptors that select() accepts
+ * count, because libmodbus calls it. */
 static int count_free_files(int most) {
     int n = 0;
     for (int fd = 0; fd < most; fd++)
@@ -177,8 +180,7 @@ static gboolean has_room(BusServer *server, pid_t pid) {
     if (count_free_files(most) >= most / RESERVED_PART + joining * JOIN_FILES)
         return TRUE;
     say(server,
-        "%u clients are connected, and few more files may be open: no more clients are "
-        "accepted",
+        "%u clients are connected, and few more files can be opened: no more clients are accepted",
         g_list_length(server->clients));
     return FALSE;
 }
@@ -192,7 +194,7 @@ static gboolean on_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* A client that is refused sees that its connection is closed. */
+/* Accepts a client. A client that is refused sees that its connection is closed. */
 static gboolean on_client(GSocket *listener, GIOCondition condition, gpointer data) {
     BusServer *server = data;
     g_autoptr(GError) error = NULL;
@@ -218,11 +220,12 @@ static void wait_for_clients(BusServer *server) {
     g_source_unref(source);
 }
 
-/* TRUE if no process listens at a socket's path any more; the socket is then removed. */
+/* Removes a socket at whose path no process listens any more. Returns FALSE if the path cannot be
+ * used. */
 static gboolean remove_stale(const char *path, GError **error) {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
     struct stat info;
-    /* GLib would cut it short, and listen at another path. */
+    /* GLib would truncate the path and listen at another one. */
     if (strlen(path) >= sizeof(to.sun_path)) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_FILENAME_TOO_LONG,

@@ -9,7 +9,7 @@ void bus_show_thumbnails(Bus *bus) {
     const gint64 now_us = g_get_monotonic_time();
     for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
         if (now_us < bus->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
-            continue; /* before it is made, which costs most */
+            continue; /* before the thumbnail is made, which costs most */
         const struct capture_thumbnail *thumbnail = capture_thumbnail(bus->capture, i);
         if (!thumbnail || thumbnail->time_s == bus->thumbnail_time_s[i])
             continue;

@@ -9,7 +9,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* The time limit of the child, for one that hangs: every wait within it has a shorter deadline. */
+/* Time limit of the child, in case it hangs. Every wait within it has a shorter deadline. */
 #define TRIAL_S 1800
 #define PREFIX  "mesorig: "
 /* The exit code of “mesorig queue try” when a device has failed. */
@@ -41,7 +41,7 @@ static void on_trial_end(GObject *source, GAsyncResult *result, gpointer data) {
     const gboolean heard =
         g_subprocess_communicate_utf8_finish(G_SUBPROCESS(source), result, &chosen, &text, &error);
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED))
-        return; /* the trial is gone */
+        return; /* the trial no longer exists */
     struct bus_trial *trial = data;
     const gboolean exited = heard && g_subprocess_get_if_exited(trial->process);
     const int code = exited ? g_subprocess_get_exit_status(trial->process) : -1;
@@ -64,7 +64,8 @@ static gboolean on_trial_deadline(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* As daemon/unattended/queue_try.c reads it; g_free(). */
+/* Returns the request in the form that daemon/unattended/queue_try.c reads. Free it with
+ * g_free(). */
 static char *trial_request(const struct queue_item *item) {
     g_autoptr(GKeyFile) request = g_key_file_new();
     g_key_file_set_string(request, "try", "session", item->session_path);
@@ -76,9 +77,9 @@ static char *trial_request(const struct queue_item *item) {
     return g_key_file_to_data(request, NULL, NULL);
 }
 
-/* Returns a file without a name that holds the text, positioned at its beginning; −1: there is no
- * memory. If the text came through a pipe, and the program ended before it had read all of it, the
- * program's answer would be lost. */
+/* Returns a descriptor of a file without a name that contains the text, positioned at its
+ * beginning. Returns −1 if there is no memory. A pipe is not used, because the program's answer
+ * would be lost if it ended before it had read all of the text. */
 static int trial_input(const char *text) {
     const int fd = memfd_create("mesorig-trial", MFD_CLOEXEC);
     const int copy = fd >= 0 ? dup(fd) : -1;
@@ -106,7 +107,7 @@ struct bus_trial *bus_trial_start(Bus *bus, const struct queue_item *item, BusTr
     const int input = trial_input(text);
     if (input < 0) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "there is no memory for what %s queue try is to read", program);
+                    "there is no memory for the input of %s queue try", program);
         return NULL;
     }
     g_autoptr(GSubprocessLauncher) launcher =

@@ -9,9 +9,9 @@
 #include "bus_trial.h"
 #include "queue/queue.h"
 
-/* How often a session is gone on with after this program has ended unexpectedly. */
+/* How often a session is continued after this program has ended unexpectedly. */
 #define MOST_STARTS 3
-/* Sessions in a row that have stopped, after which the rig is suspected. */
+/* Number of sessions in a row that have stopped, after which a fault of the rig is assumed. */
 #define MOST_STOPPED 2
 
 /* The moment of a capture that was last reported to clients. */
@@ -19,16 +19,17 @@ enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAUL
 
 struct unattended {
     Bus *bus;
-    Queue *queue;            /* NULL: this daemon keeps none */
-    struct queue_item *item; /* at hand: hands, trying or begun; NULL: none */
+    Queue *queue;            /* NULL if this daemon keeps no queue */
+    struct queue_item *item; /* the present item: hands, trying or begun; NULL if there is none */
     struct bus_trial *trial;
     guint step_id;
     guint stopped_in_row;
-    gboolean has_worked; /* since the axes were parked last */
-    guint n_parking;     /* axes on their way */
-    char *rest; /* how the rig was left when the queue was empty, or why there is none, or NULL */
-    GString *not_parked;    /* axes, and why */
-    gboolean held_by_fault; /* the queue is paused, for the session that is paused by a fault */
+    gboolean has_worked; /* a session has run since the axes were last parked */
+    guint n_parking;     /* number of axes that are being parked */
+    /* State of the rig when the queue became empty, or the reason why there is none, or NULL. */
+    char *rest;
+    GString *not_parked;    /* axes that could not be parked, and the reasons */
+    gboolean held_by_fault; /* the queue is paused because its session is paused by a fault */
     enum moment told;
 };
 
@@ -93,7 +94,8 @@ static void show_queue(struct unattended *at) {
                             at->item && at->item->state == QUEUE_HANDS ? at->item->prompt : "");
 }
 
-/* item: of the queue, or NULL: the capture under way, if there is one. */
+/* Reports a milestone. item is a session of the queue, or NULL for the capture under way, if there
+ * is one. */
 static void tell(struct unattended *at, const char *what, const struct queue_item *item,
                  const char *message) {
     Bus *bus = at->bus;
@@ -141,8 +143,8 @@ static void put_back(struct unattended *at) {
     }
 }
 
-/* Ends the item at hand, which has stopped before its last shot. rig: the fault is the rig's, and
- * the next item would stop, too. */
+/* Ends the present item, which has stopped before its last shot. rig says that the rig has a fault,
+ * so that the next item would also stop. */
 static void stop_item(struct unattended *at, const char *message, gboolean rig) {
     struct queue_item *item = g_steal_pointer(&at->item);
     set_item(at, item, QUEUE_STOPPED, message);
@@ -152,10 +154,10 @@ static void stop_item(struct unattended *at, const char *message, gboolean rig) 
     if (rig) {
         pause_queue(at, message);
     } else if (at->stopped_in_row >= MOST_STOPPED) {
-        g_autofree char *why = g_strdup_printf(
-            "%u sessions in a row have stopped, the last one, number %u, since %s: look at the "
-            "rig, then mesorig queue resume",
-            at->stopped_in_row, item->id, message);
+        g_autofree char *why =
+            g_strdup_printf("%u sessions in a row have stopped, the last one, number %u, because "
+                            "%s: look at the rig, then mesorig queue resume",
+                            at->stopped_in_row, item->id, message);
         pause_queue(at, why);
     }
     show_queue(at);
@@ -169,8 +171,8 @@ static gboolean is_interlocked(const Bus *bus) {
     return FALSE;
 }
 
-/* Keeps an item that did not begin because of the rig, not of its session, so that it is tried
- * again. */
+/* Keeps an item that did not begin because of the rig and not because of its session. It is tried
+ * again later. */
 static void keep_for_later(struct unattended *at, const char *why) {
     struct queue_item *item = g_steal_pointer(&at->item);
     g_autofree char *text = g_strdup_printf("session %u could not begin: %s", item->id, why);
@@ -182,7 +184,7 @@ static void keep_for_later(struct unattended *at, const char *why) {
 static void on_begun(Bus *bus, const GError *error) {
     struct unattended *at = bus->unattended;
     if (!error || !at->item)
-        return; /* bus_unattended_begun() has seen to it */
+        return; /* bus_unattended_begun() has handled it */
     at->item->starts--;
     if (g_error_matches(error, BUS_ERROR, BUS_ERROR_CANCELLED))
         keep_for_later(at, error->message);
@@ -195,7 +197,7 @@ static gboolean has_begun(const struct queue_item *item) {
     return item->begun_at_s > 0 && g_file_test(database, G_FILE_TEST_EXISTS);
 }
 
-/* Makes the session, or goes on with it. Its state "begun" is on disk before it begins. */
+/* Makes the session, or resumes it. The state "begun" is on disk before the capture begins. */
 static void begin_item(struct unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
@@ -281,7 +283,7 @@ static void on_parked(Bus *bus, const GError *error) {
         rest_now(at);
 }
 
-/* Parks the rig when the queue is empty: switches lights off and moves the axes to their rest
+/* Parks the rig when the queue is empty: switches lights off and moves the axes to their parking
  * positions. */
 static void park(struct unattended *at) {
     Bus *bus = at->bus;
@@ -290,7 +292,7 @@ static void park(struct unattended *at) {
     g_string_truncate(at->not_parked, 0);
     if (!devices_make_safe(bus->devices, &error))
         bus_report(bus, "error", "queue", error->message);
-    at->n_parking = 1; /* until all have set off */
+    at->n_parking = 1; /* counts one until all axes have started */
     for (int i = 0; i < DEVICES_POSITIONERS; i++) {
         Axis *axis = devices_positioner(bus->devices, i);
         g_autoptr(GError) why = NULL;
@@ -308,7 +310,7 @@ static gboolean is_free(const Bus *bus) {
            !bus_latch_is_set(bus->latch);
 }
 
-/* Whether the open rig can take the session; if not, the queue is paused. */
+/* Returns whether the open rig can capture the session. If not, the queue is paused. */
 static gboolean check_rig(struct unattended *at, const struct queue_item *item) {
     g_autofree char *why = NULL;
     g_autoptr(GError) error = NULL;
@@ -369,10 +371,10 @@ void bus_unattended_begun(Bus *bus) {
     tell(at, "begun", ours ? at->item : NULL, "");
 }
 
-/* A session of the queue is paused by a fault. */
+/* Handles a fault that has paused a session of the queue. */
 static void take_fault(struct unattended *at, const struct capture_status *status) {
     if (status->fault == CAPTURE_FAULT_RIG) {
-        /* It stays as it is: whoever has mended the rig goes on with it. */
+        /* The rig keeps its state. The user who repairs it continues the session. */
         g_autofree char *why =
             g_strdup_printf("session %u is paused by a fault: %s", at->item->id, status->reason);
         tell(at, "fault", at->item, status->reason);
@@ -381,7 +383,7 @@ static void take_fault(struct unattended *at, const struct capture_status *statu
         show_queue(at);
         return;
     }
-    g_autofree char *reason = g_strdup_printf("%s To go on with it: mesorig resume %s",
+    g_autofree char *reason = g_strdup_printf("%s To continue it: mesorig resume %s",
                                               status->reason, at->item->directory);
     stop_item(at, reason, FALSE);
     capture_abort(at->bus->capture);
@@ -395,7 +397,8 @@ static void take_end(struct unattended *at, gboolean done) {
         tell(at, "done", item, "");
     } else {
         g_autofree char *message = g_strdup_printf(
-            "it was aborted; what was taken stays: mesorig resume %s", item->directory);
+            "it was aborted; the frames that were taken are kept: mesorig resume %s",
+            item->directory);
         g_autofree char *why = g_strdup_printf("session %u was aborted", item->id);
         set_item(at, item, QUEUE_STOPPED, message);
         tell(at, "aborted", item, message);
@@ -426,7 +429,8 @@ void bus_unattended_changed(Bus *bus, const struct capture_status *status) {
     if (moment == MOMENT_RUNS && at->held_by_fault) {
         at->held_by_fault = FALSE;
         if (!queue_pause(at->queue, NULL, NULL))
-            bus_report(bus, "warning", "queue", "the queue stays paused: its file is not written");
+            bus_report(bus, "warning", "queue",
+                       "the queue stays paused, because its file cannot be written");
         show_queue(at);
     }
     if (ours && moment == MOMENT_FAULT)
@@ -447,7 +451,7 @@ void bus_unattended_stop(Bus *bus, const char *why) {
     if (why && (at->item || queue_next(at->queue)))
         pause_queue(at, why);
     if (!why && at->item) {
-        /* The capture is closed in good order, to be resumed. */
+        /* The capture is closed in an orderly way and can be resumed. */
         at->item->starts = 0;
         set_item(at, at->item, QUEUE_WAITING, NULL);
         at->item = NULL;
@@ -465,7 +469,7 @@ gboolean bus_unattended_need_free(Bus *bus, GError **error) {
     if (!bus_unattended_is_beginning(bus))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
-                "session %u of the queue is about to begin: mesorig queue pause holds it back",
+                "session %u of the queue is about to begin: mesorig queue pause prevents that",
                 at->item->id);
     return FALSE;
 }

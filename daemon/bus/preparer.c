@@ -36,7 +36,8 @@ static void child_free(gpointer data) {
     g_free(child);
 }
 
-/* The running program, even if another version has replaced its file meanwhile. */
+/* Returns the path of the running program, even if another version has replaced its file
+ * meanwhile. */
 static char *find_program(GError **error) {
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *name = self ? g_path_get_basename(self) : NULL;
@@ -82,14 +83,13 @@ static void preparer_report_end(const struct child *child, GError **error) {
             what, child->limits.wall_s);
     else if (signal == SIGXCPU)
         g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "%s took more than the %u s of computing time that it may take: give fewer "
-                    "directions",
+                    "%s took more than its limit of %u s of computing time: give fewer directions",
                     what, child->limits.cpu_s);
     else if (signal)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_LIMIT,
-                    "%s ended by signal %d (%s): most likely it needed more than the %s of memory "
-                    "that it may use",
-                    what, signal, g_strsignal(signal), memory);
+        g_set_error(
+            error, BUS_ERROR, BUS_ERROR_LIMIT,
+            "%s ended by signal %d (%s): most likely it needed more than its limit of %s of memory",
+            what, signal, g_strsignal(signal), memory);
     else
         g_set_error(error, BUS_ERROR, BUS_ERROR_FAILED,
                     "%s failed without an answer (exit code %d): see mesorigd's messages", what,
@@ -123,16 +123,17 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         g_task_return_error(task, error);
         return;
     }
-    g_clear_error(&error); /* it did not listen to its end: why it has ended says more */
+    g_clear_error(&error); /* the child did not read to the end; its exit status says more */
     GVariant *answer = NULL;
     if (heard && g_subprocess_get_successful(child->process))
         answer = read_answer(bytes, &error);
     else if (heard)
         preparer_report_end(child, &error);
     else
-        g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
-                    "%s failed: mesorigd's child did not take the request or gave no answer",
-                    doing[child->task]);
+        g_set_error(
+            &error, BUS_ERROR, BUS_ERROR_FAILED,
+            "%s failed: mesorigd's child process did not read the request or gave no answer",
+            doing[child->task]);
     if (answer)
         g_task_return_pointer(task, answer, (GDestroyNotify)g_variant_unref);
     else

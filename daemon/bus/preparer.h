@@ -1,10 +1,10 @@
 /*
- * Work for clients that takes long or reads files they name: reading, planning and making sessions,
- * and examining those to be resumed. A child process with limits of time and memory does it; the
- * main loop, which controls lamps, lasers and axes, only waits for the answer.
+ * Work for clients that takes long or reads files that clients name: reading, planning and making
+ * sessions, and examining sessions to be resumed. A child process with limits of time and memory
+ * does the work. The main loop, which controls lamps, lasers and axes, only waits for the answer.
  *
- * The child is the program mesorigd itself; it gets geometry and timing of the open rig, and opens
- * no device. Main loop's thread.
+ * The child is the program mesorigd itself. It receives geometry and timing of the open rig, and
+ * opens no device. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -20,10 +20,10 @@ enum preparer_task {
 
 struct preparer_limits {
     guint cpu_s, wall_s;
-    guint64 memory_bytes; /* of address space, in addition to what the program itself takes */
+    guint64 memory_bytes; /* address space, in addition to the needs of the program itself */
 };
 
-/* Limits by task. They allow for examining the frames of a whole session. */
+/* Limits for each task. They suffice for examining the frames of a whole session. */
 extern const struct preparer_limits preparer_default_limits[PREPARER_TASKS];
 
 struct preparer_request {
@@ -31,22 +31,26 @@ struct preparer_request {
     struct preparer_limits limits;
     const struct devices *devices;
     const char *session_path; /* ignored by PREPARER_EXAMINE */
-    const char *session_text; /* of that file; NULL: it is read */
-    const char *directory;    /* empty: PREPARER_CHECK does without */
-    const char *calibration;  /* replaces the calibration that the rig file names; NULL: that one */
-    const char *chosen;       /* PREPARER_BEGIN: session_conf_choose(); NULL: nothing is auto */
-    const char *calibration_text; /* of that file; NULL: it is read */
+    const char *session_text; /* contents of that file; NULL if it has to be read */
+    const char *directory;    /* may be empty with PREPARER_CHECK */
+    /* Path of a calibration that replaces the one in the rig file. NULL keeps that one. */
+    const char *calibration;
+    /* PREPARER_BEGIN: for session_conf_choose(); NULL if no exposure is auto */
+    const char *chosen;
+    const char *calibration_text; /* contents of that file; NULL if it has to be read */
     const struct bus_caller
-        *caller; /* who must have the right to write in directory; NULL: need not */
+        /* The user who must have the right to write in directory. NULL if this is not checked. */
+        *caller;
 };
 
-/* A child that is cancelled is killed. */
+/* Starts the work. If it is cancelled, the child is killed. */
 void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
                   GAsyncReadyCallback callback, gpointer data);
 
-/* PREPARER_CHECK: the plan's report (report.h). PREPARER_EXAMINE: a string, empty or a warning for
- * capture_go_on(). PREPARER_BEGIN: an empty string. g_variant_unref(). Errors are the task's own,
- * or BUS_ERROR_LIMIT. */
+/* Returns the result. PREPARER_CHECK returns the report of the plan (report.h). PREPARER_EXAMINE
+ * returns a string, which is empty or a warning for capture_go_on(). PREPARER_BEGIN returns an
+ * empty string. Free it with g_variant_unref(). Errors are those of the task, or
+ * BUS_ERROR_LIMIT. */
 GVariant *preparer_finish(GAsyncResult *result, GError **error);
 
 /* Runs as the child: reads a request from standard input and writes an answer to standard output.

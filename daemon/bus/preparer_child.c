@@ -60,13 +60,13 @@ static gboolean read_request(struct prepare_work *work) {
            take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
 }
 
-/* The soft limit of CPU time sends a signal that can be reported; the hard one only kills. */
+/* The soft limit of CPU time sends a signal that can be reported. The hard limit only kills. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
     return setrlimit(resource, &rlimit) == 0;
 }
 
-/* The address sanitizer reserves terabytes for itself: with it there is no limit of memory. */
+/* Limits the memory, except with the address sanitizer, which reserves terabytes for itself. */
 static gboolean limit_memory(guint64 bytes) {
 #ifdef __SANITIZE_ADDRESS__
     return bytes > 0;
@@ -78,7 +78,7 @@ static gboolean limit_memory(guint64 bytes) {
 #endif
 }
 
-/* A floating result. */
+/* Returns a floating result. */
 static GVariant *do_work(const struct prepare_work *work, GError **error) {
     const struct devices *devices = &work->devices;
     g_auto(SessionConf) conf = {0};

@@ -84,7 +84,7 @@ struct Capture {
     double stored_bytes; /* on disk, including the rows of the frames */
     /* of the whole session: the present value, and the value in the last event */
     double expected_bytes, said_bytes;
-    struct shots_left *plan_left;      /* before each of remaining and after the last; or NULL */
+    struct shots_left *plan_left; /* before each of remaining and after the last; or NULL */
     struct { /* of each kind of shots: how much longer they took than planned, and how many did */
         double late_s;
         int n;

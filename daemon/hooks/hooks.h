@@ -7,37 +7,40 @@
 
 #include "hooks_conf.h"
 
-/* Events that wait: when there are more, the oldest are dropped. */
+/* Largest number of waiting events, and of posts that wait to be tried again. If there are more,
+ * the oldest are dropped. */
 #define HOOKS_MOST_WAITING 1000
 
 typedef struct Hooks Hooks;
 
-/* Borrows conf. */
+/* Makes hooks. conf is borrowed. */
 Hooks *hooks_new(const struct hooks_conf *conf);
 
 /* Ends the program that runs. NULL is ignored. */
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* what and details: those of the signal Milestone, or of an event (a{sv}; a floating reference is
- * taken). */
+/* Handles an event. what and details are those of the signal Milestone, or of an event (a{sv}; a
+ * floating reference is taken). */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
 /* Nothing runs and nothing waits. */
 gboolean hooks_is_idle(const Hooks *hooks);
 
-/* Of the daemon's signal Event: "unsafe" if a device has not confirmed that it is off or stands,
- * "confirmed" if it has done so after all, NULL for all others; and the details, floating. */
+/* Convert the daemon's signal Event. hooks_what_of_event() returns "unsafe" if a device has not
+ * confirmed that it is off or stands still, "confirmed" if it has done so later, and NULL for all
+ * other events. hooks_details_of_event() returns the details, floating. */
 const char *hooks_what_of_event(const char *level, const char *message);
 GVariant *hooks_details_of_event(const char *source, const char *message);
 
-/* An event as a person reads it; g_free(). */
+/* Describe an event for users. Free the results with g_free(). */
 char *hooks_title(const char *what, GVariant *details); /* "weave: captured" */
-char *hooks_text(const char *what, GVariant *details);  /* a line or two more; may be empty */
+char *hooks_text(const char *what, GVariant *details);  /* one or two further lines; may be empty */
 
-/* An event as programs read it: {"event": …, "time": …, "session": …, …}; g_free(). */
+/* Describes an event for programs: {"event": …, "time": …, "session": …, …}. Free it with
+ * g_free(). */
 char *hooks_json(const char *what, GVariant *details, gint64 time_s);
 
-/* Shows an event with the desktop's notifications (org.freedesktop.Notifications) on this
- * connection to the session bus. Does not wait until it is shown. FALSE: it could not be sent. */
+/* Shows an event as a desktop notification (org.freedesktop.Notifications), through this connection
+ * to the session bus. Does not wait until it is shown. Returns FALSE if it could not be sent. */
 gboolean hooks_show(GDBusConnection *session_bus, const char *what, GVariant *details);

@@ -1,4 +1,4 @@
-/* hooks.conf: which programs are run when something happens to a capture. */
+/* The file hooks.conf, which says what happens when a capture reaches a milestone. */
 #pragma once
 
 #include "base/options.h"
@@ -10,7 +10,8 @@ struct hooks_conf {
     double time_limit_s; /* of each */
 };
 
-/* path NULL: the defaults alone. The error tells all mistakes of the file. */
+/* Reads the file. If path is NULL, only the defaults are set. The error lists all mistakes of the
+ * file. */
 gboolean hooks_conf_load(struct hooks_conf *conf, const char *path, GError **error);
 void hooks_conf_clear(struct hooks_conf *conf);
 typedef struct hooks_conf HooksConf;

@@ -1,17 +1,17 @@
-/* An event in words, for people and for programs. */
+/* Describes an event in words, for users and for programs. */
 #include "hooks.h"
 
 #include <string.h>
 
 #include "base/json.h"
 
-/* The beginnings of what the daemon reports of a device, as bus_safety.c writes it. */
+/* Beginnings of the messages about a device, as bus_safety.c writes them. */
 #define UNSAFE    "THE RIG COULD NOT BE MADE SAFE"
 #define CONFIRMED "confirmed "
 
 static const struct {
     const char *what, *words;
-    guint8 urgency; /* of a desktop's notification: 0 low, 1 normal, 2 critical */
+    guint8 urgency; /* urgency of a desktop notification: 0 low, 1 normal, 2 critical */
 } words_of[] = {
     {"begun", "the capture has begun", 0},
     {"done", "captured", 1},

@@ -1,5 +1,5 @@
-/* mesorig-hooks: runs programs when something happens to captures and to the rig. A process of its
- * own, which hears what the daemon says to all and may ask it nothing. */
+/* mesorig-hooks: tells others what happens to captures and to the rig. It is a separate process
+ * that receives the daemon's signals and has no rights to call methods. */
 #include "base/help_text.h"
 #include "base/nearest.h"
 #include "hooks.h"
@@ -13,7 +13,7 @@
 #include "bus/bus.h"
 #include "bus/bus_client.h"
 
-#define AGAIN_S 2 /* until a daemon that has gone is looked for again */
+#define AGAIN_S 2 /* seconds until a daemon that has gone is searched for again */
 
 static char *address, *bus, *conf_path;
 static gboolean desktop, check, version;
@@ -35,13 +35,13 @@ static const GOptionEntry entries[] = {
 
 struct program {
     GMainLoop *loop;
-    Hooks *hooks;            /* NULL: the desktop alone */
+    Hooks *hooks;            /* NULL if only the desktop is used */
     GDBusConnection *screen; /* the session bus, for the desktop */
-    const char *address;     /* of the daemon's own socket; NULL: it is on a bus */
+    const char *address;     /* address of the daemon's own socket; NULL if it is on a bus */
     GDBusConnection *connection;
     GCancellable *cancellable;
     guint again_id;
-    char *away; /* why no daemon answers at the address; NULL: one does */
+    char *away; /* reason why no daemon answers at the address; NULL if one does */
     int exit_code;
 };
 
@@ -87,7 +87,7 @@ static void on_event(GDBusConnection *connection, const char *sender, const char
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, once for each new reason. Takes why. */
+/* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
 static void stay_away(struct program *program, GError *why) {
     if (g_strcmp0(program->away, why->message) != 0)
         g_printerr("mesorig-hooks: %s; it is tried again every %d s\n", why->message, AGAIN_S);
@@ -97,8 +97,8 @@ static void stay_away(struct program *program, GError *why) {
     program->again_id = g_timeout_add_seconds(AGAIN_S, connect_again, program);
 }
 
-/* A daemon with a socket of its own comes and goes. A bus that ends takes all its services with it:
- * whoever has started this program starts it again. */
+/* A daemon with its own socket comes and goes. A bus that ends takes all its services with it, and
+ * the program that started this one starts it again. */
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
     struct program *program = data;
     if (program->address) {
@@ -113,7 +113,7 @@ static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *err
     g_main_loop_quit(program->loop);
 }
 
-/* Takes connection. */
+/* Takes ownership of connection. */
 static void listen_to(struct program *program, GDBusConnection *connection) {
     static const struct {
         const char *name;
@@ -132,7 +132,7 @@ static void listen_to(struct program *program, GDBusConnection *connection) {
 
 static void on_connected(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
-    struct program *program = data; /* gone where this was cancelled */
+    struct program *program = data; /* no longer valid if the call was cancelled */
     GDBusConnection *connection = bus_client_connect_finish(result, &error);
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
         g_error_free(error);
@@ -156,7 +156,7 @@ static gboolean connect_again(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Until a signal ends it, or the bus. FALSE: there is no bus. */
+/* Runs until a signal ends the program, or the bus ends. Returns FALSE if there is no bus. */
 static gboolean hear(struct program *program, GError **error) {
     program->cancellable = g_cancellable_new();
     if (program->address) {

@@ -6,7 +6,7 @@
 
 #include "base/file_lock.h"
 
-/* Sessions that have ended: the oldest ones go when there are more. */
+/* Largest number of sessions that have ended. If there are more, the oldest are removed. */
 #define MOST_ENDED 100
 
 const char *const queue_state_names[QUEUE_STATES] = {
@@ -43,7 +43,7 @@ void queue_item_free(struct queue_item *item) {
     g_free(item);
 }
 
-/* A file that cannot be used stays there for somebody to look at. */
+/* Renames a file that cannot be used, so that a user can examine it. */
 static void set_aside(Queue *queue, const GError *why) {
     g_autofree char *damaged = g_strconcat(queue->path, ".damaged", NULL);
     const gboolean kept = rename(queue->path, damaged) == 0;
@@ -121,7 +121,7 @@ gboolean queue_pause(Queue *queue, const char *why, GError **error) {
     if (queue_file_write(queue, error))
         return TRUE;
     if (why)
-        return FALSE; /* it is paused all the same, until this program ends */
+        return FALSE; /* the queue is paused nevertheless, until this program ends */
     g_free(queue->paused);
     queue->paused = g_steal_pointer(&before);
     return FALSE;
@@ -136,20 +136,20 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
         if (has_ended(other) || strcmp(other->directory, item->directory) != 0)
             continue;
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "session %u of the queue is to be captured into %s: choose another directory",
+                    "session %u of the queue has the directory %s: choose another directory",
                     other->id, item->directory);
         return FALSE;
     }
     if (queue->items->len - n_ended >= QUEUE_MOST - MOST_ENDED) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "%d sessions are in the queue, which is the most", QUEUE_MOST - MOST_ENDED);
+                    "%d sessions are in the queue, which is the maximum", QUEUE_MOST - MOST_ENDED);
         return FALSE;
     }
     item->id = queue->next_id++;
     g_ptr_array_add(queue->items, g_steal_pointer(&taken));
     if (queue_file_write(queue, error)) {
         while (n_ended-- > MOST_ENDED)
-            g_ptr_array_remove_index(queue->items, 0); /* the next change writes that, too */
+            g_ptr_array_remove_index(queue->items, 0); /* the next change also writes that */
         return TRUE;
     }
     queue->next_id--;
@@ -157,7 +157,7 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
     return FALSE;
 }
 
-/* FALSE: it has begun, or is about to. */
+/* Returns FALSE if the session has begun or is about to begin. */
 static gboolean is_still(const struct queue_item *item, const char *what, GError **error) {
     if (item->state == QUEUE_WAITING || item->state == QUEUE_HANDS || has_ended(item))
         return TRUE;
@@ -213,7 +213,8 @@ gboolean queue_set(Queue *queue, struct queue_item *item, enum queue_state state
     g_free(before);
     item->state = state;
     if (has_ended(item)) {
-        /* Behind those that have ended before it, in front of those that wait. */
+        /* It is put behind the sessions that have ended before it, and in front of those that
+         * wait. */
         guint from, to = 0;
         g_ptr_array_find(queue->items, item, &from);
         g_ptr_array_steal_index(queue->items, from);

@@ -1,54 +1,57 @@
 /*
- * The sessions that a rig is to capture one after the other, without anybody beside it: a list, and
- * the file that keeps it. Knows no device; daemon/bus/bus_unattended.c captures them.
+ * The sessions that a rig is to capture one after the other without supervision: a list, and the
+ * file that keeps it. This room knows no device; daemon/bus/bus_unattended.c captures the sessions.
  *
- * Every change is on disk, synced, when the function that makes it returns; if it could not be
- * written, the list is as it was before. The file belongs to this program's user alone (mode 0600):
- * one that others could have written is not read, since it says on whose behalf sessions are
- * captured and where. A file that cannot be read is kept beside the new one, under the name
- * FILE.damaged. Main loop's thread.
+ * When a function that changes the list returns, the change is on disk and synced. If it could not
+ * be written, the list is as it was before. The file belongs only to the user of this program (mode
+ * 0600). A file that other users could have written is not read, because the file says for which
+ * user sessions are captured, and into which directories. A file that cannot be read is kept next
+ * to the new one, under the name FILE.damaged. All functions belong to the main loop's thread.
  */
 #pragma once
 
 #include <gio/gio.h>
 
-#define QUEUE_MOST       200        /* sessions, those that have ended counted */
-#define QUEUE_MOST_BYTES (32 << 20) /* of the file */
+#define QUEUE_MOST       200 /* largest number of sessions, including those that have ended */
+#define QUEUE_MOST_BYTES (32 << 20) /* largest size of the file */
 
 typedef struct Queue Queue;
 
 enum queue_state {
     QUEUE_WAITING,
-    QUEUE_HANDS,  /* somebody is to do what the prompt says; in the file: waiting */
-    QUEUE_TRYING, /* test shots are taken; in the file: waiting */
+    QUEUE_HANDS,  /* a user must do what the prompt says; stored in the file as waiting */
+    QUEUE_TRYING, /* test shots are taken; stored in the file as waiting */
     QUEUE_BEGUN,
     QUEUE_DONE,
-    QUEUE_STOPPED, /* it did not begin or did not come to its end; the message says why */
+    QUEUE_STOPPED, /* it did not begin or did not finish; the message says why */
     QUEUE_STATES,
 };
 extern const char *const queue_state_names[QUEUE_STATES];
 
-/* A session of the queue. Strings are never NULL. */
+/* A session of the queue. Its strings are never NULL. */
 struct queue_item {
     guint id; /* never given twice in the life of a file */
     enum queue_state state;
-    char *name;                           /* of the session, from its file */
-    char *session_path, *session_text;    /* the file that was handed over, and what was in it */
-    char *directory;                      /* the session directory to make, absolute */
-    char *rig;                            /* path of the rig file that it was checked against */
-    char *calibration, *calibration_text; /* in place of the rig's; empty: the rig's own */
-    char *prompt;                         /* what somebody has to do before it; empty: nothing */
-    char *chosen;                         /* session_conf_choose(); empty: nothing yet */
-    char *message;                        /* why it has stopped */
+    char *name;                        /* name of the session, from its file */
+    char *session_path, *session_text; /* path and contents of the session file that was added */
+    char *directory;                   /* absolute path of the session directory to be made */
+    /* Path of the rig file against which the session was checked. */
+    char *rig;
+    char *calibration, *calibration_text; /* replaces the rig's calibration; empty to keep it */
+    /* What a user must do before the session; empty for nothing. */
+    char *prompt;
+    /* For session_conf_choose(); empty if nothing is chosen yet. */
+    char *chosen;
+    char *message; /* reason why it has stopped */
     double predicted_s;
     guint64 bytes;                 /* predicted */
-    int starts;                    /* how often it has begun without an orderly end */
-    gboolean process;              /* make the products beside the capture */
-    gboolean yes;                  /* go on whatever test shots say */
-    gint64 begun_at_s, ended_at_s; /* since 1970; 0: not yet */
-    gboolean has_caller;           /* FALSE: this program's own user or root has added it */
-    guint32 uid;                   /* of whoever has added it */
-    GArray *groups;                /* of guint32 */
+    int starts;                    /* how often it has begun without ending in order */
+    gboolean process;              /* make the products during the capture */
+    gboolean yes;                  /* continue even if the test shots give warnings */
+    gint64 begun_at_s, ended_at_s; /* since 1970; 0 if this has not happened */
+    gboolean has_caller;           /* FALSE if this program's own user or root has added it */
+    guint32 uid;                   /* user who has added it */
+    GArray *groups;                /* of guint32; the groups of that user */
 };
 
 struct queue_item *queue_item_new(void); /* all strings empty */
@@ -57,34 +60,36 @@ void queue_item_free(struct queue_item *item);
 typedef struct queue_item QueueItem;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(QueueItem, queue_item_free)
 
-/* Reads the file, which need not exist yet; its folder must. A session that had begun waits again.
- * NULL: another process has the file open. */
+/* Reads the file. The file need not exist yet, but its folder must. A session that had begun waits
+ * again. Returns NULL if another process has the file open. */
 Queue *queue_open(const char *path, GError **error);
 void queue_free(Queue *queue); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Queue, queue_free)
 
-/* The sessions in their order, as struct queue_item; those that have ended come first. Owned by the
- * queue. */
+/* Returns the sessions in their order, as struct queue_item. Those that have ended come first. The
+ * queue owns the array. */
 const GPtrArray *queue_items(const Queue *queue);
 struct queue_item *queue_find(const Queue *queue, guint id, GError **error);
-struct queue_item *queue_next(const Queue *queue); /* the first that waits, or NULL */
+struct queue_item *queue_next(const Queue *queue); /* the first session that waits, or NULL */
 
-/* Why nothing further begins; NULL: it goes on. Owned by the queue. */
+/* Returns the reason why no further session begins, or NULL if the queue is not paused. The queue
+ * owns the string. */
 const char *queue_paused(const Queue *queue);
-gboolean queue_pause(Queue *queue, const char *why, GError **error); /* why NULL: goes on */
+gboolean queue_pause(Queue *queue, const char *why, GError **error); /* why NULL ends the pause */
 
-/* Takes the item, in any case, and gives it a number. Refuses a directory that another session of
- * the queue is to be captured into. */
+/* Adds an item and gives it a number. Takes ownership of the item in any case. Fails if another
+ * session of the queue has the same directory. */
 gboolean queue_add(Queue *queue, struct queue_item *item, GError **error);
 
-/* Removes a session; refuses one that has begun or is about to begin. */
+/* Removes a session. Fails for a session that has begun or is about to begin. */
 gboolean queue_remove(Queue *queue, guint id, GError **error);
 
-/* Moves a session to this place, from 1 on, among those that wait; a place beyond them is the
- * end. */
+/* Moves a session to a place, counted from 1, among the sessions that wait. A place beyond them
+ * means the end. */
 gboolean queue_move(Queue *queue, guint id, guint place, GError **error);
 
-/* Sets state and message (NULL: none). On failure the list is changed all the same, and the next
- * change writes it: what has happened has happened. */
+/* Sets state and message of a session; message may be NULL. If the file cannot be written, the
+ * list is changed nevertheless, because the event has already happened. The next change then
+ * writes it. */
 gboolean queue_set(Queue *queue, struct queue_item *item, enum queue_state state,
                    const char *message, GError **error);

@@ -1,6 +1,6 @@
 /*
- * The queue's file, in GKeyFile syntax: [queue] with version, next and paused, then a section
- * [session N] for each session in order.
+ * The file of the queue, in GKeyFile syntax: [queue] with version, next and paused, then a section
+ * [session N] for each session, in order.
  */
 #include "queue_private.h"
 
@@ -16,7 +16,7 @@
 #define VERSION     1
 #define MOST_GROUPS 1024
 
-/* The fields of a session; all of them are written, and must be there. */
+/* The fields of a session. All of them are written, and all of them must exist in a file. */
 enum kind { TEXT, BOOLEAN, INT, INT64, DOUBLE };
 static const struct field {
     const char *key;
@@ -85,7 +85,7 @@ static gboolean take_field(GKeyFile *from, const char *group, const struct field
     return !why;
 }
 
-/* Whoever has added the session; groups: a number each. */
+/* Reads the user who has added the session. groups has one number per group. */
 static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item *item,
                             GError **error) {
     g_autoptr(GError) why = NULL;
@@ -106,7 +106,8 @@ static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item
     return TRUE;
 }
 
-/* What was begun when the program ended waits again, in the same place. */
+/* Reads the state. A session that had begun when the program ended waits again, in the same
+ * place. */
 static gboolean take_state(GKeyFile *from, const char *group, struct queue_item *item,
                            GError **error) {
     g_autofree char *name = g_key_file_get_string(from, group, "state", error);
@@ -129,10 +130,10 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
                            ? g_ascii_strtoull(group + strlen("session "), &end, 10)
                            : 0;
     if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MOST) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "[%s] is not [session N] with N from 1 to %u, or is more than the %d sessions "
-                    "that there may be",
-                    group, queue->next_id - 1, QUEUE_MOST);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
+            "[%s] is not [session N] with N from 1 to %u, or exceeds the maximum of %d sessions",
+            group, queue->next_id - 1, QUEUE_MOST);
         return FALSE;
     }
     item->id = (guint)id;
@@ -177,7 +178,7 @@ static gboolean take_text(Queue *queue, const char *text, gsize length, GError *
     return TRUE;
 }
 
-/* −1: an error, or (none) there is no file. */
+/* Returns −1 with an error, or with *none set if there is no file. */
 static int open_own(const char *path, gsize *ret_length, GError **error) {
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     struct stat info;
@@ -190,7 +191,7 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
                     input_file_kind(info.st_mode));
     } else if (info.st_uid != geteuid() || (info.st_mode & 022)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
-                    "others could have written it: it belongs to user %u and its mode is %04o",
+                    "other users could have written it: it belongs to user %u and its mode is %04o",
                     info.st_uid, (guint)info.st_mode & 07777);
     } else if (info.st_size > QUEUE_MOST_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is larger than %d MiB",
@@ -252,8 +253,8 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
     g_autofree char *text = queue_text(queue, &length);
     if (length > QUEUE_MOST_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "the queue would take more than the %d MiB that its file may have: wait until "
-                    "sessions of it have ended, and remove those",
+                    "the queue's file would exceed its limit of %d MiB: wait until sessions have "
+                    "ended, and remove them",
                     QUEUE_MOST_BYTES >> 20);
         return FALSE;
     }

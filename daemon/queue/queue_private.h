@@ -11,7 +11,7 @@ struct Queue {
     GPtrArray *items;
 };
 
-/* FALSE: it cannot be read; items, next_id and paused may then hold a part of it. No file is an
- * empty queue. */
+/* Reads the file. A file that does not exist is an empty queue. Returns FALSE if the file cannot be
+ * read; items, next_id and paused may then hold a part of it. */
 gboolean queue_file_read(Queue *queue, GError **error);
 gboolean queue_file_write(const Queue *queue, GError **error);

@@ -2,12 +2,12 @@
 
 #include <string.h>
 
-/* Longer than any class waits for a device that has to answer or to stand. */
+/* Longer than the time that any class waits for a device to answer or to stop. */
 #define SECURE_MS 20000
 
 /*
- * With several interlocks the lasers are guarded by one that stands for all of them: closed while
- * every one is. Listeners on the others set its state.
+ * If there are several interlocks, one that stands for all of them guards the lasers. It is closed
+ * while all of them are closed. Listeners on the others set its state.
  */
 static gboolean open_all(Interlock *interlock, GError **error) {
     return TRUE;
@@ -36,7 +36,7 @@ static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer
 }
 
 /* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
- * error names a place in the rig file already. Always FALSE. */
+ * error already names a place in the rig file. Always returns FALSE. */
 static gboolean devices_fail_at(const struct config_section *section, GError **error) {
     const char *path = config_path(section->config);
 
@@ -100,7 +100,7 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
     const struct {
         const struct config_section *section;
         Axis **axis;
-        struct axis_motion *motion; /* limits 0 to 0 if there is no such axis */
+        struct axis_motion *motion; /* limits are 0 to 0 if there is no such axis */
     } axes[] = {{layout->turntable, &devices->turntable, &devices->timing.turntable},
                 {layout->arc, &devices->arc, &devices->timing.arc},
                 {layout->arm, &devices->arm, &devices->timing.arm},
@@ -148,7 +148,7 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
     return mistakes_report(mistakes, error);
 }
 
-/* Reports an unknown place now, not when an operator has mounted the unit there. */
+/* Reports an unknown mount position now, and not after an operator has mounted the unit there. */
 static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
                            GError **error) {
     int unit = layout->unit[i];
@@ -195,7 +195,8 @@ static void devices_check_format(const struct camera_format *format, const struc
                        format->width, format->height);
 }
 
-/* Opens all cameras before waiting for any, so that many take no longer than the slowest. */
+/* Opens all cameras before it waits for any of them. Many cameras then take no longer than the
+ * slowest one. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
     g_autoptr(Mistakes) mistakes = mistakes_new();
@@ -276,7 +277,7 @@ static gboolean is_first_sweep(const struct devices *devices, int laser) {
     return TRUE;
 }
 
-/* Light first: it may injure somebody. */
+/* Lights are switched off first, because light may injure somebody. */
 void devices_close(struct devices *devices) {
     if (!devices)
         return;
@@ -303,7 +304,7 @@ void devices_close(struct devices *devices) {
     g_free(devices);
 }
 
-/* Keeps the first error's kind and all messages. */
+/* Collects errors. The result has the domain and code of the first error, and all messages. */
 static void devices_collect(GError **collected, GError *error) {
     if (!error)
         return;
@@ -469,7 +470,7 @@ gboolean devices_any_unsafe(const struct devices *devices) {
     return any;
 }
 
-/* A device's answer to devices_secure(). */
+/* Answer of a device to devices_secure(). */
 struct answer {
     gboolean done;
     GError *error;
@@ -477,12 +478,12 @@ struct answer {
 
 struct securing {
     struct answer answers[2 * RIG_MAX_LASERS + DEVICES_MAX_BANKS +
-                          DEVICES_POSITIONERS]; /* in order of requests */
+                          DEVICES_POSITIONERS]; /* in the order of requests */
     int n;
     gboolean too_late;
 };
 
-/* The last answer counts: earlier ones may belong to commands of a session. */
+/* The last answer counts, because earlier ones may belong to commands of a session. */
 static void take_answer(struct answer *answer, const GError *error) {
     answer->done = TRUE;
     g_clear_error(&answer->error);
@@ -569,7 +570,7 @@ gboolean devices_secure(struct devices *devices, GError **error) {
             secure_axis(devices->sweeps[i], &securing);
     for (int i = 0; i < DEVICES_POSITIONERS; i++)
         secure_axis(devices_positioner(devices, i), &securing);
-    /* The classes keep deadlines of their own; this one is for a rig whose clock does not run. */
+    /* The classes have deadlines. This deadline is for a rig whose clock does not run. */
     guint timer = g_timeout_add(SECURE_MS, on_too_late, &securing);
     while (!is_answered(&securing) && !securing.too_late)
         g_main_context_iteration(NULL, TRUE);

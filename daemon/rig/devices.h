@@ -1,21 +1,21 @@
 /*
- * The rig as its file describes it: every device opened through its driver, and the nominal
- * geometry (geometry/rig.h) that the same sections give. The visible arrays of drivers are in
- * devices.c.
+ * The rig as its file describes it. Every device is opened through its driver, and the same
+ * sections give the nominal geometry (geometry/rig.h). The arrays of drivers are in devices.c.
  *
- * Sections: [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which a rig
- * may lack, and one further axis for the sweep of each laser; [lamps BANK] and a [lamp NAME] for
- * each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], optional.
+ * The sections are [rig]; [axis turntable], [axis arc], [axis arm] and [axis probe], each of which
+ * is optional; one further axis for the sweep of each laser; [lamps BANK] and a [lamp NAME] for
+ * each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME], which are
+ * optional.
  *
- * A lamp or laser with phi_deg stands by itself at that azimuth, one without is carried by the arc.
- * An axis that is not there stands at 0.
+ * A lamp or laser with phi_deg is fixed at that azimuth. One without phi_deg is carried by the arc.
+ * An axis that the rig lacks has the position 0.
  *
- * A camera with arm_deg is carried by the arm, a lamp with probe_deg by the probe. In geometry and
- * timing each of their stops is a camera or lamp like any other (geometry/rig.h); all of them are
+ * A camera with arm_deg is carried by the arm, and a lamp with probe_deg by the probe. In geometry
+ * and timing, each of their stops is a separate camera or lamp (geometry/rig.h). All stops share
  * the same device.
  *
- * A [laser NAME] with mount_of is not a device but a further mount position of the unit that it
- * names, where an operator mounts it by hand. In geometry and timing it is a laser like any other.
+ * A [laser NAME] with mount_of is not a device. It is a further mount position of the unit that it
+ * names, where an operator mounts the unit by hand. In geometry and timing it is a separate laser.
  */
 #pragma once
 
@@ -29,20 +29,22 @@
 #define DEVICES_MAX_BANKS      8
 #define DEVICES_MAX_INTERLOCKS 4
 
-/* Speeds and delays of the devices, for the prediction of times. Indices as in struct rig. */
+/* Speeds, delays and limits of the devices, for predicting durations. Indices are those of struct
+ * rig. */
 struct rig_timing {
     struct axis_motion turntable, arc, arm, probe, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
     double laser_warm_up_s[RIG_MAX_LASERS];
-    guint32 mounts[RIG_MAX_LASERS]; /* bit set: the laser sections that are further mount positions
-                                       of this unit */
+    /* For each laser unit, a bit is set for each laser section that is a further mount position of
+     * this unit. */
+    guint32 mounts[RIG_MAX_LASERS];
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     gint64 stamp_us[RIG_MAX_CAMERAS]; /* as in struct camera_format */
     int bits[RIG_MAX_CAMERAS];
 };
 
-/* Index of the laser unit that is mounted at a laser's position (see mount_of). */
+/* Returns the index of the laser unit that is mounted at a laser's position (see mount_of). */
 static inline int rig_laser_unit(const struct rig_timing *timing, int laser) {
     for (int unit = 0; unit < RIG_MAX_LASERS; unit++)
         if (timing->mounts[unit] & 1u << laser)
@@ -54,27 +56,31 @@ struct devices {
     Clock *clock;
     struct rig geometry; /* nominal, from the rig file */
     struct rig_timing timing;
-    Axis *turntable, *arc, *arm, *probe; /* NULL: the rig has none */
-    Camera *cameras[RIG_MAX_CAMERAS];    /* as geometry.cameras; one at several stops */
+    Axis *turntable, *arc, *arm, *probe; /* NULL if the rig has no such axis */
+    /* In the order of geometry.cameras; several stops share one camera. */
+    Camera *cameras[RIG_MAX_CAMERAS];
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
     struct {
         LampBank *bank; /* one of banks */
         int index;
-    } lamps[RIG_MAX_LAMPS];        /* as geometry.lamps */
-    Laser *lasers[RIG_MAX_LASERS]; /* as geometry.lasers; a mount's is its unit's */
-    Axis *sweeps[RIG_MAX_LASERS];  /* the sweep of each */
+    } lamps[RIG_MAX_LAMPS]; /* in the order of geometry.lamps */
+    /* In the order of geometry.lasers; a mount position has the laser of its unit. */
+    Laser *lasers[RIG_MAX_LASERS];
+    Axis *sweeps[RIG_MAX_LASERS]; /* the sweep of each laser */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
-    Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
+    Interlock *guard; /* guards the lasers on behalf of all interlocks; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
-    char *calibration_path;       /* the one that the rig file names, absolute; NULL: none */
-    const char *calibration_text; /* its contents; NULL: to be read. Not owned. */
+    /* Path that the rig file names, absolute; NULL if it names none. */
+    char *calibration_path;
+    const char *calibration_text; /* contents of that file, not owned; NULL if it has to be read */
     double calibration_days;
 };
 
-/* The axes that are no laser's sweep: turntable, arc, arm, probe. NULL: the rig has none. */
+/* Returns the i-th axis that is not a laser's sweep: turntable, arc, arm, probe. Returns NULL if
+ * the rig lacks it. */
 #define DEVICES_POSITIONERS 4
 static inline Axis *devices_positioner(const struct devices *devices, int i) {
     Axis *const all[DEVICES_POSITIONERS] = {devices->turntable, devices->arc, devices->arm,
@@ -88,37 +94,38 @@ static inline gboolean devices_is_unit(const struct rig *rig, int camera) {
     return rig->cameras[camera].stop == 0;
 }
 
-/* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error
- * names file, line and key. */
+/* Opens all devices. If one fails, none is left open. Moves no axis; lamps and lasers are off
+ * afterwards. Every error names file, line and key. */
 struct devices *devices_open(const char *rig_path, GError **error);
 
-/* The geometry alone, checked in the same way, without opening a device. */
+/* Reads only the geometry, with the same checks, and opens no device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
-/* Geometry and timing from the rig file's options alone, for a plan without the hardware: nothing
- * real is opened. Values that only an open device can tell are assumed; a line about each is added
- * to assumed (char *, with a free function). */
+/* Reads geometry and timing from the options of the rig file, for a plan without the hardware. No
+ * real device is opened. Values that only an open device can report are assumed. A line about each
+ * of them is appended to assumed (char *, with a free function). */
 gboolean devices_read_timing(const char *rig_path, struct rig *ret_geometry,
                              struct rig_timing *ret_timing, GPtrArray *assumed, GError **error);
-/* Reads the geometry from the text of a rig file that a session keeps; path is used in errors. */
+/* Reads the geometry from the text of a rig file that a session keeps. path is used in errors. */
 gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
                                 GError **error);
 
-/* Every device is simulated, whatever clock it has. */
+/* Returns whether every device is simulated. The clock does not matter. */
 gboolean devices_are_simulated(const struct devices *devices);
 
 /* Switches lamps and lasers off, stops the axes and closes all devices. NULL is ignored. */
 void devices_close(struct devices *devices);
 
-/* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected
- * into the first one; every device is tried. */
+/* Commands the safe state now: all lamps and lasers off, all axes stopped. Every device is
+ * commanded, even if others fail. The first error is returned. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* The result of that command: class, name and "read back", "commanded only" (no answer yet) or "NOT
- * safe" of each laser, lamp bank and axis, as a(sss), floating. ret: DEVICE_TOLD if one has not
- * answered, else DEVICE_UNSAFE if one is, else DEVICE_SAFE. */
+/* Returns the result of that command as a(sss), floating: for each laser, lamp bank and axis its
+ * class, its name, and "read back", "commanded only" (no answer yet) or "NOT safe". *ret is
+ * DEVICE_TOLD if a device has not answered, else DEVICE_UNSAFE if a device is unsafe, else
+ * DEVICE_SAFE. */
 GVariant *devices_safety(const struct devices *devices, enum device_safety *ret);
 
-/* The permit and the function of each axis, bank and laser (drivers/device.h), each device once. */
+/* Set the permit and the watch function (drivers/device.h) of each axis, lamp bank and laser. */
 void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data);
 void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data);
 /* What each device, interlocks and cameras included, reports of itself: “camera cam30: MODEL,
@@ -128,22 +135,23 @@ GPtrArray *devices_identities(const struct devices *devices);
 /* Whether one of them should be off or stand and has not confirmed it. */
 gboolean devices_any_unsafe(const struct devices *devices);
 
-/* Commands the safe state, and waits until every device has confirmed it: lasers and lamps that
- * they are off, axes that they stand, also axes that another program has started. FALSE: at least
- * one has not confirmed. Runs the main loop, and removes all other listeners from the devices. */
+/* Commands the safe state, and waits until every device has confirmed it. Lasers and lamps must
+ * confirm that they are off, axes that they stand still. This includes axes that another program
+ * has started. Returns FALSE if at least one device has not confirmed. Runs the main loop, and
+ * removes all other listeners from the devices. */
 gboolean devices_secure(struct devices *devices, GError **error);
 
-/* Begins a reason or an event that reports that lamps, lasers or axes may not be safe. */
+/* Beginning of a reason or an event that reports that lamps, lasers or axes may not be safe. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
-/* Describes the driver, or the section of the rig file, of this name, with its options, for
- * `mesorig drivers`; NULL: there is none of that name. name NULL: one line for each of them; as
- * JSON with all options. g_free(). */
+/* Describes the driver, or the section of the rig file, of this name with its options, for `mesorig
+ * drivers`. Returns NULL if there is none of that name. If name is NULL, the text has one line for
+ * each driver and section; as JSON it has all options. Free it with g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);
 
-/* The i-th of all drivers, by class; NULL: there are no more. */
+/* Returns the i-th of all drivers, ordered by class. Returns NULL if there are no more. */
 const struct driver_info *devices_driver(gsize i);
 
-/* The keys of [rig], [lamp NAME] and [mark NAME], and those that sections of cameras and lasers
- * have beside their drivers'; NULL: the class has none. */
+/* Returns the keys of [rig], [lamp NAME] and [mark NAME], and the keys of camera and laser sections
+ * that do not belong to the driver. Returns NULL if the class has none. */
 const struct option *devices_section_options(const char *class_name);

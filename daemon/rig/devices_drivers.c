@@ -9,7 +9,7 @@
 
 #include "base/json.h"
 
-/* Every driver there is. A new one is written in drivers/ and named here. */
+/* All drivers. Add a new driver in drivers/ and name it here. */
 static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
                                                          &tic_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
@@ -21,7 +21,7 @@ static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &m
 static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,
                                                                    &modbus_inputs_driver, NULL};
 
-/* Every class's driver begins with its info. */
+/* The driver of every class begins with a struct driver_info. */
 static const struct {
     const char *class_name;
     gconstpointer const *drivers;
@@ -101,14 +101,18 @@ const struct driver_info *devices_driver(gsize i) {
 }
 
 char *devices_describe_drivers(const char *name, gboolean json) {
-    /* The keys of sections of the rig file beside, or without, a driver. */
+    /* Sections of the rig file that have keys in addition to those of a driver, or that have no
+     * driver. */
     static const char *const sections[][2] = {
         {"rig", "The rig as a whole, in its section [rig]"},
-        {"axis", "An axis's place, in its section [axis NAME] beside its driver's options"},
+        {"axis",
+         "Place of an axis, in its section [axis NAME], in addition to the options of its driver"},
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
-        {"camera", "A camera's place, in its section [camera NAME] beside its driver's options"},
-        {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},
-        {"mark", "A white mark on the turntable beside the sample, in a section [mark NAME]"},
+        {"camera", "Place of a camera, in its section [camera NAME], in addition to the options of "
+                   "its driver"},
+        {"laser",
+         "Place of a laser, in its section [laser NAME], in addition to the options of its driver"},
+        {"mark", "A white mark on the turntable next to the sample, in a section [mark NAME]"},
     };
     GString *text = g_string_new(json ? "[" : NULL);
     gsize empty = text->len;

@@ -69,7 +69,7 @@ static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistake
                        (int)sizeof layout->geometry.id - 1);
     if (layout->arc && fields.arc_radius_mm == 0)
         ok = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "arc_radius_mm",
-                            "must be given: there is an [axis arc]");
+                            "must be given, because there is an [axis arc]");
     layout->geometry.arc_radius_mm = fields.arc_radius_mm;
     layout->geometry.arc_width_mm = fields.arc_width_mm;
     if (layout->arm)
@@ -95,7 +95,8 @@ static gboolean count_up(int *n, int most, const struct config_section *section,
         return TRUE;
     }
     return config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                          "one too many: there may be %d of this class", most);
+                          "there are too many sections of this class: at most %d are allowed",
+                          most);
 }
 
 static gboolean devices_layout_take_name(const struct config_section *section, char to[RIG_NAME],
@@ -113,8 +114,9 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
                       place->distance_mm);
 }
 
-/* Sets *ret_fixed: a lamp or laser stands by itself if its azimuth is given, or if there is no arc.
- * Without an arc only one overhead, which has no azimuth, may leave it out. */
+/* Sets *ret_fixed: a lamp or laser is fixed if its azimuth is given, or if there is no arc. Without
+ * an arc the azimuth may be left out only for one that is overhead, because it has no azimuth
+ * there. */
 static gboolean devices_layout_take_carrier(const struct layout *layout,
                                             const struct config_section *section,
                                             const struct place_fields *place, int *ret_fixed,
@@ -126,18 +128,18 @@ static gboolean devices_layout_take_carrier(const struct layout *layout,
         return TRUE;
     return layout->has_all_sections
                ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "phi_deg",
-                                "must be given: there is no [axis arc] that would carry it")
+                                "must be given, because there is no [axis arc] to carry it")
                : FALSE;
 }
 
-/* Checks the angles at which an axis stops with what a section describes. */
+/* Checks the angles at which an axis stops, together with the part that a section describes. */
 static gboolean check_stops(const struct layout *layout, const struct config_section *section,
                             const char *key, const struct config_section *axis, const char *name,
                             const struct option_doubles *stops, Mistakes *mistakes) {
     if (!axis)
         return layout->has_all_sections
                    ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, key,
-                                    "there is no section [axis %s] that would carry it", name)
+                                    "there is no section [axis %s] to carry it", name)
                    : FALSE;
     for (int i = 0; i < stops->n; i++)
         for (int k = 0; k < i; k++)
@@ -147,7 +149,7 @@ static gboolean check_stops(const struct layout *layout, const struct config_sec
     return TRUE;
 }
 
-/* The name of a stop, and whether it is above the turntable. */
+/* Sets the name of a stop, and checks that it is above the turntable. */
 static gboolean take_stop(const struct config_section *section, const char *key, double deg,
                           struct vec3 position_mm, char to[RIG_NAME], Mistakes *mistakes) {
     g_autofree char *name = g_strdup_printf("%s@%g", section->name, deg);
@@ -158,14 +160,13 @@ static gboolean take_stop(const struct config_section *section, const char *key,
                               "name",
                               name, RIG_NAME - 1);
     g_strlcpy(to, name, RIG_NAME);
-    return position_mm.z > 0 ||
-           config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "at %g° it would stand below the turntable's top; check the axis's "
-                          "direction in [rig]",
-                          deg);
+    return position_mm.z > 0 || config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
+                                               "at %g° it would be below the turntable's top; "
+                                               "check the direction of the axis in [rig]",
+                                               deg);
 }
 
-/* Makes the stops of a camera, one after the other, from its place with the arm at 0. */
+/* Makes the stops of a camera, one after the other, from its position with the arm at 0. */
 static gboolean add_camera_stops(struct layout *layout, const struct config_section *section, int i,
                                  const struct option_doubles *stops, Mistakes *mistakes) {
     struct rig *rig = &layout->geometry;
@@ -243,7 +244,8 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->vignetting = p.vignetting;
     camera->response = p.response;
     rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
-    if (p.theta_deg == 0) /* overhead, the azimuth is its rotation about its own axis */
+    if (p.theta_deg ==
+        0) /* overhead, the azimuth is the rotation about the camera's optical axis */
         for (int k = 0; k < 2; k++) {
             double *row = camera->rotation.m[k];
             const struct vec3 turned = rig_turn(vec3(row[0], row[1], row[2]), RAD(p.phi_deg));
@@ -271,8 +273,7 @@ static gboolean wire_lamp(struct layout *layout, int i, const struct place_field
     if (bank < 0)
         return layout->has_all_sections
                    ? config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "bank",
-                                    "there is no section [lamps %s]; name one that there is",
-                                    p->bank)
+                                    "there is no section [lamps %s]; name an existing one", p->bank)
                    : FALSE;
     for (int k = 0; k < i; k++)
         if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index)
@@ -311,7 +312,7 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
     return named && carried && wired && stops;
 }
 
-/* An axis whose name says what it is for. */
+/* Returns whether the name of an axis gives its purpose. */
 static gboolean devices_layout_is_positioner(const struct layout *layout,
                                              const struct config_section *axis) {
     return axis == layout->turntable || axis == layout->arc || axis == layout->arm ||
@@ -327,14 +328,14 @@ static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mist
     }
     if (!axis && !layout->has_all_sections)
         return FALSE;
-    return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
-                          axis
-                              ? "the axis \"%s\" does not sweep a laser; give it an axis of its own"
-                              : "there is no section [axis %s]; name the axis that sweeps the line",
-                          sweep);
+    return config_mistake(
+        mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
+        axis ? "the axis \"%s\" does not sweep a laser; give the laser a separate axis"
+             : "there is no section [axis %s]; name the axis that sweeps the line",
+        sweep);
 }
 
-/* A further place of a laser that stands above it in the file. */
+/* Adds a further mount position of a laser that is described earlier in the file. */
 static gboolean wire_mount(struct layout *layout, int i, const char *name, Mistakes *mistakes) {
     int unit = find_section(layout->lasers, i, name);
 
@@ -347,9 +348,9 @@ static gboolean wire_mount(struct layout *layout, int i, const char *name, Mista
         return FALSE;
     return config_mistake(mistakes, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
                           unit >= 0
-                              ? "\"%s\" is itself a mount; name the laser that it is a mount of"
-                              : "there is no section [laser %s] above this one; name the laser "
-                                "that is mounted here, and write it first",
+                              ? "\"%s\" is itself a mount; name the laser that is mounted there"
+                              : "there is no section [laser %s] before this one; name the laser "
+                                "that is mounted here, and put its section first",
                           name);
 }
 
@@ -450,7 +451,7 @@ static gboolean devices_layout_take_place(struct layout *layout,
     return TRUE;
 }
 
-/* Reports sections that no rig file has; the sections that were meant may then seem to be
+/* Reports sections that no rig file has. The sections that were meant may then seem to be
  * missing. */
 static gboolean check_class(struct layout *layout, const struct config_section *section,
                             Mistakes *mistakes) {
@@ -481,7 +482,7 @@ static gboolean check_class(struct layout *layout, const struct config_section *
                           "[mark NAME]");
 }
 
-/* Axes that nothing uses are misspelt ones. */
+/* Returns whether the axis is used. An axis that nothing uses is probably misspelt. */
 static gboolean devices_layout_uses(const struct layout *layout,
                                     const struct config_section *axis) {
     for (int i = 0; i < layout->geometry.n_lasers; i++)
@@ -496,7 +497,8 @@ static gboolean devices_layout_uses(const struct layout *layout,
     return axis == layout->turntable || axis == layout->arc;
 }
 
-/* lasers: all were understood, so that they say which axes they use. */
+/* Checks the file as a whole. lasers says that all lasers were understood, so that the axes that
+ * they use are known. */
 static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *mistakes) {
     const struct rig *rig = &layout->geometry;
     const struct {
@@ -517,16 +519,16 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
         if (lasers && layout->has_all_sections && g_str_equal(section->class_name, "axis") &&
             !devices_layout_uses(layout, section))
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
-                           "nothing uses this axis: it is neither turntable nor arc, no laser "
-                           "names it as its sweep, and it is no [axis arm] with cameras that have "
-                           "arm_deg, nor [axis probe] with lamps that have probe_deg");
+                           "this axis is not used: it is neither turntable nor arc, no laser names "
+                           "it as its sweep, and it is not an [axis arm] with cameras that have "
+                           "arm_deg or an [axis probe] with lamps that have probe_deg");
         /* Virtual time would run ahead of a real device. */
         if (layout->virtual_clock && driver && !g_str_has_prefix(driver, "sim-") &&
             drivers_by_name(section))
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "driver",
-                           "%s is a real device and cannot keep virtual time; write clock = real "
-                           "in [rig]",
-                           driver);
+            config_mistake(
+                mistakes, CONFIG_ERROR_VALUE, section, "driver",
+                "%s is a real device and cannot work in virtual time; write clock = real in [rig]",
+                driver);
     }
     for (gsize i = 0; layout->has_all_sections && i < G_N_ELEMENTS(needed); i++)
         if (!needed[i].there)
@@ -535,7 +537,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
                          needed[i].what);
 }
 
-/* Axes, banks and interlocks first: lamps and lasers name them. */
+/* Axes, banks and interlocks come first, because lamps and lasers name them. */
 static gboolean layout_take(struct layout *layout, Config *config, gboolean checks_drivers,
                             Mistakes *mistakes, GError **error) {
     gsize n;

@@ -1,7 +1,8 @@
-/* What two sections of a rig file need, each for itself: the same coil, relay, axis or camera. */
+/* Finds things that two sections of a rig file need exclusively: the same coil, relay, axis or
+ * camera. */
 #include "devices_private.h"
 
-/* FALSE: its options have mistakes, which are reported elsewhere. */
+/* Returns FALSE if its options have mistakes, which are reported elsewhere. */
 static gboolean read_needs(const struct config_section *section, const struct driver_info *info,
                            GPtrArray *to) {
     static const char *const any[] = {"*", NULL};
@@ -15,7 +16,7 @@ static gboolean read_needs(const struct config_section *section, const struct dr
     return TRUE;
 }
 
-/* Tells the first thing of each section only. */
+/* Reports only the first such thing of each section. */
 static void check_section(GHashTable *owners, const struct config_section *section,
                           const GPtrArray *needs, Mistakes *mistakes) {
     gboolean told = FALSE;
@@ -24,7 +25,7 @@ static void check_section(GHashTable *owners, const struct config_section *secti
         const struct config_section *owner = g_hash_table_lookup(owners, needs->pdata[i]);
         if (owner && owner != section && !told)
             told = !config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
-                                   "%s is that of [%s] already, in line %d; correct one of the two",
+                                   "%s is already used by [%s], in line %d; correct one of the two",
                                    (const char *)needs->pdata[i], owner->group, owner->line);
         if (!owner)
             g_hash_table_insert(owners, g_strdup(needs->pdata[i]), (gpointer)section);

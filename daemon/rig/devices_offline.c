@@ -1,19 +1,18 @@
-/* The speeds and delays of a rig's devices from its file alone. Drivers of a class use the same
- * names for the same options: those of AXIS_MOTION_OPTIONS for an axis, those named below for
- * others. */
+/* Reads the speeds and delays of a rig's devices from its file only. All drivers of a class have
+ * the same names for the same options: those of AXIS_MOTION_OPTIONS for an axis, and those below
+ * for other classes. */
 #include "devices_private.h"
 
 #include <string.h>
 
-#define ASSUMED_READOUT_MS 33.0 /* of a camera that runs freely, 30 pictures a second */
+#define ASSUMED_READOUT_MS 33.0 /* for a camera with 30 pictures a second */
 #define ASSUMED_BITS       12
-#define ASSUMED_STAMP_US                                                                           \
-    1000 /* of a camera that stamps its frames with the time of their exposure */
-#define MOST_EXPOSURE_US 60000000
+#define ASSUMED_STAMP_US   1000 /* for a camera whose time stamps are the time of the exposure */
+#define MOST_EXPOSURE_US   60000000
 
 struct offline { /* the options of one device */
     const struct driver_info *info;
-    char *fields; /* as its driver's open() would find them */
+    char *fields; /* the values that its driver's open() would find */
 };
 
 static gboolean offline_read(struct offline *device, const struct config_section *section,
@@ -42,7 +41,7 @@ static void offline_clear(struct offline *device) {
     g_clear_pointer(&device->fields, g_free);
 }
 
-/* FALSE: its driver has no such option. */
+/* Returns FALSE if its driver has no such option. */
 static gboolean offline_number(const struct offline *device, const char *name, double *ret) {
     const struct option *option = options_find(device->info->options, name);
 
@@ -64,8 +63,8 @@ static void offline_assume(GPtrArray *assumed, const struct config_section *sect
     g_ptr_array_add(assumed, g_strdup_printf("assumed for [%s]: %s", section->group, what));
 }
 
-/* Sets report_ms and stamp_ms of an axis that has turn(): while it turns, it reports its position
- * with each poll. Its driver's open() adds the time that an answer may take. */
+/* Sets report_ms and stamp_ms of an axis that has turn(). While the axis turns, it reports its
+ * position with each poll. Its driver's open() adds the time that an answer may take. */
 static void offline_turn(const struct offline *device, struct axis_motion *motion) {
     const struct axis_driver *driver = (const struct axis_driver *)device->info;
     double poll_ms, speed_register, stamp_ms = 0;
@@ -87,7 +86,7 @@ static gboolean offline_axis(const struct config_section *section, struct axis_m
     if (!offline_read(&device, section, error))
         return FALSE;
     const struct option *first = options_find(device.info->options, "wraps");
-    if (first) /* the whole struct: the driver's table has it from AXIS_MOTION_OPTIONS */
+    if (first) /* the whole struct, because the driver's table has it from AXIS_MOTION_OPTIONS */
         *ret = *(struct axis_motion *)(gpointer)(device.fields + first->offset -
                                                  G_STRUCT_OFFSET(struct axis_motion, wraps));
     else {
@@ -99,8 +98,8 @@ static gboolean offline_axis(const struct config_section *section, struct axis_m
     return TRUE;
 }
 
-/* The warm-up of a bank or laser. Simulated lamps take it from their world file, which can be read
- * without devices. */
+/* Returns the warm-up time of a bank or laser. Simulated lamps take it from their world file, which
+ * can be read without devices. */
 static gboolean offline_warm_up(const struct config_section *section, double *ret_s,
                                 GPtrArray *assumed, GError **error) {
     struct offline device;
@@ -141,10 +140,10 @@ static gboolean offline_camera(const struct config_section *section, int index,
     if (!offline_number(&device, "readout_ms", &readout_ms) ||
         !offline_number(&device, "trigger_ms", &trigger_ms))
         offline_assume(assumed, section,
-                       "30 pictures a second, since only the camera knows how many");
+                       "30 pictures a second, because only the camera knows its rate");
     if (!offline_number(&device, "min_exposure_us", &least_us) ||
         !offline_number(&device, "max_exposure_us", &most_us))
-        offline_assume(assumed, section, "that it can expose as the session asks");
+        offline_assume(assumed, section, "that it supports the exposures of the session");
     offline_number(&device, "bits", &bits);
     timing->readout_us[index] = (gint64)(readout_ms * 1000);
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);

@@ -21,19 +21,20 @@ const struct option devices_rig_options[] = {
      .help = "Radius of the light arc's inner edge; a rig with [axis arc] must have it"},
     {"arm_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
      .offset = RIG(arm_axis_theta_deg),
-     .help = "Direction of the axis of [axis arm], which carries cameras and goes through the "
-             "middle of the turntable's top: its angle from straight above; 90 is level"},
+     .help = "Polar angle of the axis of [axis arm]; 0 is straight above, 90 is level. The axis "
+             "goes through the middle of the turntable's top, and the arm carries cameras"},
     {"arm_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90", .offset = RIG(arm_axis_phi_deg),
-     .help = "Its azimuth. Seen from where it points to, the arm turns counter-clockwise: about an "
-             "axis at azimuth 90 it lowers a camera at azimuth 0"},
+     .help = "Azimuth of that axis. The arm turns counter-clockwise, seen from the point to which "
+             "the axis points: about an axis at azimuth 90 it lowers a camera at azimuth 0"},
     {"probe_axis_theta_deg", OPTION_DOUBLE, "degrees", 0, 180, "90",
-     .offset = RIG(probe_axis_theta_deg), .help = "The same for [axis probe], which carries lamps"},
+     .offset = RIG(probe_axis_theta_deg),
+     .help = "Polar angle of the axis of [axis probe], which carries lamps"},
     {"probe_axis_phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "90",
      .offset = RIG(probe_axis_phi_deg),
-     .help = "Azimuth of that axis; if the arc carries the probe, with the arc at 0"},
+     .help = "Azimuth of that axis; if the arc carries the probe, its value with the arc at 0"},
     {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, "0", .offset = RIG(arc_width_mm),
-     .help = "Width of the light arc with its lamps, and of lamps and cameras that stand by "
-             "themselves; it determines what they hide from a camera or a lamp"},
+     .help = "Width of the light arc with its lamps, and of lamps and cameras that are not on it; "
+             "it determines which rays of cameras and lamps they block"},
     {NULL},
 };
 
@@ -41,27 +42,25 @@ const struct option devices_rig_options[] = {
 #define THETA                                                                                      \
     {                                                                                              \
         "theta_deg", OPTION_DOUBLE, "degrees", 0, 89.9,                                            \
-            .offset = PLACE(theta_deg),                                                            \
-            .help = "Polar angle at which it stands; 0 is straight above"                          \
+            .offset = PLACE(theta_deg), .help = "Polar angle of its position; 0 is straight above" \
     }
 #define DISTANCE                                                                                   \
     {                                                                                              \
         "distance_mm", OPTION_DOUBLE, "mm", 1, 100000,                                             \
             .offset = PLACE(distance_mm),                                                          \
-            .help = "Distance from the middle of the turntable's top, which it points at"          \
+            .help = "Distance from the middle of the turntable's top, at which it points"          \
     }
 #define AZIMUTH                                                                                    \
     {                                                                                              \
         "phi_deg", OPTION_DOUBLE, "degrees", -360, 360, "0",                                       \
             .offset = PLACE(phi_deg),                                                              \
-            .help =                                                                                \
-                "Azimuth it stands at by itself, counter-clockwise seen from above; without it "   \
-                "the arc carries it"                                                               \
+            .help = "Azimuth of a fixed position, counter-clockwise seen from above; without "     \
+                    "this key the arc carries it"                                                  \
     }
 
 const struct option devices_axis_options[] = {
     {LAYOUT_PARK_KEY, OPTION_DOUBLE, "degrees", -36000, 36000, "0", .offset = PLACE(park_deg),
-     .help = "Where it stands when the queue of sessions is empty; without it, at its reference"},
+     .help = "Position when the queue of sessions is empty; default: its reference"},
     {NULL},
 };
 
@@ -73,9 +72,9 @@ const struct option devices_lamp_options[] = {
     AZIMUTH,
     DISTANCE,
     {"probe_deg", OPTION_DOUBLES, "degrees", -360, 360, "0", .offset = PLACE(probe_deg),
-     .help =
-         "Angles at which [axis probe], which carries it, stops; theta_deg and phi_deg are with "
-         "that axis at 0. Each stop is a lamp NAME@ANGLE; without this key it stands still"},
+     .help = "Angles at which [axis probe], which carries it, stops. theta_deg and phi_deg are its "
+             "position with that axis at 0. Each stop is a lamp NAME@ANGLE. Without this key it is "
+             "fixed"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
     {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
@@ -86,18 +85,20 @@ const struct option devices_lamp_options[] = {
 const struct option devices_camera_options[] = {
     THETA,
     {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
-     .help = "Azimuth it stands at, counter-clockwise seen from above; for a camera overhead, its "
-             "rotation"},
+     .help = "Azimuth of its position, counter-clockwise seen from above; for a camera overhead, "
+             "its rotation"},
     DISTANCE,
     {"arm_deg", OPTION_DOUBLES, "degrees", -360, 360, "0", .offset = PLACE(arm_deg),
-     .help = "Angles at which [axis arm], which carries it, stops; theta_deg and phi_deg are with "
-             "that axis at 0. Each stop is a camera NAME@ANGLE; without this key it stands still"},
+     .help = "Angles at which [axis arm], which carries it, stops. theta_deg and phi_deg are its "
+             "position with that axis at 0. Each stop is a camera NAME@ANGLE. Without this key it "
+             "is fixed"},
     {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
     {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
      .help = "Height of its pictures"},
     {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
     {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
-     .offset = PLACE(response), .help = "Counts a second for a radiance of one, at no gain"},
+     .offset = PLACE(response),
+     .help = "Counts per second for a radiance of one, at a gain of 0 dB"},
     {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},
     {"k2", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k2), .help = "Radial distortion"},
     {"k3", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k3), .help = "Radial distortion"},
@@ -111,7 +112,7 @@ const struct option devices_camera_options[] = {
 const struct option devices_laser_options[] = {
     {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
     {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
-     .help = "The laser that is mounted here by hand; such a section gives only its place"},
+     .help = "The laser that is mounted here by hand; such a section gives only the place"},
     THETA,
     AZIMUTH,
     DISTANCE,
@@ -132,7 +133,7 @@ const struct option devices_mark_options[] = {
     {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
      .help = "x of its middle, with the turntable at 0"},
     {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm),
-     .help = "y of its middle, likewise"},
+     .help = "y of its middle, with the turntable at 0"},
     {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
      .help = "Height of its face above the turntable's top"},
     {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm),

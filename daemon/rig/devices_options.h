@@ -1,4 +1,5 @@
-/* Options tables of the sections that the rig file's layout is read from, and what they fill. */
+/* Option tables of the sections from which the layout of the rig is read, and the structs that they
+ * fill. */
 #pragma once
 
 #include "base/options.h"
@@ -11,13 +12,13 @@ struct rig_fields {
 };
 extern const struct option devices_rig_options[];
 
-struct place_fields { /* of a lamp, camera, laser or axis */
+struct place_fields { /* place of a lamp, camera, laser or axis */
     char *bank, *sweep, *mount_of;
     int index, width, height;
     double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
     double k1, k2, k3, p1, p2, vignetting;
-    struct option_doubles arm_deg, probe_deg; /* stops */
-    double park_deg;                          /* of an axis */
+    struct option_doubles arm_deg, probe_deg; /* positions of the stops */
+    double park_deg;                          /* only for an axis */
 };
 extern const struct option devices_lamp_options[], devices_camera_options[],
     devices_laser_options[], devices_mount_options[], devices_axis_options[];

@@ -1,4 +1,4 @@
-/* The rig file as it was read and checked, before any device is opened. */
+/* The rig file after it was read and checked, before any device is opened. */
 #pragma once
 
 #include "devices.h"
@@ -6,12 +6,15 @@
 struct layout {
     Config *config;
     struct rig geometry;
-    gboolean has_all_sections; /* FALSE: a heading is wrong, so that what seems missing may be it */
+    /* FALSE if a heading is wrong. A section that seems to be missing may then be the one with the
+     * wrong heading. */
+    gboolean has_all_sections;
     gboolean virtual_clock, checks_drivers;
-    char *calibration_path; /* absolute; NULL: none is named */
+    char *calibration_path; /* absolute path; NULL if none is named */
     double calibration_days;
     const struct config_section *turntable, *arc, *arm, *probe;
-    const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
+    /* One axis may be the sweep of several lasers. */
+    const struct config_section *sweeps[RIG_MAX_LASERS];
     /* All stops of one camera or lamp have the same section. */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
@@ -22,26 +25,29 @@ struct layout {
     int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
 };
 
-/* A key of [axis NAME], which the rig reads and not the driver (park_deg in struct Axis). */
+/* A key of [axis NAME] that the rig reads and not the driver (park_deg in struct Axis). */
 #define LAYOUT_PARK_KEY "park_deg"
 
-/* Checks everything that can be checked without a device, also the options of drivers.
- * checks_drivers, for devices that are to be opened: also lets drivers check which options fit each
- * other, and other files that these name. The error tells all mistakes of the file. */
+/* Checks everything that can be checked without a device, including the options of drivers. If
+ * checks_drivers is TRUE, drivers also check which options fit each other, and check other files
+ * that the options name. This is for devices that are to be opened. The error lists all mistakes of
+ * the file. */
 gboolean layout_load(struct layout *layout, const char *path, gboolean checks_drivers,
                      GError **error);
 gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
 void layout_clear(struct layout *layout);
 
-/* Reports each section that needs what a section above it in the file needs for itself. */
+/* Reports each section that needs something for its exclusive use that an earlier section of the
+ * file also needs. */
 void layout_check_needs(const Config *config, Mistakes *mistakes);
 
-/* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free
- * the list alone with g_free(). */
+/* Returns the keys that the rig reads in a section of a class, in addition to the driver's keys.
+ * The list is NULL-terminated. Free only the list, with g_free(). */
 const char **layout_keys(const char *class_name);
 
-/* The driver that the driver key of a section names: a struct of the section's class, which begins
- * with a struct driver_info. The error lists the existing drivers of that class. */
+/* Returns the driver that the key "driver" of a section names: a struct of the section's class,
+ * which begins with a struct driver_info. The error lists the existing drivers of that class. */
 gconstpointer drivers_find(const struct config_section *section, GError **error);
-/* Finds the driver, of any class, that the section's key "driver" names; NULL: there is none. */
+/* Returns the driver, of any class, that the section's key "driver" names. Returns NULL if there is
+ * none. */
 const struct driver_info *drivers_by_name(const struct config_section *section);

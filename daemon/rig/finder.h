@@ -5,15 +5,17 @@
 
 #include <glib.h>
 
-/* A Modbus line to search; a member that is NULL or 0 has the drivers' default. */
+/* A Modbus line to search. A member that is NULL or 0 has the default of the drivers. */
 struct finder_modbus {
-    const char *bus; /* "/dev/ttyUSB0" or "tcp:HOST:PORT"; NULL: none is asked */
+    const char *bus; /* "/dev/ttyUSB0" or "tcp:HOST:PORT"; NULL if no line is searched */
     int baud;
     const char *parity; /* "none", "even", "odd" */
-    int first, last;    /* units */
+    int first, last;    /* range of unit numbers */
 };
 
-/* All devices found, as struct found, to be freed with g_ptr_array_unref(). A bus that cannot be
- * searched adds a sentence to ret_problems; the others are searched all the same. Takes a second or
- * two, and with Modbus a tenth of a second for each absent unit. NULL: bad arguments. */
+/* Returns all devices that were found, as struct found. Free the array with g_ptr_array_unref().
+ * For a bus that cannot be searched, a sentence is appended to ret_problems, and the search
+ * continues with the others. The search takes one or two seconds. A Modbus line takes a further
+ * tenth of a second for each unit number without a device. Returns NULL if the arguments are
+ * wrong. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);

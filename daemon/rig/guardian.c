@@ -12,28 +12,29 @@
 #include <unistd.h>
 
 #define BEAT_MS        250
-#define START_MS       6000                 /* for the first answer */
-#define ANSWER_US      G_USEC_PER_SEC       /* age of an answer that still counts */
-#define ASK_MS         200                  /* for the answer to a question of its own */
-#define FROZEN_US      (3 * G_USEC_PER_SEC) /* silence after which it is replaced */
-#define LOOK_US        (2 * BEAT_MS * 1000) /* the longest silence known from one look */
+#define START_MS       6000           /* limit for the first answer */
+#define ANSWER_US      G_USEC_PER_SEC /* age up to which an answer counts */
+#define ASK_MS         200            /* limit for the answer to a question of guardian_answers() */
+#define FROZEN_US      (3 * G_USEC_PER_SEC) /* silence after which the guardian is replaced */
+#define LOOK_US        (2 * BEAT_MS * 1000) /* longest silence that one look may add */
 #define MIN_RESTART_MS 100
 #define MAX_RESTART_MS 5000
-#define LASTED_US      (10 * G_USEC_PER_SEC) /* then the next pause is the shortest again */
-#define AWAIT_US       (5 * G_USEC_PER_SEC)
+#define LASTED_US                                                                                  \
+    (10 * G_USEC_PER_SEC) /* running time after which the next pause is the shortest again */
+#define AWAIT_US (5 * G_USEC_PER_SEC)
 
 struct Guardian {
     char *rig_path;
-    int socket; /* -1: none, it is to be started again */
+    int socket; /* -1 if the guardian has to be started again */
     GPid pid;
     guint timer, watch, restart;
-    guint restart_ms; /* the next pause */
+    guint restart_ms; /* length of the next pause */
     gboolean busy;
     gint64 started_us;
-    gint64 answered_us;          /* when it sent its last answer; 0: none yet */
-    gint64 asked_us;             /* when guardian_answers() waited last */
-    gint64 looked_us, silent_us; /* the last look at the clock, and the silence so far */
-    char *refusal;               /* instead of the first answer */
+    gint64 answered_us;          /* when it sent its last answer; 0 if it has sent none */
+    gint64 asked_us;             /* when guardian_answers() last waited */
+    gint64 looked_us, silent_us; /* last look at the clock, and the silence so far */
+    char *refusal;               /* sent instead of the first answer */
 };
 
 gboolean guardian_is_needed(const char *rig_path) {
@@ -42,7 +43,8 @@ gboolean guardian_is_needed(const char *rig_path) {
     return state && !safe_state_is_simulated(state);
 }
 
-/* Ignores failures: on_ended() notices a guardian that has ended, on_beat() one that is frozen. */
+/* Sends a message and ignores failures. on_ended() notices a guardian that has ended, and on_beat()
+ * one that is frozen. */
 static void guardian_send(Guardian *guardian, enum message message) {
     const char byte = (char)message;
 
@@ -50,7 +52,7 @@ static void guardian_send(Guardian *guardian, enum message message) {
         g_debug("cannot send to the guardian: %s", g_strerror(errno));
 }
 
-/* Reads all answers that wait. */
+/* Reads all pending answers. */
 static void guardian_read(Guardian *guardian) {
     char bytes[ANSWER_MAX];
     ssize_t n;
@@ -94,8 +96,8 @@ static gboolean on_beat(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Runs between fork and exec: async-signal-safe calls only. Signals that end the daemon must not
- * end the guardian too. */
+/* Runs between fork and exec, so it makes only async-signal-safe calls. Signals that end the daemon
+ * must not end the guardian as well. */
 static void guardian_prepare_child(gpointer unused) {
     static const int ignored[] = {SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGABRT, SIGPIPE};
     setsid();
@@ -124,8 +126,8 @@ static void on_ended(GPid pid, int status, gpointer data) {
     restart_later(guardian);
 }
 
-/* Its standard input is one end of a socket pair, so that it notices the end of the daemon however
- * that dies. */
+/* Starts the guardian. Its standard input is one end of a socket pair, so it notices the end of the
+ * daemon in any case. */
 static gboolean guardian_do_start(Guardian *guardian, GError **error) {
     const char *const argv[] = {"/proc/self/exe", "mesorigd", "--guardian", guardian->rig_path,
                                 NULL};
@@ -175,7 +177,8 @@ static void restart_later(Guardian *guardian) {
     guardian->restart_ms = MIN(2 * guardian->restart_ms, MAX_RESTART_MS);
 }
 
-/* A refusal, the end of the guardian, and no answer in time are errors. */
+/* Waits for the first answer. A refusal, the end of the guardian, and no answer in time are
+ * errors. */
 static gboolean await_first_answer(Guardian *guardian, GError **error) {
     const gint64 until = guardian->started_us + START_MS * (gint64)1000;
     struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
@@ -198,10 +201,11 @@ static gboolean await_first_answer(Guardian *guardian, GError **error) {
                                 "the messages of mesorigd say why",
                                 guardian->rig_path, (int)guardian->pid);
     kill(guardian->pid, SIGKILL);
-    return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                            "the guardian of %s (process %d) has not answered within %g s of its "
-                            "start" ERROR_ADVICE "see whether this computer is overloaded",
-                            guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
+    return device_error_set(
+        error, DEVICE_ERROR_TIMEOUT, NULL,
+        "the guardian of %s (process %d) has not answered within %g s of its start" ERROR_ADVICE
+        "check whether this computer is overloaded",
+        guardian->rig_path, (int)guardian->pid, START_MS / 1e3);
 }
 
 static Guardian *guardian_new(const char *rig_path) {
@@ -218,14 +222,15 @@ Guardian *guardian_start(const char *rig_path, GError **error) {
 
     if (guardian_do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
-    guardian_end(guardian, GUARDIAN_SAFE); /* one that has refused goes on, or has ended */
+    /* A guardian that has refused continues its work, or has ended. */
+    guardian_end(guardian, GUARDIAN_SAFE);
     return NULL;
 }
 
 gboolean guardian_answers(Guardian *guardian, GError **error) {
     if (is_answering(guardian))
         return TRUE;
-    /* Many calls in a row do not wait for each other's answers: the main loop has more to do. */
+    /* Many calls in a row do not each wait for an answer, because the main loop has other work. */
     if (guardian->socket >= 0 && g_get_monotonic_time() - guardian->asked_us > ANSWER_US) {
         const gint64 until = g_get_monotonic_time() + ASK_MS * (gint64)1000;
         guardian->asked_us = g_get_monotonic_time();
@@ -241,7 +246,7 @@ gboolean guardian_answers(Guardian *guardian, GError **error) {
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                             "the guardian of %s does not answer, so nobody would switch a laser "
                             "off if this program died" ERROR_ADVICE
-                            "it is started again by itself: try again in a few seconds",
+                            "it is being started again: try again in a few seconds",
                             guardian->rig_path);
 }
 
@@ -264,7 +269,7 @@ static void let_go(Guardian *guardian) {
     guardian->watch = 0;
 }
 
-/* The main loop may not have run since the guardian has ended. */
+/* Handles the end of the guardian if the main loop has not run since. */
 static void notice_end(Guardian *guardian) {
     struct pollfd at = {.fd = guardian->socket, .events = POLLIN};
 

@@ -1,17 +1,18 @@
 /*
- * A small process that makes the rig safe when the daemon cannot: when the daemon has died without
- * saying goodbye, or when its main loop hangs; then the guardian kills it. It goes on until every
- * device is safe.
+ * The guardian: a small process that makes the rig safe when the daemon cannot. It acts when the
+ * daemon has died without saying goodbye, or when the daemon's main loop hangs; in that case it
+ * kills the daemon. It continues until every device is safe.
  *
- * A timer of the default main context sends the guardian a heartbeat four times a second, in real
- * time whatever clock the rig has, and the guardian answers each one. A guardian that has ended is
- * started again after 100 ms, and after longer pauses of at most 5 s if it ends again and again.
- * One that has not answered for 3 s is killed and started again. Neither side counts more than half
- * a second of silence for a time in which it was held up itself, because a computer that stands
- * still holds up the other side as well.
+ * A timer of the default main context sends the guardian a heartbeat four times a second. The timer
+ * uses real time, even if the rig has another clock. The guardian answers each heartbeat. A
+ * guardian that has ended is started again after 100 ms. If it ends repeatedly, the pauses grow to
+ * at most 5 s. A guardian that has not answered for 3 s is killed and started again. If a process
+ * was itself delayed, it counts that time as at most half a second of silence of the other process,
+ * because a computer that stands still delays both.
  *
- * A rig file has one guardian. That of a daemon that is alive keeps other daemons from the rig; one
- * that is making the rig safe gives way to that of another daemon, which goes on with its work.
+ * A rig file has one guardian. The guardian of a running daemon keeps other daemons from the rig. A
+ * guardian that is making the rig safe gives way to the guardian of a new daemon, which continues
+ * its work.
  *
  * All functions belong to the main loop's thread.
  */
@@ -21,41 +22,44 @@
 
 typedef struct Guardian Guardian;
 
-/* Whether the rig file names a laser, lamps or an axis that is not simulated. FALSE also for a file
- * that cannot be read. */
+/* Returns whether the rig file names a laser, lamps or an axis that is not simulated. Returns FALSE
+ * for a file that cannot be read. */
 gboolean guardian_is_needed(const char *rig_path);
 
-/* Starts this program again with --guardian RIG, and waits until it has answered, for at most 6 s.
- * To be called before the devices are opened. Fails also if another daemon has this rig, and if the
- * rig has not been safe since an earlier daemon died; a guardian then goes on with making it safe.
- */
+/* Starts this program again with --guardian RIG, and waits at most 6 s until it has answered. Call
+ * it before the devices are opened. It also fails if another daemon has this rig, and if the rig
+ * has not been safe since an earlier daemon died. In the latter case a guardian continues to make
+ * the rig safe. */
 Guardian *guardian_start(const char *rig_path, GError **error);
 
-/* TRUE if the guardian has answered within the last second. Asks once more, and waits up to 200 ms,
- * if no answer has come for longer, because this process may have been busy. Whoever switches a
- * laser on asks this first. */
+/* Returns TRUE if the guardian has answered within the last second. If no answer has come for
+ * longer, this process may have been busy. The function then asks once more, and waits up to 200
+ * ms. Call it before a laser is switched on. */
 gboolean guardian_answers(Guardian *guardian, GError **error);
 
-/* busy: no light is on, nothing moves and the main loop may block, so silence is not a hang. FALSE:
- * it is one again, from now on. NULL is ignored. */
+/* Says that the main loop may block (busy TRUE). Silence is then not a hang. No light may be on and
+ * nothing may move meanwhile. With busy FALSE, silence is a hang again from now on. guardian may be
+ * NULL, which is ignored. */
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
 enum guardian_end {
-    GUARDIAN_SAFE,   /* every device has confirmed that it is safe: the guardian ends */
+    GUARDIAN_SAFE,   /* every device has confirmed that it is safe, so the guardian ends */
     GUARDIAN_UNSAFE, /* the guardian makes the rig safe */
-    GUARDIAN_FAILED, /* the same, since the rig could not be opened; says only what is not safe */
+    /* the rig could not be opened: the guardian makes it safe, and only prints devices that are not
+     * safe */
+    GUARDIAN_FAILED,
 };
 
-/* NULL is ignored. */
+/* Ends the connection to the guardian. NULL is ignored. */
 void guardian_end(Guardian *guardian, enum guardian_end how);
 
 /* For a program that makes the rig safe itself: waits up to 5 s while a guardian does so. Returns
- * whether it is still at work. */
+ * whether the guardian is still working. */
 gboolean guardian_await(const char *rig_path);
 
-/* Starts a guardian for a rig without a daemon, which makes the rig safe and says only what is not.
- */
+/* Starts a guardian for a rig without a daemon. The guardian makes the rig safe, and only prints
+ * devices that are not safe. */
 void guardian_leave(const char *rig_path);
 
-/* The guardian itself; its standard input is the daemon's socket. Returns the exit code. */
+/* Runs the guardian. Its standard input is the socket to the daemon. Returns the exit code. */
 int guardian_main(const char *rig_path);

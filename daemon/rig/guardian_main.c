@@ -16,28 +16,29 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define HANG_US  (4500 * 1000) /* the rig is dark within five seconds after the daemon has hung */
-#define LOOK_MS  250           /* between two looks at the clock */
-#define LOOK_US  (2 * LOOK_MS * 1000) /* the longest silence known from one look */
+#define HANG_US                                                                                    \
+    (4500 * 1000)    /* the rig is dark within five seconds after the daemon has begun to hang */
+#define LOOK_MS  250 /* time between two looks at the clock */
+#define LOOK_US  (2 * LOOK_MS * 1000) /* longest silence that one look may add */
 #define END_MS   5000                 /* time that a killed daemon gets to end */
-#define WAIT_US  (2 * G_USEC_PER_SEC) /* a daemon that begins waits so long for a safe rig */
-#define LEAVE_US (5 * G_USEC_PER_SEC) /* after which pipes are let go of */
-#define REPEAT_S 60                   /* between two messages of the same device */
+#define WAIT_US  (2 * G_USEC_PER_SEC) /* time that a new daemon waits for a safe rig */
+#define LEAVE_US (5 * G_USEC_PER_SEC) /* time after which pipes are closed */
+#define REPEAT_S 60                   /* time between two messages about the same device */
 
 struct guarding {
     const char *rig_path;
     SafeState *state;
     struct place place;
     pid_t daemon;
-    int process; /* pidfd of the daemon, -1: none */
-    /* How long the daemon has been silent: since the last beat, as far as this process has run
-     * meanwhile. */
+    int process; /* pidfd of the daemon; -1 if there is none */
+    /* Time since the last beat of the daemon. Only time in which this process has run counts. */
     gint64 silent_us, looked_us;
     gboolean pause; /* silence is allowed */
 };
 
-/* Between two looks this process may have been held up (a virtual machine that stood still, a
- * processor that others have taken), and the daemon with it. Of such a time only LOOK_US count. */
+/* Adds the time since the last look to the silence. Between two looks this process may have been
+ * delayed, and the daemon with it, because a virtual machine stood still or other processes used
+ * the processor. At most LOOK_US of such a delay count. */
 static void look_at_clock(struct guarding *guarding) {
     const gint64 now_us = g_get_monotonic_time();
 
@@ -51,7 +52,7 @@ static int silence_wait_ms(const struct guarding *guarding) {
     return guarding->pause ? -1 : (int)MIN(left_us / 1000 + 1, LOOK_MS);
 }
 
-/* refusal NULL: an answer. */
+/* Sends an answer, or a refusal if refusal is not NULL. */
 static void answer(const char *refusal) {
     const struct answer answer = {g_get_monotonic_time()};
     g_autoptr(GByteArray) packet = g_byte_array_new();
@@ -64,11 +65,11 @@ static void answer(const char *refusal) {
         g_debug("cannot answer the daemon: %s", g_strerror(errno));
 }
 
-/* What the daemon has sent. */
+/* The last message or state of the daemon. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD, NEWS_FAILED };
 
-/* A daemon that ends leaves answers unread. The kernel then reports ECONNRESET, once, before what
- * the daemon has sent. */
+/* Receives a byte. If a daemon ends without having read all answers, the kernel reports ECONNRESET
+ * once, before the data that the daemon has sent. */
 static ssize_t receive_byte(char *ret) {
     const ssize_t n = recv(STDIN_FILENO, ret, 1, MSG_DONTWAIT);
 
@@ -108,7 +109,7 @@ static void kill_daemon(int daemon) {
         poll(&at, 1, END_MS);
 }
 
-/* Waits until the daemon says something final, dies or hangs. */
+/* Waits until the daemon sends a final message, dies or hangs. */
 static enum news watch_daemon(struct guarding *guarding) {
     guarding->looked_us = g_get_monotonic_time();
     for (;;) {
@@ -136,7 +137,7 @@ static enum news watch_daemon(struct guarding *guarding) {
     }
 }
 
-/* Whoever reads a pipe may wait for its end, as a shell does with $(mesorig …). */
+/* Closes pipes, because their reader may wait for their end, as a shell does with $(mesorig …). */
 static void let_pipes_go(void) {
     for (int fd = STDOUT_FILENO; fd <= STDERR_FILENO; fd++) {
         struct stat file;
@@ -148,8 +149,8 @@ static void let_pipes_go(void) {
     }
 }
 
-/* Goes on until there is nothing left to try. A daemon that waits to begin is told after a while
- * that it has to do without this rig. Returns FALSE if another guardian has asked for the place. */
+/* Works until there is nothing left to try. If a new daemon waits for the rig, it is told after a
+ * while that it cannot have it. Returns FALSE if another guardian has asked for the place. */
 static gboolean work(struct guarding *guarding, enum safe_until until, gboolean daemon_waits,
                      gboolean *ret_safe) {
     const gint64 began_us = g_get_monotonic_time();
@@ -163,11 +164,10 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
         const gint64 next_us = daemon_waits ? WAIT_US : LEAVE_US;
         if (daemon_waits && past_us >= WAIT_US) {
             g_autofree char *unsafe = safe_work_unsafe(work);
-            g_autofree char *refusal =
-                g_strdup_printf("%s is not opened: it has not been safe since an earlier mesorigd "
-                                "ended, and process "
-                                "%d goes on trying" ERROR_ADVICE "see to these devices: %s",
-                                guarding->rig_path, (int)getpid(), unsafe);
+            g_autofree char *refusal = g_strdup_printf(
+                "%s is not opened: it has not been safe since an earlier mesorigd ended, and "
+                "process %d is still trying" ERROR_ADVICE "look at these devices: %s",
+                guarding->rig_path, (int)getpid(), unsafe);
             answer(refusal);
             daemon_waits = FALSE;
         }
@@ -187,7 +187,8 @@ static gboolean work(struct guarding *guarding, enum safe_until until, gboolean 
     return !asked;
 }
 
-/* The process at the other end of the standard input. It is the parent, unless it has died. */
+/* Finds the process at the other end of the standard input. It is the parent, unless it has
+ * died. */
 static void find_daemon(struct guarding *guarding) {
     struct ucred peer = {0};
     socklen_t size = sizeof peer;
@@ -197,8 +198,8 @@ static void find_daemon(struct guarding *guarding) {
     guarding->process = guarding->daemon == getppid() ? pidfd_open(guarding->daemon, 0) : -1;
 }
 
-/* Takes the place, and finishes what another guardian has left. Mistakes in the rig file, which
- * leave devices unsafe, are for the daemon to report. */
+/* Takes the place, and finishes the work that another guardian has left. The rig file may have
+ * mistakes that leave devices unsafe. The daemon reports them. */
 static gboolean begin(struct guarding *guarding) {
     gboolean at_work = FALSE, safe = FALSE;
     pid_t other = 0;

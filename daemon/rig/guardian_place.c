@@ -9,15 +9,15 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define HELLO_MS   1000 /* for a guardian to say what it does */
-#define LOOK_MS    100  /* the same, for a program that does not depend on it */
-#define END_MS     1000 /* for a guardian to end */
+#define HELLO_MS   1000 /* limit for the answer of a guardian about its task */
+#define LOOK_MS    100  /* the same limit, for a program that does not depend on the answer */
+#define END_MS     1000 /* limit for a guardian to end */
 #define TAKE_US    (3 * G_USEC_PER_SEC)
 #define RETRY_US   (10 * 1000)
 #define GIVE_PLACE 't'
 
 struct hello {
-    pid_t daemon; /* 0: the rig is being made safe */
+    pid_t daemon; /* 0 while the rig is being made safe */
 };
 
 static socklen_t place_address(const char *rig_path, struct sockaddr_un *ret) {
@@ -25,14 +25,14 @@ static socklen_t place_address(const char *rig_path, struct sockaddr_un *ret) {
     g_autofree char *sum =
         g_compute_checksum_for_string(G_CHECKSUM_SHA256, real ? real : rig_path, -1);
     memset(ret, 0, sizeof *ret);
-    ret->sun_family = AF_UNIX; /* sun_path begins with 0: an abstract name, which is no file */
+    ret->sun_family = AF_UNIX; /* sun_path begins with 0, so the name is abstract and not a file */
     const int n =
         g_snprintf(ret->sun_path + 1, sizeof ret->sun_path - 1, "mesorigd-guardian-%s", sum);
     return (socklen_t)(G_STRUCT_OFFSET(struct sockaddr_un, sun_path) + 1 + (gsize)n);
 }
 
-/* The process at the other end, if it may be trusted; 0 otherwise. For a connection to a listening
- * socket that is the process that listens. */
+/* Returns the process at the other end if it may be trusted, and 0 otherwise. For a connection to a
+ * listening socket, that is the process that listens. */
 static pid_t peer_of(int fd) {
     struct ucred peer;
     socklen_t size = sizeof peer;
@@ -48,7 +48,7 @@ static gboolean is_ready(int fd, int wait_ms) {
     return poll(&at, 1, wait_ms) > 0;
 }
 
-/* Waits until the other side has closed the connection. */
+/* Waits until the other process has closed the connection. */
 static gboolean is_closed(int fd, int wait_ms) {
     char byte;
 
@@ -80,7 +80,7 @@ static enum former ask_former(int fd, gboolean *ret_at_work, pid_t *ret_daemon) 
     if (pid == 0)
         return FORMER_STRANGER;
     if (!is_ready(fd, HELLO_MS)) {
-        *ret_at_work = TRUE; /* or its daemon is alive: then the devices are locked */
+        *ret_at_work = TRUE; /* or its daemon is alive, and the devices are then locked */
         kill_frozen(pid);
         return FORMER_AT_WORK;
     }
@@ -140,7 +140,8 @@ gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_
             return FALSE;
         g_usleep(RETRY_US);
     }
-    g_printerr("mesorigd: guardian: another process keeps this rig's place; going on without\n");
+    g_printerr(
+        "mesorigd: guardian: another process holds this rig's place; continuing without it\n");
     return TRUE;
 }
 
@@ -159,7 +160,7 @@ static void place_greet(struct place *place, pid_t daemon) {
         return;
     if (place->n_askers < PLACE_MAX_ASKERS && peer_of(fd) != 0 &&
         send(fd, &hello, sizeof hello, MSG_NOSIGNAL) == sizeof hello)
-        place->askers[place->n_askers++] = fd; /* it sees the end of this process */
+        place->askers[place->n_askers++] = fd; /* it notices the end of this process */
     else
         close(fd);
 }

@@ -1,7 +1,8 @@
 /*
- * The place of a rig's guardian, which one process has at a time: an abstract Unix socket that is
- * named after the real path of the rig file. Whoever connects is told what the guardian does. A
- * guardian that makes the rig safe ends when the other side asks for its place.
+ * The place of a rig's guardian, which only one process can hold. It is an abstract Unix socket
+ * that is named after the real path of the rig file. A process that connects to it is told the
+ * present task of the guardian. A guardian that makes the rig safe ends when the other process asks
+ * for its place.
  *
  * Only processes of the same user and of root are trusted. If another user holds the socket, the
  * guardian works without a place.
@@ -15,22 +16,24 @@
 #define PLACE_MAX_ASKERS 8
 
 struct place {
-    int listener; /* -1: none */
+    int listener; /* -1 if the place is not held */
     int askers[PLACE_MAX_ASKERS], n_askers;
 };
 
-/* Takes the place. A guardian that makes the rig safe is asked to end; one that is frozen is
- * killed. Returns FALSE, and sets ret_daemon, if the guardian of a daemon that is alive has it.
- * ret_at_work: the former guardian has not finished. Waits up to 3 s. */
+/* Takes the place. If a guardian that makes the rig safe holds it, that guardian is asked to end.
+ * If that guardian does not react, it is killed. Returns FALSE, and sets *ret_daemon, if the
+ * guardian of a running daemon holds the place. *ret_at_work says that the former guardian has not
+ * finished. Waits up to 3 s. */
 gboolean place_take(struct place *place, const char *rig_path, gboolean *ret_at_work,
                     pid_t *ret_daemon);
 
-/* The descriptors to wait for, at most 1 + PLACE_MAX_ASKERS. Returns how many. */
+/* Fills in the descriptors to wait for, at most 1 + PLACE_MAX_ASKERS. Returns their number. */
 int place_poll(const struct place *place, struct pollfd *ret);
 
-/* Serves those that are ready. daemon: the living daemon that is guarded, or 0: the rig is being
- * made safe. Returns whether somebody asks for the place: then end the work, and the process. */
+/* Serves the descriptors that are ready. daemon is the process number of the running daemon, or 0
+ * if the rig is being made safe. Returns whether another process asks for the place. The caller
+ * must then end its work and the process. */
 gboolean place_serve(struct place *place, const struct pollfd *fds, int n, pid_t daemon);
 
-/* Waits while a guardian makes the rig safe, for at most wait_us. Returns whether it still does. */
+/* Waits at most wait_us while a guardian makes the rig safe. Returns whether it still does. */
 gboolean place_await(const char *rig_path, gint64 wait_us);

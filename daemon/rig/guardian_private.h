@@ -1,22 +1,22 @@
-/* What daemon and guardian send each other through a pair of sockets, in packets (SOCK_SEQPACKET).
- */
+/* Messages between daemon and guardian. They are packets through a pair of sockets
+ * (SOCK_SEQPACKET). */
 #pragma once
 
 #include <glib.h>
 
-/* From the daemon: one byte. */
+/* Messages from the daemon. Each is one byte. */
 enum message {
     BEAT = 'b',
-    PAUSE = 'p',   /* a beat; silence until the next one is not a hang */
+    PAUSE = 'p',   /* a heartbeat; silence until the next one is not a hang */
     GOODBYE = 'q', /* the rig is safe */
-    FAILED = 'f',  /* the rig could not be opened: make it safe */
+    FAILED = 'f',  /* the rig could not be opened and must be made safe */
 };
 
-/* From the guardian: an answer to a beat, or once, instead of the first answer, why the daemon must
- * not open the rig. */
+/* Answer of the guardian to a heartbeat. Instead of its first answer, the guardian may send the
+ * reason why the daemon must not open the rig. */
 struct answer {
-    gint64 at_us;   /* g_get_monotonic_time(), the same clock for both */
-    char refusal[]; /* up to the end of the packet; empty: none */
+    gint64 at_us;   /* g_get_monotonic_time(), which is the same clock for both processes */
+    char refusal[]; /* reason, up to the end of the packet; empty if there is none */
 };
 
 #define ANSWER_MAX 4096

@@ -9,7 +9,7 @@
 
 struct job { /* a device to be made safe */
     const struct config_section *section;
-    const struct driver_info *info; /* NULL: its driver is not known */
+    const struct driver_info *info; /* NULL if its driver is not known */
     char *name;                     /* "laser top" */
     char *line;                     /* devices with the same line cannot be reached together */
 };
@@ -21,8 +21,8 @@ struct SafeState {
 
 struct repaired { /* a section reduced to its valid keys */
     GString *text;
-    GString *notes;  /* what was left out */
-    GString *doubts; /* parts left out that may identify the device */
+    GString *notes;  /* keys and lines that were left out */
+    GString *doubts; /* left-out parts that may identify the device */
 };
 
 /* Keys that neither identify the device nor determine how it is switched or stopped. */
@@ -37,7 +37,7 @@ static const char *const harmless[] = {
     "watchdog", "watchdog_ms", "watchdog_register", "watchdog_after_s", "watchdog_scale",
     "pulse_coil", NULL};
 
-/* Keys of the line: with a wrong one the device does not answer, and counts as not off. */
+/* Keys of the line. If one of them is wrong, the device does not answer and counts as not off. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
                                         "late_ms", "retries", NULL};
 
@@ -58,8 +58,9 @@ static gboolean is_axis(const struct job *job) {
     return strcmp(class_of(job), "axis") == 0;
 }
 
-/* Sections with a driver of lasers, lamps or axes, whatever their class name is; and sections
- * without a known driver whose class name is one of these or unknown. */
+/* Returns whether a section is a device to be made safe: a section with a driver of lasers, lamps
+ * or axes, whatever its class name is, or a section without a known driver whose class name is one
+ * of these or unknown. */
 static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 
@@ -88,7 +89,7 @@ static void add_job(SafeState *state, const struct config_section *section) {
     g_ptr_array_add(state->jobs, job);
 }
 
-/* Lasers, then lamps, then axes, otherwise as in the file. */
+/* Orders lasers before lamps and lamps before axes, and otherwise as in the file. */
 static int compare_jobs(gconstpointer a, gconstpointer b) {
     const struct job *const *jobs[] = {a, b};
     int ranks[2];
@@ -129,8 +130,8 @@ static void add_words(GString *to, const char *words) {
     g_string_append_printf(to, "%s%s", to->len ? "; " : "", words);
 }
 
-/* Whether the section has all keys that identify the device: then an unknown key cannot be a
- * misspelling of one of them. */
+/* Returns whether the section has all keys that identify the device. An unknown key then cannot be
+ * a misspelling of one of them. */
 static gboolean says_which(const struct job *job) {
     for (const struct option *option = job->info->options; option && option->name; option++)
         if (!g_strv_contains(harmless, option->name) && !g_strv_contains(line_keys, option->name) &&
@@ -140,7 +141,7 @@ static gboolean says_which(const struct job *job) {
 }
 
 /* Adds the problems of lines of this section that could not be read. A problem in the line of the
- * heading is one of the heading itself; without a heading the first keys may be missing too. */
+ * heading concerns the heading itself. Without a heading, the first keys may also be missing. */
 static void note_problems(const struct job *job, struct repaired *repaired) {
     gsize n_problems, n;
     const struct config_problem *problems = config_problems(job->section->config, &n_problems);
@@ -158,7 +159,7 @@ static void note_problems(const struct job *job, struct repaired *repaired) {
     }
 }
 
-/* Puts every key on its line of the file, so that errors of drivers name that line. */
+/* Puts every key on the same line as in the file, so that errors of drivers name that line. */
 static void add_line(struct repaired *repaired, int *at, int line, const char *key,
                      const char *value) {
     const int target =
@@ -169,8 +170,8 @@ static void add_line(struct repaired *repaired, int *at, int line, const char *k
     g_string_append_printf(repaired->text, "%s%s%s", key, value ? " = " : "", value ? value : "");
 }
 
-/* FALSE for keys of speeds and watchdogs: a device is only stopped or switched off, and a wrong
- * speed must not be written. */
+/* Returns FALSE for keys of speeds and watchdogs. A device is only stopped or switched off, and a
+ * wrong speed must not be written. */
 static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
     static const char *const unwanted[] = {"speed_register",    "accel_register", "watchdog",
                                            "watchdog_register", "pulse_coil",     NULL};
@@ -222,7 +223,8 @@ static void safe_state_add_missing(const struct job *job, const char *const *als
     }
 }
 
-/* quick: try once only, while other devices wait for their turn. */
+/* Makes a valid section. If quick is TRUE, requests are not repeated, because other devices wait
+ * for their turn. */
 static void safe_state_repair(const struct job *job, gboolean quick, struct repaired *ret) {
     g_autofree const char **layout = layout_keys(class_of(job));
     g_autoptr(GPtrArray) also = g_ptr_array_new();
@@ -281,13 +283,14 @@ static void set_text(char *ret_text, const struct job *job, const char *format, 
     g_snprintf(ret_text, SAFE_STATE_TEXT, "%s: %s", job->name, words);
 }
 
-/* A device that another daemon has open is not the guardian's any more: that daemon has switched it
- * off as it opened it, and has a guardian of its own. A command that has it open will end. */
+/* Returns whether the device can be left to the process that has it open. Another daemon switched
+ * the device off when it opened it, and has a guardian. A command that has the device open will
+ * end. */
 static gboolean is_left(pid_t other) {
     return lock_get_role() == LOCK_GUARDIAN && lock_is_daemon(other);
 }
 
-/* Who has a board that was switched off all the same. */
+/* Notes the process that uses a board that was switched off nevertheless. */
 static void note_other(pid_t other, gboolean axis, GString *notes) {
     if (other == 0)
         return;
@@ -325,7 +328,8 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
                  repaired.doubts->len ? "; " : "", repaired.doubts->str);
     else if (repaired.doubts->len)
         set_text(ret_text, job,
-                 "NOT safe: what its section names is %s, read back, but may not be it: %s%s%s",
+                 "NOT safe: the device that its section names is %s, read back, but it may be "
+                 "another device: %s%s%s",
                  done, repaired.doubts->str, *notes ? "; " : "", notes);
     else
         set_text(ret_text, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);

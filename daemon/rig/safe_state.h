@@ -1,7 +1,7 @@
 /*
- * The lasers, lamps and axes of a rig file, each of which can be made safe independently of the
- * others: lasers and lamps off, axes standing. The rig file need not be valid: only the sections of
- * these devices are used, and in them only the keys that identify the device and switch it.
+ * The lasers, lamps and axes of a rig file. Each can be made safe independently of the others:
+ * lasers and lamps off, axes at a stop. The rig file need not be valid. Only the sections of these
+ * devices are used, and only the keys that identify a device and switch it.
  *
  * safe_work.h makes the whole rig safe. All functions belong to one thread.
  */
@@ -16,26 +16,27 @@ SafeState *safe_state_read(const char *rig_path, GError **error);
 void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)
 
-/* The devices, lasers first, then lamps, then axes. Names are like "laser top". Devices on the same
+/* The devices: lasers first, then lamps, then axes. Names are like "laser top". Devices on the same
  * line cannot be reached at the same time. The state owns the strings and the file. */
 int safe_state_n(const SafeState *state);
 const char *safe_state_name(const SafeState *state, int index);
 const char *safe_state_line(const SafeState *state, int index);
 const Config *safe_state_config(const SafeState *state);
 
-/* Whether every device of a known driver is simulated. */
+/* Returns whether every device of a known driver is simulated. */
 gboolean safe_state_is_simulated(const SafeState *state);
 
 enum safe_try {
-    SAFE_TRY_SAFE,  /* it was read back: off, or standing */
+    SAFE_TRY_SAFE,  /* the safe state was read back: off, or at a stop */
     SAFE_TRY_AGAIN, /* it failed; another try may succeed */
-    SAFE_TRY_OTHER, /* a mesorigd has it open: as long as that lives, it is its business */
-    SAFE_TRY_NEVER, /* its section is wrong, so that no other try can succeed */
+    /* A mesorigd has the device open and is responsible for it as long as it runs. */
+    SAFE_TRY_OTHER,
+    SAFE_TRY_NEVER, /* its section is wrong, so no other attempt can succeed */
 };
 
 #define SAFE_STATE_TEXT 1500
 
-/* Opens the device, makes it safe and closes it. quick: asks only once, without the retries of its
- * section. ret_text, of SAFE_STATE_TEXT bytes, says what has come of it, beginning with the name of
- * the device. Runs the default main context. */
+/* Opens the device, makes it safe and closes it. If quick is TRUE, each request is sent only once,
+ * without the retries of its section. ret_text, of SAFE_STATE_TEXT bytes, receives the result as a
+ * text that begins with the name of the device. Runs the default main context. */
 enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, char *ret_text);

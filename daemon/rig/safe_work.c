@@ -10,21 +10,22 @@
 #include <syslog.h>
 #include <unistd.h>
 
-#define PATIENCE_US    (5 * G_USEC_PER_SEC)  /* SAFE_UNTIL_TIRED */
-#define MIN_PAUSE_US   (100 * 1000)          /* between the first two tries */
-#define MAX_PAUSE_US   (500 * 1000)          /* between later ones */
-#define LIMIT_US       (30 * G_USEC_PER_SEC) /* for what a line's process does beyond its time */
-#define END_MS         1000                  /* that a killed process gets to end */
-#define MAX_RESTART_US (5 * G_USEC_PER_SEC)  /* pause after processes that have crashed */
+#define PATIENCE_US  (5 * G_USEC_PER_SEC) /* SAFE_UNTIL_TIRED */
+#define MIN_PAUSE_US (100 * 1000)         /* pause between the first two attempts */
+#define MAX_PAUSE_US (500 * 1000)         /* pause between later attempts */
+#define LIMIT_US                                                                                   \
+    (30 * G_USEC_PER_SEC)   /* limit by which the process of a line may exceed its time */
+#define END_MS         1000 /* time that a killed process gets to end */
+#define MAX_RESTART_US (5 * G_USEC_PER_SEC) /* longest pause after processes that have crashed */
 
 /* A line of devices. */
 struct line {
     const char *name;
-    pid_t pid;       /* 0: it has no process */
-    int fd;          /* what its process reports; -1: none */
-    gint64 begin_us; /* when its process begins, or has begun */
-    int n_begun;     /* how many processes it has had */
-    int n_crashed;   /* in a row */
+    pid_t pid;       /* 0 if it has no process */
+    int fd;          /* reports of its process; -1 if there is none */
+    gint64 begin_us; /* start time of its process, in the past or the future */
+    int n_begun;     /* number of processes that it has had */
+    int n_crashed;   /* number of crashes in a row */
 };
 
 enum fate { OPEN, SAFE, GIVEN_UP };
@@ -32,21 +33,21 @@ enum fate { OPEN, SAFE, GIVEN_UP };
 /* A device. */
 struct task {
     enum fate fate;
-    gboolean hope; /* it is not safe, but another try may make it so */
-    gboolean told; /* that it is not safe */
-    char *text;    /* what is known of it; NULL: nothing yet */
+    gboolean hope; /* it is not safe, but another attempt may make it safe */
+    gboolean told; /* its unsafe state was reported */
+    char *text;    /* its last result; NULL if there is none yet */
 };
 
 struct SafeWork {
     const SafeState *state;
     enum safe_until until;
-    gint64 life_us; /* of a line's process */
+    gint64 life_us; /* lifetime of a process */
     struct task *tasks;
     GArray *lines; /* of struct line */
     gboolean announced, ended;
 };
 
-struct report { /* of a line's process; shorter than PIPE_BUF */
+struct report { /* report of the process of a line; shorter than PIPE_BUF */
     int task;
     enum safe_try result;
     gboolean last; /* the process does not try it again */
@@ -99,8 +100,8 @@ SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double re
         if (g_hash_table_add(known, (gpointer)line.name))
             g_array_append_val(work->lines, line);
     }
-    /* All lines of the file that could not be read; those in the section of a device are told again
-     * with its result. */
+    /* Print all lines of the file that could not be read. Those in the section of a device are
+     * printed again with the result of the device. */
     for (gsize i = 0; i < n_problems && until != SAFE_UNTIL_SAFE_QUIETLY; i++)
         g_printerr("mesorigd: left out: %s\n", problems[i].message);
     if (safe_state_n(state) == 0)
@@ -109,7 +110,8 @@ SafeWork *safe_work_new(const SafeState *state, enum safe_until until, double re
     return work;
 }
 
-/* A process that the kernel holds (an unplugged device, for instance) ends later, or never. */
+/* Ends the process of a line. If the kernel holds the process (because of an unplugged device, for
+ * instance), it ends later, or never. */
 static void end_process(struct line *line) {
     if (line->pid > 0)
         kill(line->pid, SIGKILL);
@@ -135,8 +137,7 @@ void safe_work_free(SafeWork *work) {
 }
 
 /* The process of a line: tries its open tasks until all are done or its time is over. Each process
- * begins with another task, so that one whose driver crashes does not stand in the way of others.
- */
+ * begins with a different task, so that a task whose driver crashes does not block the others. */
 static void work_line(SafeWork *work, const struct line *line, gint64 life_us, int fd) {
     const gint64 until = g_get_monotonic_time() + life_us;
     const int n = safe_state_n(work->state);
@@ -158,7 +159,7 @@ static void work_line(SafeWork *work, const struct line *line, gint64 life_us, i
             const gboolean again =
                 report.result == SAFE_TRY_AGAIN || report.result == SAFE_TRY_OTHER;
             if (!again)
-                work->tasks[i].fate = SAFE; /* in this process: it is done with */
+                work->tasks[i].fate = SAFE; /* finished, as far as this process is concerned */
             if ((!again || pass == 1 || late) && write(fd, &report, sizeof report) != sizeof report)
                 g_printerr("mesorigd: %s\n", report.text);
         }
@@ -210,8 +211,8 @@ static void take_report(SafeWork *work, struct report *report) {
         return;
     struct task *task = &work->tasks[report->task];
     const gboolean tired = work->until == SAFE_UNTIL_TIRED;
-    /* A daemon that has just been killed may still have its devices: another one is only believed
-     * to have one when the time is over. */
+    /* A daemon that has just been killed may still have its devices. Another process is only
+     * assumed to have a device when the time is over. */
     const gboolean again =
         report->last ? report->result == SAFE_TRY_AGAIN && !tired
                      : report->result == SAFE_TRY_AGAIN || report->result == SAFE_TRY_OTHER;
@@ -230,7 +231,7 @@ static void take_report(SafeWork *work, struct report *report) {
     tell(work, "%s", task->text);
 }
 
-/* A driver has crashed, or does not return. */
+/* Notes that a driver has crashed or does not return. */
 static void note_crash(SafeWork *work, const struct line *line) {
     for (int i = 0; i < safe_state_n(work->state); i++) {
         struct task *task = &work->tasks[i];
@@ -249,7 +250,7 @@ static void note_crash(SafeWork *work, const struct line *line) {
     }
 }
 
-/* Its tasks are done, its time is over, or it has crashed. */
+/* Handles the end of a process. Its tasks are done, its time is over, or it has crashed. */
 static void on_process_end(SafeWork *work, struct line *line, gboolean hung) {
     int status = -1;
 
@@ -272,7 +273,7 @@ static void read_line(SafeWork *work, struct line *line) {
         on_process_end(work, line, FALSE);
 }
 
-/* Begins and ends processes; returns when there is something to do again, -1: not by itself. */
+/* Begins and ends processes. Returns the time of the next action, or -1 if there is none. */
 static gint64 tend_lines(SafeWork *work) {
     const gint64 now = g_get_monotonic_time();
     gint64 next = -1;
@@ -290,7 +291,7 @@ static gint64 tend_lines(SafeWork *work) {
     return next;
 }
 
-/* Once each device has been tried, and some are not safe. */
+/* Prints once, after each device was tried, if some are not safe. */
 static void announce(SafeWork *work) {
     gboolean open = FALSE, told = TRUE;
 
@@ -305,7 +306,8 @@ static void announce(SafeWork *work) {
         return;
     work->announced = TRUE;
     tell(work,
-         "the rig is NOT safe: switch off by hand what is named above; process %d goes on trying",
+         "the rig is NOT safe: switch off by hand the devices named above; process %d is still "
+         "trying",
          (int)getpid());
 }
 
@@ -318,11 +320,11 @@ static void finish(SafeWork *work) {
     if (work->until == SAFE_UNTIL_SAFE_QUIETLY && !told)
         return;
     if (safe_work_is_safe(work))
-        tell(work, "lamps and lasers are off, axes stand");
+        tell(work, "lamps and lasers are off, axes stand still");
     else if (work->until != SAFE_UNTIL_TIRED)
-        tell(work, "the rig is NOT safe: switch off by hand what is named above");
+        tell(work, "the rig is NOT safe: switch off by hand the devices named above");
     else
-        g_printerr("mesorigd: the rig is NOT safe: switch off by hand what is named above\n");
+        g_printerr("mesorigd: the rig is NOT safe: switch off by hand the devices named above\n");
 }
 
 static gboolean is_at_work(const SafeWork *work) {

@@ -23,8 +23,9 @@ static guint64 extend_id(struct answer_state *state, guint64 raw) {
     return state->base + raw;
 }
 
-/* FALSE: exposed before the trigger. A time before the trigger, or in the future, by less than the
- * uncertainty of the clocks is taken as the time of the trigger, or as now. */
+/* Converts a time stamp of the camera to our clock. Returns FALSE if the frame was exposed before
+ * the trigger. A time that is before the trigger, or in the future, by less than the uncertainty of
+ * the clocks is taken as the time of the trigger, or as the present time. */
 static gboolean map_stamp(const struct answer_state *state, double stamp_us, gint64 *ret_start_us,
                           gint64 *ret_before_us) {
     gint64 now = g_get_monotonic_time();
@@ -50,8 +51,8 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     if (state->clock.valid && stamp_ns > 0)
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
-        return TRUE; /* its first packet is missing: the class refuses the frame */
-    /* A camera without a clock: use the time at which its frame began to arrive. */
+        return TRUE; /* its first packet is missing, so the class refuses the frame */
+    /* For a camera without a clock, use the time at which its frame began to arrive. */
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
     gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
     *ret_before_us = state->sent_us - came_us;
@@ -72,8 +73,8 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                         "its frame is %d × %d of format 0x%08x, not %d × %d %s as it was set "
-                         "up; another program has changed it",
+                         "its frame is %d × %d of format 0x%08x, but it was set to %d × %d %s; "
+                         "another program has changed it",
                          width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
     }
@@ -93,8 +94,8 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     if (all >> limits->bits) {
         device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                          "its frame has values of more than %d bits" ERROR_ADVICE
-                         "check bits and pixel_format in its section: a camera that puts its bits "
-                         "first in 16 has bits = 16",
+                         "check bits and pixel_format in its section: a camera that shifts its "
+                         "values to the upper bits of 16 needs bits = 16",
                          limits->bits);
         return NULL;
     }

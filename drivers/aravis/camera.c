@@ -6,20 +6,20 @@
 /* Time to wait for the right frame after one that was exposed before the trigger. */
 #define STALE_US G_USEC_PER_SEC
 
-/* How much longer than announced an exposure may last; less is within the uncertainty of the
- * clocks. */
+/* The time by which an exposure may exceed its announced length. A smaller excess is within the
+ * uncertainty of the clocks. */
 #define OVERTIME_US 1000
-#define STAMP_US    1000 /* by which time stamps may be off, as the class has it */
+#define STAMP_US    1000 /* tolerance of the class for errors of time stamps */
 
 struct aravis_camera {
-    struct aravis_options options; /* the first member: the options table describes it */
+    struct aravis_options options; /* the first member, which the option table describes */
     AravisWorker *worker;
     struct aravis_limits limits;
     struct camera_settings settings;
     GError *lost;
     guint exposed_timer, stale_timer;
-    gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
-    gint64 before_us;  /* how long before the trigger the old frame was exposed */
+    gint64 exposed_us; /* when the end of the exposure was reported; 0 before that */
+    gint64 before_us;  /* time from the exposure of the old frame to the trigger */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
@@ -28,11 +28,12 @@ static const char *const stamps[] = {"start", "end", "none", NULL};
 
 static const struct option options[] = {
     {"device", OPTION_STRING, NULL, 0, 0, NULL, NULL, FIELD(device),
-     "Which camera: an IP address, a serial number or Aravis's name for it"},
+     "The camera: its IP address, its serial number or its name in Aravis"},
     {"pixel_format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(pixel_format),
-     "Mono8, 10, 12 or 16, or Bayer of any phase, also packed; default: the best that it has"},
+     "Mono8, 10, 12 or 16, or Bayer of any phase, also packed; default: the best that the camera "
+     "offers"},
     {"bits", OPTION_INT, NULL, 0, 16, "0", NULL, FIELD(bits),
-     "Bits of a value in its frames; 0: as the pixel format says"},
+     "Bits of a value in its frames; 0: those of the pixel format"},
     {"width", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(width),
      "Width of the region that is read out; 0: all of the sensor"},
     {"height", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(height),
@@ -42,30 +43,30 @@ static const struct option options[] = {
     {"offset_y", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_y),
      "Row of the sensor at which the region begins"},
     {"black_level", OPTION_DOUBLE, NULL, -1, 1e6, "-1", NULL, FIELD(black_level),
-     "Value for the camera's BlackLevel; -1: it is left as it is"},
+     "Value for the camera's BlackLevel; -1: not changed"},
     {"black_level_dn", OPTION_DOUBLE, "DN", 0, 65535, "0", NULL, FIELD(black_level_dn),
-     "Value of frames in the dark; a dark frame above it shows that light came in"},
+     "Value of frames in the dark; a dark frame above it shows that light has entered"},
     {"gain_zero", OPTION_DOUBLE, NULL, 0, 0, "0", NULL, FIELD(gain_zero),
      "Value of the camera's Gain at 0 dB"},
     {"gain_per_db", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, FIELD(gain_per_db),
      "Increase of the camera's Gain for 1 dB"},
     {"trigger", OPTION_STRING, NULL, 0, 0, "Software", NULL, FIELD(trigger),
-     "Software, or the camera's input that takes the trigger, such as Line1"},
+     "Software, or the input of the camera that receives the trigger, such as Line1"},
     {"pulse_path", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(pulse_path),
      "For a trigger by an input: the file of the output that is wired to it; 1 and 0 are written "
-     "there, as to /sys/class/gpio/gpio17/value"},
+     "to it, for example /sys/class/gpio/gpio17/value"},
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
-     "From the trigger to the start of the exposure, at most"},
+     "Longest time from the trigger to the start of the exposure"},
     {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
-     "From the end of the exposure until the frame is here"},
+     "Time from the end of the exposure to the arrival of the frame"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "start", stamps, FIELD(stamp),
-     "What the camera's time stamps mark: the start or the end of the exposure, or none of these"},
+     "Meaning of the camera's time stamps: the start or the end of the exposure, or none of these"},
     {"packet_size", OPTION_INT, "bytes", 0, 65507, "0", NULL, FIELD(packet_size),
      "GigE: size of stream packets; 0: the largest that gets through"},
     {"packet_delay_ns", OPTION_INT, "ns", 0, 1000000000, "0", NULL, FIELD(packet_delay_ns),
      "GigE: delay between packets, for cameras that share a line"},
     {"socket_buffer_kib", OPTION_INT, "KiB", 64, 1048576, "4096", NULL, FIELD(socket_buffer_kib),
-     "GigE: room for packets that are not read yet; net.core.rmem_max must allow it"},
+     "GigE: size of the buffer for packets that are not read yet; net.core.rmem_max must allow it"},
     {"packet_socket", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(packet_socket),
      "GigE: read packets from a packet socket instead of UDP, if this process may"},
     {"resend_ms", OPTION_DOUBLE, "ms", 0, 10000, "20", NULL, FIELD(resend_ms),
@@ -92,7 +93,7 @@ static void aravis_camera_on_exposed(gpointer data) {
     camera_report_exposed(camera);
 }
 
-/* A frame is sent when it is exposed; but some cameras announce it earlier. */
+/* A frame is sent after its exposure. Some cameras announce it earlier. */
 static void on_sending(gint64 sent_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
@@ -102,7 +103,7 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
 }
 
-/* Refuses a frame whose exposure ended after its end was reported, since lamps and axes may have
+/* Refuses a frame whose exposure ended after its end was reported, because lamps and axes may have
  * changed by then. (The class refuses a frame from the future.) */
 static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
@@ -116,10 +117,11 @@ static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     }
     frame_unref(frame);
     camera_report_fault(
-        camera, device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
-                                 "it still exposed %.1f ms after it had begun to send" ERROR_ADVICE
-                                 "set trigger_ms to %.1f more",
-                                 (double)over_us / 1e3, (double)over_us / 1e3));
+        camera,
+        device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
+                         "it was still exposing %.1f ms after it had begun to send" ERROR_ADVICE
+                         "increase trigger_ms by %.1f",
+                         (double)over_us / 1e3, (double)over_us / 1e3));
 }
 
 static void on_only_stale(gpointer data) {
@@ -129,9 +131,10 @@ static void on_only_stale(gpointer data) {
     clear_timers(camera);
     camera_report_fault(
         camera,
-        device_error_new(DEVICE_ERROR_STALE, camera->device.who,
-                         "it sent a frame exposed %.1f ms before its trigger, and none after it",
-                         (double)priv->before_us / 1e3));
+        device_error_new(
+            DEVICE_ERROR_STALE, camera->device.who,
+            "it sent a frame that was exposed %.1f ms before its trigger, and no frame after that",
+            (double)priv->before_us / 1e3));
 }
 
 static void aravis_camera_on_stale(gint64 before_us, gpointer data) {
@@ -217,8 +220,8 @@ static void aravis_camera_check(gconstpointer given, const struct config_section
     const struct aravis_options *said = &((const struct aravis_camera *)given)->options;
     if (*said->pixel_format && !aravis_format_by_name(said->pixel_format))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pixel_format",
-                       "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, BayerGR, "
-                       "BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or 16",
+                       "\"%s\" cannot be used for measuring; choose Mono or BayerRG, BayerBG, "
+                       "BayerGR, BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or 16",
                        said->pixel_format);
     if (!g_str_equal(said->trigger, "Software") && !*said->pulse_path)
         config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "pulse_path",

@@ -9,12 +9,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define GVCP_PORT 3956
-#define PROBE_MS  300
-#define N_PROBES  3
-#define CONTROL_AT                                                                                 \
-    0x0a00 /* the bootstrap register that tells whether a program controls the camera */
-#define RETRY_US 100000
+#define GVCP_PORT  3956
+#define PROBE_MS   300
+#define N_PROBES   3
+#define CONTROL_AT 0x0a00 /* bootstrap register that says whether a program controls the camera */
+#define RETRY_US   100000
 
 static GMutex list_lock;
 
@@ -29,8 +28,8 @@ void aravis_list_unlock(void) {
     g_mutex_unlock(&list_lock);
 }
 
-/* Reads the control register, so that an absent camera is found within a second, not after the many
- * time-outs of a full connection. */
+/* Reads the control register, so that an absent camera is found out within a second. The time-outs
+ * of a full connection would take much longer. */
 static gboolean probe(int fd, guint32 *ret_control) {
     static const guint8 request[] = {0x42, 1, 0, 0x80, 0, 4, 0xab, 0xcd, 0, 0, CONTROL_AT >> 8, 0};
     guint8 reply[64];
@@ -63,7 +62,7 @@ static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAd
     else
         device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
                          routed ? "no camera answers at %s" ERROR_ADVICE "check its power and cable"
-                                : "there is no way to %s" ERROR_ADVICE
+                                : "there is no route to %s" ERROR_ADVICE
                                   "check the network's settings",
                          ip);
     if (fd >= 0)
@@ -102,7 +101,7 @@ static gboolean is_any(const char *id, const char *const *names, gsize n) {
     return FALSE;
 }
 
-/* Searches USB only, since a search of the network takes a second. Returns NULL if the camera is
+/* Searches only USB, because a search of the network takes a second. Returns NULL if the camera is
  * not found. */
 static char *look_up_usb(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
@@ -132,8 +131,8 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
     return found;
 }
 
-/* Returns the IP address of a GigE Vision camera or the Aravis id of another one; NULL if it is not
- * there. */
+/* Returns the IP address of a GigE Vision camera, or the Aravis id of another camera. Returns NULL
+ * if the camera is not found. */
 static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);
@@ -143,13 +142,13 @@ static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError *
     if (!found)
         device_error_set(
             error, DEVICE_ERROR_DISCONNECTED, NULL,
-            "no camera \"%s\" is found" ERROR_ADVICE
-            "check its power and cable, and `arv-tool` or `mesorig devices` for its name",
+            "no camera \"%s\" was found" ERROR_ADVICE
+            "check its power and cable; `arv-tool` and `mesorig devices` list the names of cameras",
             id);
     return found;
 }
 
-/* Of a camera in Aravis's list, which look_up_usb() has brought up to date. */
+/* Returns the serial number of a camera in Aravis's list, which look_up_usb() has updated. */
 static char *serial_of(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *serial = NULL;
@@ -167,7 +166,8 @@ static char *read_usb_attribute(const char *folder, const char *name) {
     return g_file_get_contents(file, &text, NULL, NULL) ? g_strstrip(text) : NULL;
 }
 
-/* The node of a USB camera, which Aravis does not tell; NULL: it is not found. */
+/* Returns the device node of a USB camera, which Aravis does not report. Returns NULL if it is not
+ * found. */
 static char *usb_node(const char *id) {
     g_autofree char *wanted = serial_of(id);
     g_autoptr(GDir) dir = g_dir_open("/sys/bus/usb/devices", 0, NULL);
@@ -182,8 +182,8 @@ static char *usb_node(const char *id) {
     return NULL;
 }
 
-/* FALSE: another process has it. *ret_lock stays NULL for a USB camera that has no key; the kernel
- * lets one program use it all the same. */
+/* Locks a camera. Returns FALSE if another process has it. *ret_lock stays NULL for a USB camera
+ * that has no key. The kernel still lets only one program use such a camera. */
 static gboolean lock_camera(const char *name, gboolean gige, Lock **ret_lock, GError **error) {
     g_autofree char *node = gige ? NULL : usb_node(name);
     g_autofree char *key = gige   ? g_strconcat("gige ", name, NULL)

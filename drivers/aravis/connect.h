@@ -1,15 +1,16 @@
-/* Finding a camera and taking control of it. Blocks. */
+/* Finds a camera and takes control of it. All functions block. */
 #pragma once
 
 #include <arv.h>
 
 #include "drivers/lock.h"
 
-/* id: an IP address, or what Aravis calls the device, or its serial number. Waits up to control_s
- * for another program to release it. The lock is to be released after the device is; NULL: a USB
- * camera whose node is not found. Errors are DEVICE_ERROR. */
+/* Connects to a camera. id is an IP address, Aravis's name of the device, or its serial number. The
+ * function waits up to control_s seconds for another program to release the camera. The caller
+ * releases the lock after the device. *ret_lock is NULL for a USB camera whose device node was not
+ * found. Errors are DEVICE_ERROR. */
 ArvDevice *aravis_connect(const char *id, double control_s, Lock **ret_lock, GError **error);
 
-/* Aravis has one list of devices per process: lock it while it is read. */
+/* Aravis keeps one list of devices per process. Lock it while you read it. */
 void aravis_list_lock(void);
 void aravis_list_unlock(void);

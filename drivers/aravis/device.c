@@ -34,7 +34,7 @@ struct AravisDevice {
     ArvCamera *camera;
     ArvStream *stream;
     struct aravis_limits limits;
-    double ticks_per_us; /* clock frequency of a GigE Vision camera; 0: no clock */
+    double ticks_per_us; /* clock frequency of a GigE Vision camera; 0 if it has no clock */
     gboolean sfnc_clock; /* the clock is read by TimestampLatch, in ns */
     char **warnings;
     gint unplugged; /* atomic: a USB camera has left the bus */
@@ -108,8 +108,8 @@ static gboolean aravis_device_asked_for(const AravisDevice *device, const char *
     return FALSE;
 }
 
-/* Switches off what the camera does to frames, since a measurement needs raw values; sets the
- * features that the rig file names, and warns of functions that are still on. */
+/* Switches off the functions of the camera that alter frames, because a measurement needs raw
+ * values. Sets the features that the rig file names, and warns of functions that are still on. */
 static gboolean set_raw(AravisDevice *device, GError **error) {
     GError *why = NULL;
     g_autoptr(GPtrArray) tried = aravis_raw_survey(device->device, TRUE, error);
@@ -127,12 +127,12 @@ static gboolean set_raw(AravisDevice *device, GError **error) {
             if (before->what == raw->what && before->why)
                 refused = before->why;
         }
-        g_autoptr(GError) told = device_error_new(
-            DEVICE_ERROR_UNSUPPORTED, NULL,
-            "%s cannot be switched off (%s = %s: %s); %s" ERROR_ADVICE
-            "switch it off with the maker's program and save that in the camera, or choose another "
-            "pixel_format",
-            raw->what, raw->feature, raw->value, refused, raw->effect);
+        g_autoptr(GError) told =
+            device_error_new(DEVICE_ERROR_UNSUPPORTED, NULL,
+                             "%s cannot be switched off (%s = %s: %s); %s" ERROR_ADVICE
+                             "switch it off with the maker's program and save the settings in the "
+                             "camera, or choose another pixel_format",
+                             raw->what, raw->feature, raw->value, refused, raw->effect);
         if (raw->unsteady) {
             g_propagate_error(error, g_steal_pointer(&told));
             return FALSE;
@@ -285,9 +285,8 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                "it says that a frame has %u bytes, but %d × %d %s are %zu",
-                                payload, limits->width, limits->height, limits->format->name,
-                                bytes);
+                                "it reports frames of %u bytes, but %d × %d %s are %zu", payload,
+                                limits->width, limits->height, limits->format->name, bytes);
     if (ARV_IS_GV_STREAM(device->stream)) {
         g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
                      "socket-buffer-size", room, "initial-packet-timeout",
@@ -349,8 +348,8 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
 void aravis_device_close(AravisDevice *device) {
     if (!device)
         return;
-    /* The thread of Aravis that reports the unplugging holds the device. Wait, so that it does not
-     * drop the last reference. */
+    /* Aravis's thread that reports the unplugging holds a reference to the device. Wait for it, so
+     * that it does not drop the last reference. */
     if (g_atomic_int_get(&device->unplugged))
         g_usleep(UNPLUG_REPORT_US);
     g_clear_object(&device->stream);
@@ -388,7 +387,7 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
     return fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us ||
            device_error_set(error, DEVICE_ERROR_RANGE, NULL,
                             "it exposes for %.1f µs instead of the requested %" G_GINT64_FORMAT
-                            " µs" ERROR_ADVICE "ask for an exposure that it can keep",
+                            " µs" ERROR_ADVICE "choose an exposure that the camera supports",
                             is_us, exposure_us);
 }
 
@@ -467,8 +466,8 @@ static gboolean read_clock(AravisDevice *device, double *ret_us, double *ret_aft
     return why == NULL;
 }
 
-/* The camera latches its time between request and answer; the quickest of several attempts is the
- * most exact. */
+/* The camera latches its time between request and answer. Of several attempts, the one with the
+ * shortest delay is the most exact. */
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     *ret = (struct aravis_clock){.error_us = HUGE_VAL};
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)

@@ -1,6 +1,6 @@
 /*
- * A GenICam camera through Aravis, GigE Vision or USB3 Vision, with calls that block: for the
- * driver's own thread (worker.h). Errors are DEVICE_ERROR, without the camera's name.
+ * A GenICam camera (GigE Vision or USB3 Vision) through Aravis. The calls block, so they are made
+ * by the driver's own thread (worker.h). Errors are DEVICE_ERROR, without the camera's name.
  */
 #pragma once
 
@@ -11,7 +11,7 @@
 
 enum aravis_stamp { ARAVIS_STAMP_START, ARAVIS_STAMP_END, ARAVIS_STAMP_NONE };
 
-struct aravis_options { /* as the rig file says; camera.c has their table */
+struct aravis_options { /* values from the rig file; their table is in camera.c */
     char *device, *pixel_format, *trigger, *pulse_path;
     int width, height, offset_x, offset_y, bits;
     double black_level, black_level_dn;
@@ -37,8 +37,9 @@ struct aravis_limits {
     char model[128], serial[64];     /* as the camera reports them; "": it does not */
 };
 
-/* Connects, takes control (waiting up to control_s for another program to release it), sets
- * everything up and creates the stream. func is called in Aravis's stream thread. */
+/* Connects, takes control of the camera, sets everything up and creates the stream. Waits up to
+ * control_s seconds for another program to release the camera. func is called in Aravis's stream
+ * thread. */
 AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
                                  ArvStreamCallback func, gpointer data, GError **error);
 void aravis_device_close(AravisDevice *device); /* NULL is ignored */
@@ -46,15 +47,16 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 
-/* The functions that alter the camera's frames and could not be switched off, one text each,
- * NULL-terminated. Owned by the device. */
+/* Returns one text for each function that alters the camera's frames and could not be switched off.
+ * The array is NULL-terminated and owned by the device. */
 const char *const *aravis_device_warnings(const AravisDevice *device);
 
-/* Tells what Aravis knows, without a request to the camera. */
+/* Returns what Aravis knows, without sending a request to the camera. */
 gboolean aravis_device_has_control(AravisDevice *device);
 
-/* TRUE: the camera has to be opened again after a frame has not come. The endpoint of a USB
- * camera's stream may be halted then, and Aravis clears that only when it opens the camera. */
+/* Returns TRUE if the camera has to be opened again after a frame that did not come. The
+ * endpoint of a USB camera's stream may be halted then, and Aravis clears it only when it opens
+ * the camera. */
 gboolean aravis_device_may_halt(const AravisDevice *device);
 
 /* Fails if the camera rounds the exposure by more than 0.5 % + 1 µs. */
@@ -71,17 +73,17 @@ gboolean aravis_device_trigger(AravisDevice *device, GError **error);
 ArvBuffer *aravis_device_pop(AravisDevice *device);
 void aravis_device_push(AravisDevice *device, ArvBuffer *buffer);
 
-/* The camera's clock relative to g_get_monotonic_time(): ours = camera's + offset, known to ±
- * error_us. valid is FALSE if it has no clock that can be asked. */
+/* The camera's clock relative to g_get_monotonic_time(): our time = the camera's time + offset_us,
+ * with an uncertainty of ± error_us. valid is FALSE if the camera has no clock that can be read. */
 struct aravis_clock {
     gboolean valid;
     double offset_us, error_us;
 };
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret);
 
-/* Replaces why, an error of Aravis, by an error that names what failed. Returns TRUE if why is
- * NULL. */
+/* Converts why, an error of Aravis, to an error that says what failed, and frees why. Returns TRUE
+ * and sets no error if why is NULL. */
 gboolean aravis_device_check(GError *why, const char *what, GError **error);
 
-/* TRUE for errors after which the camera has to be opened again. */
+/* Returns TRUE for errors after which the camera has to be opened again. */
 gboolean aravis_device_is_lost(const GError *error);

@@ -1,15 +1,16 @@
-/* Pixel formats of GenICam cameras that can be measured with: raw values of one channel per pixel.
- */
+/* Pixel formats of GenICam cameras that can be used for measuring: raw values of one channel per
+ * pixel. */
 #pragma once
 
 #include "drivers/frame.h"
 
 enum aravis_packing {
-    ARAVIS_BYTES,  /* one byte per pixel */
-    ARAVIS_WORDS,  /* two, little endian */
-    ARAVIS_10P,    /* four pixels in five bytes, lowest bits first */
-    ARAVIS_12P,    /* two in three */
-    ARAVIS_PACKED, /* two in three bytes: the low bits of both lie between their high bytes */
+    ARAVIS_BYTES, /* one byte per pixel */
+    ARAVIS_WORDS, /* two bytes per pixel, little endian */
+    ARAVIS_10P,   /* four pixels in five bytes, lowest bits first */
+    ARAVIS_12P,   /* two pixels in three bytes, lowest bits first */
+    /* Two pixels in three bytes: the low bits of both lie between their high bytes. */
+    ARAVIS_PACKED,
 };
 
 struct aravis_format {
@@ -24,10 +25,10 @@ struct aravis_format {
 const struct aravis_format *aravis_format_by_name(const char *name);
 const struct aravis_format *aravis_format_by_code(guint32 code);
 
-/* All formats that can be measured with, the best first; ends with a NULL name. */
+/* All formats that can be used for measuring, the best first. The last entry has a NULL name. */
 extern const struct aravis_format aravis_formats[];
 
 gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);
 
-/* n pixels, from as many bytes as aravis_format_bytes() says. */
+/* Unpacks n pixels. from holds as many bytes as aravis_format_bytes() returns. */
 void aravis_unpack(const struct aravis_format *format, const guint8 *from, gsize n, guint16 *to);

@@ -11,26 +11,27 @@
 enum effect { UNSTEADY, SCALED, CURVED, NEIGHBOURS, MIXED, INVENTED, UNEVEN, OTHER, PACKED };
 
 static const char *const effects[] = {
-    [UNSTEADY] = "the same light gives other values from frame to frame",
+    [UNSTEADY] = "the same light gives different values from frame to frame",
     [SCALED] = "values are multiplied by a factor that may differ from that of the calibration",
     [CURVED] = "values are not proportional to the light",
-    [NEIGHBOURS] = "a value depends on the light at neighbouring pixels, so that edges and noise "
-                   "are not the sensor's",
+    [NEIGHBOURS] = "a value depends on the light at neighbouring pixels, so edges and noise are "
+                   "not those of the sensor",
     [MIXED] = "a value depends on the light of other colours",
-    [INVENTED] = "values of defective pixels are not measured but taken from their neighbours",
+    [INVENTED] = "values of defective pixels are not measured but computed from their neighbours",
     [UNEVEN] = "values are multiplied by factors that differ over the frame",
     [OTHER] = "frames do not show what the sensor sees",
     [PACKED] = "frames are sent in a form that this program cannot read",
 };
 
 /*
- * Features of a function are tried in this order until one is neutral; spaces separate them. NAME
- * is a switch: false, or a choice such as Off. NAME=VALUE is a choice or a strength at which the
- * function does nothing. Names are those of the Standard Features Naming Convention and of the
- * makers' description files. Linear and steady functions that belong to the sensor (correction of
- * columns, clamping to dark pixels) stay as they are, and so does geometry. Functions that alter
- * only the Mono formats of colour cameras (OnBoardColorProcessEnabled) are left out, because the
- * driver takes the Bayer formats of these cameras.
+ * Features of a function are tried in this order until one is neutral. They are separated by
+ * spaces. NAME is a switch, which is false or a choice such as Off. NAME=VALUE is a choice or a
+ * strength at which the function has no effect. Names are those of the Standard Features Naming
+ * Convention and of the makers' description files. Some functions stay as they are: geometry, and
+ * linear and steady functions that belong to the sensor (correction of columns, clamping to dark
+ * pixels). Functions that alter only the Mono formats of colour cameras
+ * (OnBoardColorProcessEnabled) are left out, because the driver uses the Bayer formats of these
+ * cameras.
  */
 static const struct {
     const char *what;
@@ -83,14 +84,15 @@ static const struct {
 
 struct survey {
     ArvGc *gc;
-    GPtrArray *features;   /* names, of all categories; not owned */
-    GHashTable *selectors; /* a feature's name → GPtrArray of ArvGcEnumeration, not owned */
+    GPtrArray *features; /* names, of all categories; not owned */
+    /* Maps the name of a feature to a GPtrArray of ArvGcEnumeration, not owned. */
+    GHashTable *selectors;
     gboolean switch_off;
 };
 
 struct visit { /* the state of a feature over all positions of its selectors */
     gboolean available, on;
-    /* At the first position where it is on, else at the last position. */
+    /* Values at the first position where the feature is on, or else at the last position. */
     char *position, *value, *why;
 };
 
@@ -101,7 +103,8 @@ void aravis_raw_free(struct aravis_raw *raw) {
     g_free(raw);
 }
 
-/* Tells a protected register from the loss of control: a camera refuses both with the same code. */
+/* Distinguishes a protected register from the loss of control, because cameras refuse both with the
+ * same code. */
 static gboolean raw_lost(const GError *why) {
     return why && why->domain == ARV_DEVICE_ERROR &&
            (why->code == ARV_DEVICE_ERROR_TIMEOUT || why->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||
@@ -174,7 +177,7 @@ static gboolean raw_entry_fits(ArvGcFeatureNode *node, const char *neutral, cons
                    : entry && raw_means_off(arv_gc_feature_node_get_name(node), entry);
 }
 
-/* Returns the strength at which the function has no effect; a factor of 1 is 100 in percent. */
+/* Returns the strength at which the function has no effect. A factor of 1 is 100 in percent. */
 static double raw_neutral_strength(ArvGcFeatureNode *node, const char *neutral) {
     double strength = neutral ? g_ascii_strtod(neutral, NULL) : 0;
     const char *unit = ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_unit(ARV_GC_FLOAT(node)) : NULL;
@@ -276,13 +279,13 @@ static gboolean raw_visit_one(const struct survey *survey, ArvGcFeatureNode *nod
     visit->on = !off;
     if (!off)
         visit->why = g_strdup(refused              ? refused->message
-                              : survey->switch_off ? "it does not keep what it is set to"
+                              : survey->switch_off ? "it does not keep the value that was set"
                                                    : "it is on");
     return TRUE;
 }
 
-/* Visits a feature at all positions of its selectors; from: the first selector that is not set yet.
- */
+/* Visits a feature at all positions of its selectors. from is the first selector that is not set
+ * yet. */
 static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
                           guint from, const char *position, struct visit *visit, GError **why) {
     const GPtrArray *selectors =
@@ -376,7 +379,7 @@ static gboolean raw_sounds_altering(const char *feature) {
         "shading", "vignet",   "flatfi",  "ffc",      "prnu",    "hdr",    "satura", "hue",
         "contras", "colortra", "correct", "processe", "enhance", "compres"};
     if (g_str_has_prefix(feature, "LogicBlock") || g_str_has_suffix(feature, "Selector"))
-        return FALSE; /* logic blocks belong to input lines; a selector has no effect of its own */
+        return FALSE; /* logic blocks belong to input lines; a selector itself has no effect */
     g_autofree char *low = g_ascii_strdown(feature, -1);
     for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
         if (strstr(low, words[i]))

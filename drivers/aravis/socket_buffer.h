@@ -1,4 +1,4 @@
-/* The receive buffer of a UDP socket that a library keeps to itself. */
+/* The receive buffer of a UDP socket that a library opened and does not expose. */
 #pragma once
 
 #include <glib.h>

@@ -4,8 +4,8 @@
 
 #include <string.h>
 
-#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of a program that was killed: 3 s */
-#define OPEN_LIMIT_S   15  /* all cameras together: half of what the service's watchdog waits */
+#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of a killed program, which is 3 s */
+#define OPEN_LIMIT_S   15  /* of all cameras; half the time-out of the service's watchdog */
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
 #define CHECK_EVERY_US (G_USEC_PER_SEC / 2)
@@ -15,7 +15,7 @@ enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, QUIT };
 
 struct job {
     enum job_kind kind;
-    guint generation; /* the arming that it belongs to */
+    guint generation; /* number of the arming to which it belongs */
     gint64 exposure_us;
     double gain_db;
     guint64 shot;
@@ -37,7 +37,7 @@ struct AravisWorker {
     struct aravis_options options;
     GAsyncQueue *jobs;
 
-    /* Used by the main loop alone. */
+    /* Used only by the main loop. */
     struct aravis_hooks hooks;
     gpointer data;
     gboolean closed;
@@ -53,13 +53,13 @@ struct AravisWorker {
     guint armed;      /* the generation that is armed */
     gint64 sent_us;
 
-    /* Used by the thread alone. */
-    AravisDevice *device; /* NULL: the camera is lost */
+    /* Used only by the thread. */
+    AravisDevice *device; /* NULL if the camera is lost */
     struct aravis_limits limits;
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
     gboolean exposure_set, gain_set;
-    gboolean halted; /* its stream may be halted, since a frame did not come */
+    gboolean halted; /* its stream may be halted, because a frame did not come */
     GError *settings_error;
     GError *lost_error;
 };
@@ -153,8 +153,8 @@ static void close_device(AravisWorker *worker) {
     g_clear_pointer(&worker->device, aravis_device_close);
 }
 
-/* Takes the error. Reports it before it closes the camera, since closing may take seconds if the
- * camera does not answer. */
+/* Takes ownership of the error. Reports it before it closes the camera, because closing may take
+ * seconds if the camera does not answer. */
 static void aravis_worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;
@@ -241,7 +241,7 @@ static void aravis_worker_do_arm(AravisWorker *worker, const struct job *job) {
 
 static void aravis_worker_do_disarm(AravisWorker *worker, const struct job *job) {
     g_autoptr(GError) error = NULL;
-    gboolean unanswered = worker->pending; /* set by this thread alone */
+    gboolean unanswered = worker->pending; /* only this thread sets it */
     set_pending(worker, FALSE, job->generation);
     worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
@@ -321,8 +321,8 @@ static gpointer aravis_worker_work(gpointer data) {
             work[job->kind](worker, job);
         else if (!worker->device)
             look_for_it(worker);
-        /* Polls for the loss of control rather than using the signal: the device must not be freed
-         * during the signal, or Aravis's heartbeat thread would wait for itself. */
+        /* Polls for the loss of control and does not use the signal. The device must not be freed
+         * during the signal, because Aravis's heartbeat thread would then wait for itself. */
         else if (!aravis_device_has_control(worker->device))
             aravis_worker_fail(
                 worker, worker->armed,

@@ -1,7 +1,7 @@
 /*
- * The thread of a camera: Aravis's calls block, for seconds if a cable is out, so they are made
- * there, in the order of the requests. Their results are reported from the main loop, to which all
- * functions here belong.
+ * The thread of a camera. Aravis's calls block, for seconds if a cable is unplugged. The thread
+ * makes these calls, in the order of the requests. Results are reported from the main loop. All
+ * functions here belong to the main loop's thread.
  *
  * If the camera is lost, the thread looks for it once a second. When it is found, the thread sets
  * it up as before, and it may be armed again.
@@ -16,11 +16,13 @@ struct aravis_hooks {
     /* The camera has begun to send the frame of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* takes the reference */
-    /* A frame has come that was exposed this long before its trigger; the right one may follow. */
+    /* A frame has come that was exposed before_us before its trigger. The right frame may
+     * follow. */
     void (*stale)(gint64 before_us, gpointer data);
-    /* The last request failed, and a waiting trigger has ended. Takes the error. */
+    /* The last request failed, and a waiting trigger has ended. The hook takes ownership of the
+     * error. */
     void (*failed)(GError *error, gpointer data);
-    /* The camera cannot be used because of error; error NULL: it can be used again. */
+    /* The camera cannot be used because of the error. If error is NULL, it can be used again. */
     void (*lost)(const GError *error, gpointer data);
 };
 
@@ -28,14 +30,15 @@ struct aravis_hooks {
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
                                 const struct aravis_hooks *hooks, gpointer data);
 
-/* Waits until the camera is open. Call it before all other functions but aravis_worker_free(). */
+/* Waits until the camera is open. Call it before all other functions except
+ * aravis_worker_free(). */
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
-/* The result of aravis_device_warnings() when the camera was opened. Owned by the worker. */
+/* Returns the result of aravis_device_warnings() when the camera was opened. The worker owns it. */
 const char *const *aravis_worker_warnings(const AravisWorker *worker);
 
-/* Calls no hook any more. Waits until the camera is released, but not if the camera does not
- * answer. NULL is ignored. */
+/* Frees the worker. No hook is called afterwards. Waits until the camera is released, unless the
+ * camera does not answer. NULL is ignored. */
 void aravis_worker_free(AravisWorker *worker);
 
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db);

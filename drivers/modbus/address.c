@@ -13,7 +13,7 @@ gboolean modbus_is_tcp(const char *bus) {
     return g_str_has_prefix(bus, TCP);
 }
 
-/* NULL: it is not a host. */
+/* Returns NULL if bus is not a host. */
 static GNetworkAddress *parse_tcp(const char *bus) {
     return (GNetworkAddress *)g_network_address_parse(bus + strlen(TCP), DEFAULT_PORT, NULL);
 }
@@ -41,7 +41,7 @@ char *modbus_address_of(const char *what, int number, const char *bus, int unit)
     return g_strdup_printf("%s %d of unit %d at %s", what, number, unit, name);
 }
 
-/* An IPv4 address that is written as one of IPv6 is the IPv4 address. */
+/* An IPv4 address in the form of an IPv6 address is converted to IPv4. */
 static char *unit_key(GInetAddress *address, guint16 port, int unit) {
     const guint8 *bytes = g_inet_address_to_bytes(address);
     static const guint8 mapped[12] = {[10] = 0xff, [11] = 0xff};
@@ -56,8 +56,8 @@ static char *unit_key(GInetAddress *address, guint16 port, int unit) {
     return g_strdup_printf("tcp %s %u unit %d", numbers, port, unit);
 }
 
-/* The keys of a unit, one for each address of its host. getaddrinfo() and not GResolver, whose
- * threads a child process of the safe state does not have. */
+/* Returns the keys of a unit, one for each address of its host. It calls getaddrinfo() and not
+ * GResolver, whose threads do not exist in a child process of the safe state. */
 static GPtrArray *unit_keys(const char *bus, int unit) {
     const struct addrinfo wanted = {.ai_socktype = SOCK_STREAM};
     GPtrArray *keys = g_ptr_array_new_with_free_func(g_free);

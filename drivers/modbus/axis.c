@@ -8,18 +8,20 @@
 
 #define DEADLINE_MS 1500
 #define COMMAND_MS                                                                                 \
-    3000 /* a busy drive may answer late; the class waits 4 s longer than a move takes */
-#define IDLE_MS       200 /* between polls of a drive that stands */
-#define LEAST_UNHEARD 3   /* failed polls in a row before a drive is lost: the delay may be ours */
-#define MAX_WRITES    6   /* writes in one list of the section */
-#define MAX_WORDS     8   /* registers of one write */
+    3000 /* a busy drive may answer late; the class waits 4 s longer than the move takes */
+#define IDLE_MS 200 /* time between polls of a drive that stands */
+/* Number of failed polls in a row after which a drive is lost. A delay may be caused by this
+ * program. */
+#define LEAST_UNHEARD 3
+#define MAX_WRITES    6 /* largest number of writes in a list of the section */
+#define MAX_WORDS     8 /* largest number of registers of one write */
 
 enum phase { STANDING, MOVING, HOMING, STOPPING };
 enum bits { BITS_16, BITS_32 };
 enum order { HIGH_FIRST, LOW_FIRST };
 enum kind { HOLDING, INPUT };
 
-struct number { /* one register, or two consecutive ones */
+struct number { /* a number in one register, or in two consecutive ones */
     int address, bits;
 };
 
@@ -40,14 +42,15 @@ struct modbus_axis {
     enum phase phase;
     guint timer;
     int n_commands;   /* commands without an answer yet */
-    int last_command; /* its tag */
-    int n_unheard;    /* polls in a row without an answer */
+    int last_command; /* tag of the last command */
+    int n_unheard;    /* polls in a row that were not answered */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
-    double speed_deg_s;           /* as its register has it */
-    gint64 still_us, progress_us; /* last start or motion seen; last change of position */
-    gint64 heard_us, fed_us;      /* last answer; last feeding of the watchdog */
-    gint64 polled_us;             /* the poll under way */
+    double speed_deg_s; /* value of its register */
+    /* The last start or the last motion seen, and the last change of position. */
+    gint64 still_us, progress_us;
+    gint64 heard_us, fed_us; /* the last answer, and the last reset of the watchdog */
+    gint64 polled_us;        /* time of the poll that is under way */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
@@ -60,9 +63,9 @@ static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
     AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "How long homing takes, for predicted times; 0: they leave homing out"},
+     "Duration of homing, for predicted times; 0: homing is not included in them"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
-     "Where the axis is when the drive counts 0, as it does after homing"},
+     "Position of the axis when the drive counts 0, which is where homing ends"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),
      "The drive's steps per degree, gears included; negative: the drive counts in the opposite "
      "direction"},
@@ -71,13 +74,13 @@ static const struct option options[] = {
     {"target_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(target.address),
      "Holding register of the absolute target, in steps"},
     {"target_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(target.bits),
-     "Size of the target, signed; 32 are two registers"},
+     "Bits of the target, signed; 32 bits are two registers"},
     {"position_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(position.address),
      "Register of the position, in steps"},
     {"position_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(position.bits),
-     "Size of the position, signed"},
+     "Bits of the position, signed"},
     {"word_order", OPTION_CHOICE, NULL, 0, 0, "high-first", order_choices, FIELD(word_order),
-     "Which half of a 32-bit value has the lower address"},
+     "The half of a 32-bit value that has the lower address"},
     {"read_with", OPTION_CHOICE, NULL, 0, 0, "holding", kind_choices, FIELD(read_with),
      "Whether position and status are holding registers (function 3) or input registers (4)"},
     {"status_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(status_address),
@@ -96,41 +99,44 @@ static const struct option options[] = {
      "Holding register of the top speed, written when opened; −1: none, the drive is set to "
      "speed_deg_s"},
     {"speed_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(speed.bits),
-     "Size of the top speed's register"},
+     "Bits of the top speed's register"},
     {"speed_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(speed_scale),
      "Value of the top speed's register for 1 deg/s"},
     {"accel_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(accel.address),
      "Holding register of the acceleration, written when opened; −1: none, the drive is set to "
      "accel_deg_s2"},
     {"accel_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(accel.bits),
-     "Size of the acceleration's register"},
+     "Bits of the acceleration's register"},
     {"accel_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(accel_scale),
      "Value of the acceleration's register for 1 deg/s²"},
     {"setup", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(setup),
-     "What is written when opened: ADDRESS=VALUE, or ADDRESS=VALUE,VALUE for registers in a row"},
+     "Values written when the axis is opened: ADDRESS=VALUE, or ADDRESS=VALUE,VALUE for "
+     "consecutive registers"},
     {"start", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(start),
-     "What is written to start a move to the target, as in setup; may be done twice"},
+     "Values written to start a move to the target, in the form of setup; they may be written "
+     "twice"},
     {"home", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(home),
-     "What is written to start homing, as in setup; in the positive direction if there is "
-     "backlash"},
+     "Values written to start homing, in the form of setup; if there is backlash, homing must end "
+     "in the positive direction"},
     {"stop", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(stop),
-     "What is written to stop, as in setup"},
+     "Values written to stop, in the form of setup"},
     {"clear", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(clear),
-     "What is written before homing to clear a fault, as in setup"},
+     "Values written before homing to clear a fault, in the form of setup"},
     {"watchdog", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(watchdog),
-     "What is written repeatedly to keep the drive's watchdog from stopping it, as in setup"},
+     "Values written repeatedly to keep the drive's watchdog from stopping it, in the form of "
+     "setup"},
     {"watchdog_ms", OPTION_DOUBLE, "ms", 10, 60000, "200", NULL, FIELD(watchdog_ms),
      "Time between two writes of watchdog"},
     MODBUS_WATCHDOG_OPTIONS(FIELD(own)),
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms),
      "Time between two polls while the axis moves"},
     {"stamp_ms", OPTION_DOUBLE, "ms", 0.1, 1000, "10", NULL, FIELD(stamp_ms),
-     "With motion = continuous: by how much the time at which the axis was somewhere may be off. A "
-     "poll that takes twice as long does not tell it; the drive's own delay must be below it, too"},
+     "With motion = continuous: largest error of the time of a position. A poll that takes more "
+     "than twice as long is ignored; the drive's own delay must also be below it"},
     {"start_ms", OPTION_DOUBLE, "ms", 1, 10000, "500", NULL, FIELD(start_ms),
      "How long the axis may stand still after a command, and pause while homing"},
     {"stall_ms", OPTION_DOUBLE, "ms", 10, 60000, "1000", NULL, FIELD(stall_ms),
-     "How long the drive may report that it moves while its position stays the same"},
+     "How long the drive may report a motion while its position does not change"},
     {"lost_ms", OPTION_DOUBLE, "ms", 1, 60000, "3000", NULL, FIELD(lost_ms),
      "How long the axis may move without an answer to a poll before that is a fault"},
     {NULL},
@@ -158,7 +164,8 @@ static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
     request->verify = priv->verify;
 }
 
-/* Decimal, or hexadecimal after 0x; FALSE if it is neither or too large. */
+/* Parses a decimal number, or a hexadecimal number after 0x. Returns FALSE if the text is neither
+ * or the number is too large. */
 static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
     gboolean hex = g_str_has_prefix(text, "0x");
     char *end = NULL;
@@ -167,7 +174,7 @@ static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
     return *text && !g_ascii_isspace(*text) && !*end && value == *ret;
 }
 
-/* ADDRESS=VALUE[,VALUE…] */
+/* Parses ADDRESS=VALUE[,VALUE…]. */
 static gboolean parse_write(const char *text, struct modbus_request *ret) {
     g_auto(GStrv) sides = g_strsplit(text, "=", 0);
     if (g_strv_length(sides) != 2 ||
@@ -202,7 +209,7 @@ static void check_writes(const struct config_section *section, const char *key, 
                            *writes, MAX_WORDS);
 }
 
-/* Adds writes of the section, which was checked before the device was opened. */
+/* Adds the writes of the section, which was checked before the device was opened. */
 static void add_writes(struct modbus_job *job, char *const *writes) {
     for (; *writes; writes++) {
         struct modbus_request parsed = {0};
@@ -280,8 +287,8 @@ static void modbus_axis_command(Axis *axis, enum phase phase, struct modbus_job 
                      phase == STOPPING ? DEADLINE_MS : COMMAND_MS, on_commanded, axis);
 }
 
-/* The class stops the drive, whatever it does now. Call it last: the listener may close the axis.
- */
+/* Reports a fault. The class then stops the drive, whatever the drive is doing. Call it last,
+ * because the listener may close the axis. */
 static void report_fault(Axis *axis, GError *error) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = STANDING;
@@ -293,12 +300,12 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->n_commands--;
-    if (job->skipped) /* by a stop, which follows */
+    if (job->skipped) /* skipped by a stop, which follows */
         return;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->n_commands == 0)
         poll_now(axis);
-    /* The failure of an earlier command does not matter any more. */
+    /* The failure of an earlier command is no longer relevant. */
     if (error && priv->phase != STANDING && job->tag == priv->last_command)
         report_fault(axis, g_error_copy(error));
 }
@@ -336,12 +343,12 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
     else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
         stalled(axis,
                 "it stands at %.3f° instead of %.3f°%s" ERROR_ADVICE
-                "see what blocks it, then home it",
+                "check what blocks it, then home it",
                 at, target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
     else if (moving && is_past(axis, priv->progress_us, priv->stall_ms))
         stalled(axis,
                 "stalled at %.3f° on its way to %.3f°: no progress for %g ms" ERROR_ADVICE
-                "see what blocks it, then home it",
+                "check what blocks it, then home it",
                 at, target, priv->stall_ms);
 }
 
@@ -376,7 +383,7 @@ static void check_standing(Axis *axis, const struct modbus_job *job, gint64 befo
             axis,
             device_error_new(DEVICE_ERROR_STALLED, NULL,
                              "it stood at %.3f° and is now at %.3f° without a command" ERROR_ADVICE
-                             "see what moved it, then home it",
+                             "check what moved it, then home it",
                              to_deg(priv, before_steps), to_deg(priv, priv->steps)));
 }
 
@@ -390,7 +397,7 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         priv->progress_us = clock_now_us(axis->device.clock);
     if (moving)
         priv->still_us = clock_now_us(axis->device.clock);
-    /* A drive that its own watchdog has stopped reports a fault, but it does stand. */
+    /* A drive that was stopped by its own watchdog reports a fault, but stands still. */
     gboolean halted = priv->phase == STOPPING && !moving && !axis_is_homed(axis);
     if (priv->faulty && !halted &&
         (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
@@ -404,14 +411,15 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_homing(axis, job, moving);
     else if (priv->phase == STANDING)
         check_standing(axis, job, before);
-    else if (!moving && priv->was_still) /* still in two polls in a row: at the first it may not
-                                            have begun to move */
+    /* The drive stood still in two polls in a row. At the first poll it may not have begun to
+     * move. */
+    else if (!moving && priv->was_still)
         modbus_axis_finish(axis, AXIS_STOPPED);
     else
         priv->was_still = !moving;
 }
 
-/* The drive moves whether it is polled or not, so that a late answer does not end a move. */
+/* The drive moves whether it is polled or not. A late answer therefore does not end a move. */
 static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
@@ -438,7 +446,7 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
         modbus_axis_evaluate(axis, job);
 }
 
-/* Adds the write of another speed than its register has. */
+/* Adds a write of the speed if the register has another value. */
 static void modbus_axis_set_speed(struct modbus_axis *priv, struct modbus_job *job, double deg_s) {
     if (priv->speed.address < 0 || deg_s == priv->speed_deg_s)
         return;
@@ -451,7 +459,7 @@ static gboolean modbus_axis_home(Axis *axis, GError **error) {
     struct modbus_job job = {0};
     if (priv->faulty)
         add_writes(&job, priv->clear);
-    priv->speed_deg_s = 0; /* whatever it was before: a write may have failed */
+    priv->speed_deg_s = 0; /* unknown now, because a write may have failed */
     modbus_axis_set_speed(priv, &job, priv->motion.speed_deg_s);
     add_writes(&job, priv->home);
     modbus_axis_command(axis, HOMING, &job);
@@ -467,7 +475,7 @@ static gboolean modbus_axis_turn(Axis *axis, double target_deg, double speed_deg
     if (fabs(steps) > limit)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, axis->device.who,
-            "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE "home it",
+            "%g° are %.0f steps, more than its target register can hold" ERROR_ADVICE "home it",
             target_deg, steps);
     priv->target_steps = (gint64)steps;
     modbus_axis_set_speed(priv, &job, speed_deg_s);
@@ -525,14 +533,14 @@ static void modbus_axis_check(gconstpointer given, const struct config_section *
     modbus_link_check(&priv->link, section, mistakes);
 }
 
-/* One drive may turn several axes, each by registers of its own. */
+/* One drive may turn several axes, each with separate registers. */
 static void modbus_axis_needs(gconstpointer given, GPtrArray *to) {
     const struct modbus_axis *priv = given;
     g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,
                                           priv->link.bus, priv->link.unit));
 }
 
-/* Sets the drive up, and reads where it stands. */
+/* Sets the drive up and reads its position. */
 static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
@@ -556,7 +564,7 @@ static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     priv->faulty = has_bit(&job, priv->fault_bit);
     axis->motion = priv->motion;
     priv->speed_deg_s = priv->motion.speed_deg_s;
-    /* Without a register for the speed it turns at one speed alone. */
+    /* Without a register for the speed, the axis turns at a fixed speed. */
     if (priv->speed.address >= 0) {
         axis->motion.report_ms = priv->poll_ms + 2 * priv->stamp_ms;
         axis->motion.stamp_ms = priv->stamp_ms;

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* Time that a recovery of the line may take, beyond the limit of the job itself. */
+/* Time that a recovery of the line may take in addition to the limit of the job. */
 #define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
 
 struct task {
@@ -13,10 +13,10 @@ struct task {
     struct modbus_job job;
     int unit;
     enum modbus_turn turn;
-    gint64 limit_us; /* time limit from the moment when the line is free for the task */
+    gint64 limit_us; /* time limit, counted from the moment when the line is free for the task */
     gint cancelled;  /* atomic */
     GError *error;
-    ModbusFunc func; /* used by the main loop's thread alone; NULL once cancelled */
+    ModbusFunc func; /* used only by the main loop's thread; NULL after it was cancelled */
     gpointer data;
     gboolean waited, done; /* for modbus_bus_do(); guarded by the mutex of the bus */
 };
@@ -27,7 +27,8 @@ struct ModbusBus {
     int ref_count;
     struct modbus_link link; /* a copy */
     char *key;               /* modbus_address_name() */
-    GHashTable *units; /* TCP: the locks of each unit that a section has, until all are closed */
+    /* TCP: the locks of each unit that a section has, kept until all sections are closed. */
+    GHashTable *units;
     GThread *thread;
     GMutex mutex; /* guards the fields down to source */
     GCond work, finished;
@@ -36,8 +37,8 @@ struct ModbusBus {
     gboolean quit;
     struct modbus_counts counts;
     GSource *source;
-    GList *waiting;           /* used by the main loop's thread alone: tasks whose end calls back */
-    struct modbus_line *line; /* used by the line's thread alone, as dead is */
+    GList *waiting;              /* used only by the main loop's thread: tasks with a callback */
+    struct modbus_line *line;    /* used only by the line's thread, like dead */
     gboolean dead[MAX_UNIT + 1]; /* units that have not answered their last task */
 };
 
@@ -46,7 +47,7 @@ struct bus_source {
     ModbusBus *bus;
 };
 
-static GHashTable *buses; /* key → ModbusBus */
+static GHashTable *buses; /* maps a key to a ModbusBus */
 
 static void task_unref(gpointer data) {
     struct task *task = data;
@@ -70,7 +71,8 @@ static gboolean is_silence(const GError *error) {
            g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
 }
 
-/* FALSE: a poll that has given way to an urgent task, and is to be done again. */
+/* Carries out a task. Returns FALSE for a poll that was interrupted by an urgent task and has to be
+ * repeated. */
 static gboolean carry_out(ModbusBus *bus, struct task *task) {
     const struct modbus_job job = task->job;
     const gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
@@ -125,7 +127,7 @@ static gpointer modbus_bus_run(gpointer data) {
 }
 
 /* Delivers one result in each iteration of the main loop. A source is always dispatched in the main
- * loop's thread, which g_main_context_invoke() from another thread does not guarantee. */
+ * loop's thread. g_main_context_invoke() from another thread does not guarantee that. */
 static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
     g_mutex_lock(&bus->mutex);
@@ -185,7 +187,8 @@ static ModbusBus *modbus_bus_new(const struct modbus_link *link, const char *key
     g_cond_init(&bus->finished);
     bus->line = modbus_line_new(link, error);
     gint64 deadline = g_get_monotonic_time() + (gint64)(link->timeout_ms * 1000);
-    /* Locked first: a board that another daemon has is not even connected to. */
+    /* Lock the unit first, so that this program does not connect to a board that another daemon
+     * has. */
     if (!bus->line || !lock_unit(bus, link->unit, error) ||
         !modbus_line_connect(bus->line, deadline, error)) {
         modbus_bus_free(bus);
@@ -331,7 +334,7 @@ void modbus_bus_skip(ModbusBus *bus, gpointer data, int tag) {
                 continue;
             task->job.skipped = TRUE;
             device_error_set(&task->error, DEVICE_ERROR_BUSY, NULL,
-                             "%s unit %d: not sent, since an \"off\" or a stop came first",
+                             "%s unit %d: not sent, because an \"off\" or a stop came first",
                              bus->key, task->unit);
             g_queue_delete_link(queue, item);
             g_queue_push_tail(&bus->results, task);

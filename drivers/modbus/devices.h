@@ -1,6 +1,6 @@
 /*
- * Devices on a Modbus line (bus.h), described wholly by their sections; presets for drives on the
- * market are in etc/devices. They keep real time.
+ * Devices on a Modbus line (bus.h). Their sections describe them completely; presets for drives on
+ * the market are in etc/devices. They work in real time only.
  */
 #pragma once
 

@@ -17,10 +17,11 @@ static const struct option options[] = {
     {"input", OPTION_INT, NULL, 0, 65535, "0", NULL, FIELD(input),
      "Discrete input that the contact is wired to, counted from 0"},
     {"closed_when_off", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(closed_when_off),
-     "The contact is closed when the input reads 0; a broken wire then passes for closed"},
+     "The contact is closed when the input reads 0; a broken wire then counts as closed"},
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms), "Time between readings"},
     {"lost_ms", OPTION_DOUBLE, "ms", 50, 10000, "1500", NULL, FIELD(lost_ms),
-     "Counts as open after this time without an answer; a late one takes timeout_ms + 2 late_ms"},
+     "Time without an answer after which the contact counts as open; a late answer takes "
+     "timeout_ms + 2 late_ms"},
     {NULL},
 };
 

@@ -13,14 +13,16 @@
 #include <unistd.h>
 
 #define FIRST_BACKOFF_US 50000
-#define MAX_BACKOFF_US   1000000 /* shorter than a job's limit, so that each job tries once */
-#define BUSY_PAUSE_US    20000
-/* Longest wait for a TCP connection with MODBUS_ONCE. The kernel repeats its first packet only
+#define MAX_BACKOFF_US                                                                             \
+    1000000 /* shorter than the limit of a job, so that each job makes an attempt */
+#define BUSY_PAUSE_US 20000
+/* Longest wait for a TCP connection with MODBUS_ONCE. The kernel repeats the first packet only
  * after a second, which is too late for an "off". One attempt in eight waits as long as it may, for
  * a host that is far away. */
 #define QUICK_CONNECT_US 400000
 #define PATIENT_EVERY    8
-/* Silence that ends whatever a damaged answer still sends; 3.5 characters at 300 baud are less. */
+/* Silence after which a damaged answer is complete. It is longer than 3.5 characters at 300
+ * baud. */
 #define SILENCE_MS 20
 
 const char *const modbus_parities[] = {"none", "even", "odd", NULL};
@@ -28,8 +30,12 @@ const char *const modbus_parities[] = {"none", "even", "odd", NULL};
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;
-    Lock *lock; /* of a serial line; kept while the line is lost. NULL: TCP, or never connected */
-    int taken;  /* a serial line's own descriptor, which keeps other programs off; -1: none */
+    /* Lock of a serial line; kept while the line is lost. NULL for TCP, or if the line was never
+     * connected. */
+    Lock *lock;
+    /* A second descriptor of a serial line, which keeps other programs away. -1 if there is
+     * none. */
+    int taken;
     gboolean connected;
     gboolean ever_connected;
     gboolean owed; /* the answer to an earlier request may still come */
@@ -109,8 +115,8 @@ void modbus_line_free(struct modbus_line *line) {
     g_free(line);
 }
 
-/* An adapter that was plugged in again may be another device of the kernel. A port that is not
- * there needs no lock: it cannot be opened. */
+/* Locks a serial line. An adapter that was plugged in again may have another device number. A port
+ * that does not exist needs no lock, because it cannot be opened. */
 static gboolean lock_serial(struct modbus_line *line, GError **error) {
     g_autofree char *key = lock_key_of_node("serial", line->link.bus);
     if (!key || (line->lock && strcmp(lock_key(line->lock), key) == 0))
@@ -164,7 +170,8 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
         return TRUE;
     }
     int why = errno;
-    /* If a host name is unknown, libmodbus leaves errno at 0 or at that of its last attempt. */
+    /* If a host name is unknown, libmodbus leaves errno at 0 or at the value of its last
+     * attempt. */
     back_off(line);
     if (why == EWOULDBLOCK && !is_tcp(line)) {
         g_autofree char *holder = modbus_serial_holder(line->link.bus);
@@ -194,7 +201,8 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
                 g_propagate_error(error, g_steal_pointer(&last));
             else
                 device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
-                                 "%s is lost, and is tried again later", line->link.bus);
+                                 "the connection to %s is lost; it is tried again later",
+                                 line->link.bus);
             return FALSE;
         }
         if (line->next_attempt_us > now)
@@ -210,8 +218,8 @@ static gboolean modbus_line_is_readable(struct modbus_line *line, int wait_ms) {
     return poll(&fd, 1, wait_ms) > 0;
 }
 
-/* Discards all input until the line has been silent for silence_ms. FALSE if anything came. Gives
- * up after three times silence_ms on a line that does not fall silent, or that has hung up. */
+/* Discards all input until the line has been silent for silence_ms. Returns FALSE if any input
+ * came. Gives up after three times silence_ms if the line does not become silent or has hung up. */
 static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     gint64 silence_us = (gint64)(silence_ms * 1000), now = g_get_monotonic_time();
     gint64 silent_from = now, limit = now + 3 * silence_us;
@@ -228,8 +236,8 @@ static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     return silent;
 }
 
-/* Sends a pulse as a raw request, since libmodbus has no call for it; on TCP raw requests have the
- * transaction id 0. -1 with errno. */
+/* Sends a pulse as a raw request, because libmodbus has no function for it. On TCP, raw requests
+ * have the transaction id 0. Returns -1 and sets errno on failure. */
 static int transfer_pulse(modbus_t *context, const struct modbus_request *request) {
     guint8 ask[] = {(guint8)modbus_get_slave(context), 5,
                     (guint8)(request->address >> 8),   (guint8)request->address,
@@ -315,12 +323,12 @@ static gboolean is_busy(int why) {
 }
 
 /* Makes one attempt. Returns 0 or the errno of the failure, and leaves the line ready for the next
- * attempt. ret_late: an answer to an earlier request has come. */
+ * attempt. *ret_late says that an answer to an earlier request has come. */
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
                    gint64 deadline_us, gboolean *ret_late) {
     gboolean distrust = line->owed;
     *ret_late = FALSE;
-    /* Discard what came before the request: it cannot be its answer. */
+    /* Discard input that came before the request, because it cannot be the answer. */
     if (distrust || modbus_line_is_readable(line, 0))
         *ret_late = !await_silence(line, distrust ? line->link.late_ms : SILENCE_MS) && distrust;
     gint64 left_us = deadline_us - g_get_monotonic_time();
@@ -336,10 +344,10 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
-        /* The answer is whole, but belongs to another request; over TCP, possibly to none. */
+        /* The answer is complete, but belongs to another request, or over TCP possibly to none. */
         *ret_late |= distrust && is_damage(why) && why != EMBBADCRC && !is_tcp(line);
         if (why == EMBBADCRC && !distrust) {
-            /* No earlier answer is outstanding: the damaged one was this request's. */
+            /* No earlier answer is due, so the damaged answer belonged to this request. */
             await_silence(line, SILENCE_MS);
             line->owed = FALSE;
         } else if (why != ETIMEDOUT && !is_damage(why)) {
@@ -370,13 +378,12 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                     int late, GError **error) {
     g_autofree char *what = request_text(line, unit, request);
     if (late > 0 && (why == ETIMEDOUT || is_damage(why)))
-        return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
-                                "%s: answers come too late (%d of %d tries were overtaken by the "
-                                "answer to an earlier one)" ERROR_ADVICE
-                                "see whether the device or this computer is overloaded, or raise "
-                                "timeout_ms (%g) and late_ms (%g)",
-                                what, late, tries + late, line->link.timeout_ms,
-                                line->link.late_ms);
+        return device_error_set(
+            error, DEVICE_ERROR_TIMEOUT, NULL,
+            "%s: answers come too late (%d of %d tries were overtaken by the answer to an earlier "
+            "one)" ERROR_ADVICE "check whether the device or this computer is overloaded, or raise "
+            "timeout_ms (%g) and late_ms (%g)",
+            what, late, tries + late, line->link.timeout_ms, line->link.late_ms);
     if (why == ETIMEDOUT)
         return device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
                                 "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
@@ -399,7 +406,7 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
 }
 
 /* Repeats a request until its deadline. An attempt that is followed by a late answer does not count
- * as a retry, since the device is alive and was only slow. */
+ * as a retry, because the device is alive and was only slow. */
 static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
                        gint64 deadline_us, GError **error) {
     gint64 try_us = (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);
@@ -411,8 +418,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
-        /* This program may have been suspended for the whole time, so that one attempt proves
-         * nothing. */
+        /* This program may have been suspended the whole time, so one attempt proves nothing. */
         if (tries + late == 0)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us);
         /* Wait once more for a late answer, which proves that the device is alive. */
@@ -443,20 +449,21 @@ static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
         if (is_read(wanted->kind))
             return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                     "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
-                                    "see whether the board lost its power or was not heard of "
-                                    "for too long, and what else writes it",
+                                    "check whether the board lost its power or its connection, and "
+                                    "what else writes this value",
                                     what, read->address + i, wanted->values[i], read->values[i]);
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
                                 "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
-                                "check what else writes it",
+                                "check what else writes this value",
                                 what, wanted->values[i], read->address + i, read->values[i]);
     }
     return TRUE;
 }
 
-/* A connection on which the peer's kernel acknowledges nothing, as after a cut cable, recovers only
- * when this kernel repeats its packets, with pauses that double. A new one is quicker. What the old
- * one has not delivered must never arrive: it may be an "on". */
+/* Closes a connection on which the peer's kernel acknowledges nothing, for example after the cable
+ * was cut. Such a connection recovers only when this kernel repeats its packets, with pauses that
+ * double. A new connection is faster. Data that the old connection has not delivered must never
+ * arrive, because it may be an "on". */
 static void give_up_connection(struct modbus_line *line) {
     const struct linger discard = {1, 0};
     int fd = modbus_get_socket(line->context), unacknowledged = 0;
@@ -483,10 +490,11 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
         g_autofree char *what = request_text(line, unit, request);
         return repeat(line, unit, &coil, deadline_us, error) &&
                (coil.values[0] ||
-                device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
-                                 "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
-                                 "check that the board switches coils on for a time in this way",
-                                 what, request->values[0], request->coil));
+                device_error_set(
+                    error, DEVICE_ERROR_PROTOCOL, NULL,
+                    "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
+                    "check that the board supports switching coils on for a time in this way",
+                    what, request->values[0], request->coil));
     }
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;

@@ -3,28 +3,29 @@
 #include "devices.h"
 #include "watchdog.h"
 
-/* Shorter than the deadline of the class, so that the error of the line is the one reported. */
+/* Shorter than the deadline of the class, so that the error of the line is reported. */
 #define DEADLINE_MS 1500
 
-/* A time written by function 5 must not be its "on", 0xff00. */
+/* A time that function 5 writes must not equal its value for "on", 0xff00. */
 #define MAX_PULSE 0x7fff
 
-/* Some relays of a board: those of a bank, or the one of a laser. */
+/* Some relays of a board: those of a bank, or that of a laser. */
 struct relays {
     struct modbus_link link;
     struct modbus_watchdog watchdog;
     int first_coil, n;
-    int pulse_coil; /* −1: its relays stay as they are switched */
+    int pulse_coil; /* −1 if the relays stay as they are switched */
     double warm_up_s;
 
     const struct device *device;
     void (*lost)(gpointer device, GError *error);
     ModbusBus *bus;
-    gboolean on[MODBUS_MAX_VALUES]; /* the board has confirmed it, and no "off" was sent since */
-    gboolean off_due[MODBUS_MAX_VALUES]; /* it should be off, which the board has not confirmed */
-    int n_switching, n_feeding;          /* jobs without an answer yet */
-    gint64 fed_us;                       /* when the board last confirmed all states */
-    guint timer;                         /* runs while a relay with a watchdog is on */
+    gboolean on[MODBUS_MAX_VALUES]; /* the board has confirmed "on", and no "off" was sent since */
+    /* The relay should be off, and the board has not confirmed it. */
+    gboolean off_due[MODBUS_MAX_VALUES];
+    int n_switching, n_feeding; /* jobs without an answer yet */
+    gint64 fed_us;              /* time when the board last confirmed all states */
+    guint timer;                /* runs while a relay with a watchdog is on */
 };
 
 #define RELAYS(name) G_STRUCT_OFFSET(struct relays, name)
@@ -32,11 +33,11 @@ struct relays {
 #define PULSE_OPTION                                                                               \
     {                                                                                              \
         "pulse_coil", OPTION_INT, NULL, -1, 65535, "-1", NULL, RELAYS(pulse_coil),                 \
-            "Address for function 5 that sets how long the (first) relay stays on, "               \
-            "watchdog_after_s × watchdog_scale, again and again; −1: its coil stays on"         \
+            "Address for function 5 that sets repeatedly how long the (first) relay stays on, "    \
+            "watchdog_after_s × watchdog_scale; −1: its coil stays on"                          \
     }
 
-static GList *all_relays; /* all open relays, since sections may share a board */
+static GList *all_relays; /* all open relays, because sections may share a board */
 
 static gboolean has_watchdog(const struct relays *relays) {
     return relays->watchdog.address >= 0 || relays->pulse_coil >= 0;
@@ -56,7 +57,7 @@ static gboolean any_off_due(const struct relays *relays) {
     return FALSE;
 }
 
-/* The tags of jobs: switching a relay has its index, or n for all of them. */
+/* The tags of jobs. A job that switches a relay has the index of the relay, or n for all relays. */
 static int feeding_tag(const struct relays *relays) {
     return relays->n + 1;
 }
@@ -97,9 +98,9 @@ static struct relays *relays_of(gpointer device) {
     return ((struct device *)device)->priv;
 }
 
-/* After a failure, the next feeding tries again. If the board was not reached for its watchdog
- * time, or its answer is wrong, its relays may be off, and this is reported. Call it last: the
- * listener may close the device. */
+/* Takes the result of a feeding. After a failure, the next feeding tries again. If the board was
+ * not reached for its watchdog time, or its answer is wrong, its relays may be off, and this is
+ * reported. Call it last, because the listener may close the device. */
 static void on_fed(const struct modbus_job *job, const GError *error, gpointer data) {
     struct relays *relays = relays_of(data);
     gint64 now = clock_now_us(relays->device->clock);
@@ -112,15 +113,15 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
     else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
                                 unheard_s > modbus_watchdog_s(&relays->watchdog))) {
         GError *why = g_error_copy(error);
-        g_prefix_error(&why, "not known to be on any more: ");
+        g_prefix_error(&why, "may not be on any more: ");
         error_details_add_subject(&why, relays->device->who);
         for (int i = 0; i < relays->n; i++)
             if (relays->on[i]) {
                 relays->on[i] = FALSE;
                 relays->off_due[i] = TRUE;
             }
-        feed_later(relays); /* stops feeding: the watchdog switches the relays off even if the line
-                               is dead */
+        /* Feeding stops here, so the watchdog switches the relays off even if the line is dead. */
+        feed_later(relays);
         relays->lost((gpointer)relays->device, why);
     }
 }
@@ -133,9 +134,9 @@ static void start_feeding(struct relays *relays, const struct modbus_job *job) {
                      (gpointer)relays->device);
 }
 
-/* Checks the state of all relays first: one that went off by itself must not be switched on again
- * by the feeding. While a relay should be off that may be on, none is fed: the watchdog is then
- * what can still switch it off. */
+/* Feeds the watchdog. Checks the state of all relays first, because feeding must not switch a relay
+ * on again that went off by itself. While a relay should be off but may be on, no relay is fed,
+ * because only the watchdog may still be able to switch it off. */
 static void modbus_relays_feed(gpointer data) {
     struct relays *relays = relays_of(data);
     struct modbus_job job = {0};
@@ -161,8 +162,8 @@ static void modbus_relays_feed(gpointer data) {
     start_feeding(relays, &job);
 }
 
-/* "Off" drops what it overtakes and what would undo it: an "on" of the same relays, and the feeding
- * of the section's relays. */
+/* Switches relays. "Off" drops the jobs that it overtakes and that would undo it: an "on" of the
+ * same relays, and the feeding of the section's relays. */
 static void relays_switch(struct relays *relays, int index, gboolean on, ModbusFunc func) {
     gpointer data = (gpointer)relays->device;
     struct modbus_job job = {.tag = index < 0 ? relays->n : index};
@@ -185,8 +186,8 @@ static gboolean is_on_job(const struct modbus_job *job) {
     return job->requests[0].kind == MODBUS_PULSE_COIL || job->requests[0].values[0] != 0;
 }
 
-/* A relay whose "on" was not confirmed may be on, is not kept on, and is not fed until its "off"
- * was confirmed. */
+/* Takes the result of a switch. A relay whose "on" was not confirmed may be on. It is not fed until
+ * its "off" was confirmed. */
 static void relays_switched(struct relays *relays, const struct modbus_job *job, gboolean failed) {
     const gboolean on = is_on_job(job);
     relays->n_switching--;
@@ -208,7 +209,7 @@ static gboolean relays_off(struct relays *relays, GError **error) {
     return modbus_bus_do(relays->bus, &relays->link, &job, DEADLINE_MS, error);
 }
 
-/* A board's timeout switches off the relays of all sections, so all of them must have it. */
+/* The timeout of a board switches off the relays of all sections, so all sections must have it. */
 static gboolean check_shared(const struct relays *relays, GError **error) {
     const struct config_section *section = relays->device->section;
     for (GList *l = all_relays; l; l = l->next) {
@@ -232,15 +233,15 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     if (relays->pulse_coil >= 0 && relays->watchdog.address >= 0)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pulse_coil",
-                       "is given beside watchdog_register; leave one of them out");
+                       "is given together with watchdog_register; leave one of them out");
     else if (has_watchdog(relays))
         modbus_watchdog_check(&relays->watchdog, &relays->link, section, max, mistakes);
     return mistakes_report(mistakes, error);
 }
 
-/* For lamps and for a laser, whose options begin with struct relays. A wrong watchdog is reported
- * only when the relays are opened: opening also switches off what an earlier program has left on.
- */
+/* Checks the options of lamps and of a laser, which begin with struct relays. A wrong watchdog is
+ * reported only when the relays are opened, because opening also switches off relays that an
+ * earlier program has left on. */
 static void modbus_relays_check(gconstpointer given, const struct config_section *section,
                                 Mistakes *mistakes) {
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
@@ -265,7 +266,7 @@ static gboolean relays_open(struct relays *relays, const struct device *device,
     relays->bus = modbus_bus_get(&relays->link, device, error);
     if (!relays->bus)
         return FALSE;
-    /* Switch off first, whatever else is wrong with the section. */
+    /* Switch off first, even if the section has other mistakes. */
     if (relays_off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
         modbus_watchdog_arm(&relays->watchdog, relays->bus, &relays->link, error)) {
         all_relays = g_list_prepend(all_relays, relays);
@@ -289,9 +290,9 @@ static const struct option lamps_options[] = {
     MODBUS_LINK_OPTIONS,
     {"first_coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil of the bank's first lamp, counted from 0; the others follow"},
-    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, RELAYS(n), "How many lamps it has"},
+    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, RELAYS(n), "Number of lamps"},
     {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
-     "From switching on until the output is stable"},
+     "Time from switching on until the output is stable"},
     MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
     PULSE_OPTION,
     {NULL},
@@ -341,7 +342,7 @@ static const struct option laser_options[] = {
     {"coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil that switches it, counted from 0"},
     {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
-     "From switching on until the output is stable"},
+     "Time from switching on until the output is stable"},
     MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
     PULSE_OPTION,
     {NULL},

@@ -9,7 +9,7 @@
 
 #define CONNECT_US (3 * G_USEC_PER_SEC)
 
-/* Product name of the USB adapter behind a serial port; NULL if it is not on USB. */
+/* Returns the product name of the USB adapter behind a serial port, or NULL if it is not on USB. */
 static char *port_name(const char *tty) {
     g_autofree char *device = g_build_filename("/sys/class/tty", tty, "device", NULL);
     char *folder = realpath(device, NULL);
@@ -38,7 +38,7 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
     while (dir && (name = g_dir_read_name(dir))) {
         g_autofree char *file = g_build_filename("/sys/class/tty", name, "type", NULL);
         g_autofree char *type = NULL;
-        /* A port of the mainboard that is not there has type 0. */
+        /* A port of the mainboard that does not exist has type 0. */
         if (g_str_has_prefix(name, "ttyUSB") || g_str_has_prefix(name, "ttyACM") ||
             (g_str_has_prefix(name, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
              atoi(type) != 0))
@@ -52,15 +52,15 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
         found->note =
             access(path, R_OK | W_OK) < 0
                 ? g_strdup("this user may not open it: it belongs to group dialout")
-                : g_strdup_printf("for Modbus; “mesorig devices --modbus %s” asks what is on it",
-                                  path);
+                : g_strdup_printf(
+                      "for Modbus; “mesorig devices --modbus %s” searches it for devices", path);
     }
     return TRUE;
 }
 
 enum presence { ABSENT, REFUSES, ANSWERS };
 
-/* An exception is an answer, too. */
+/* An exception also proves that the unit is present. */
 static enum presence modbus_scan_ask(struct modbus_line *line, const struct modbus_link *link,
                                      int unit, enum modbus_kind kind, int n) {
     struct modbus_request request = {.kind = kind, .n = n};
@@ -120,7 +120,7 @@ gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrAr
     gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
     for (int unit = first; ok && unit <= last; unit++) {
         enum presence registers = modbus_scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
-        /* The largest usual number of coils that the unit reads in one request. */
+        /* The largest common number of coils that the unit reads in one request. */
         int coils = registers == ABSENT ? 0 : 32;
         while (coils > 0 && modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, coils) != ANSWERS)
             coils /= 2;

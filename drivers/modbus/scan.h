@@ -1,17 +1,18 @@
-/* Looking for Modbus devices. */
+/* Searches for Modbus devices. */
 #pragma once
 
 #include "bus.h"
 
 #include "drivers/found.h"
 
-/* Serial ports of this machine. The devices on a port are not known before they are asked. See
- * drivers/found.h. */
+/* Lists the serial ports of this machine. The devices on a port are not known until they are asked.
+ * See drivers/found.h. */
 gboolean serial_scan(GPtrArray *to, GError **error);
 
-/* Asks the units first to last of a line whether they are there, by reading their first register
- * and coils: nothing is changed. Waits link->timeout_ms for each that is not. Fails if the line
- * cannot be opened; a serial line that another process has open is such a line. A unit of a board
- * on the network is asked all the same, and the note says who uses it. */
+/* Asks the units first to last of a line whether they exist, by reading their first register and
+ * their first coils. Nothing is changed. Each unit that does not exist costs link->timeout_ms. The
+ * function fails if the line cannot be opened, for example a serial line that another process has
+ * open. A unit of a board on the network is asked even if another process uses it; the note of the
+ * result then names that process. */
 gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrArray *to,
                      GError **error);

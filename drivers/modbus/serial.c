@@ -20,8 +20,8 @@ int modbus_serial_take(const char *path) {
     return -1;
 }
 
-/* A line of /proc/locks: "1: FLOCK  ADVISORY  WRITE 708 00:17:3 0 EOF", with the device in
- * hexadecimal, the inode in decimal digits (proc(5)). */
+/* Parses a line of /proc/locks: "1: FLOCK  ADVISORY  WRITE 708 00:17:3 0 EOF". The device is in
+ * hexadecimal and the inode in decimal digits (proc(5)). */
 static int holder_of(const char *line, const struct stat *file) {
     unsigned int major_number, minor_number;
     unsigned long long inode;

@@ -1,16 +1,19 @@
-/* Serial line operations that libmodbus lacks, on a descriptor beside libmodbus's own. */
+/* Serial line operations that libmodbus lacks. They use a second file descriptor of the line. */
 #pragma once
 
 #include <glib.h>
 
-/* Opens the line and locks it, so that no other program that locks lines uses it. -1 with errno;
- * EWOULDBLOCK: another program has it. The caller closes it. */
+/* Opens the line and locks it, so that no other program that locks lines uses it. The caller closes
+ * the descriptor. Returns -1 and sets errno on failure; EWOULDBLOCK means that another program has
+ * the line. */
 int modbus_serial_take(const char *path);
 
-/* The program that has locked it: "mesorigd (process 708)"; NULL: it cannot be told; g_free(). */
+/* Returns the program that has locked the line: "mesorigd (process 708)". Returns NULL if it cannot
+ * be found out. Free it with g_free(). */
 char *modbus_serial_holder(const char *path);
 
 /* Changes the settings of the line, so that setting the wanted ones succeeds afterwards. Debian's C
- * library returns EINVAL if the wanted settings change nothing, as for parity on a pseudo-terminal,
- * which has none: a pseudo-terminal that a killed program left behind could not be opened again. */
+ * library returns EINVAL if the wanted settings change nothing. This concerns parity on a
+ * pseudo-terminal, which has none: without this call, a pseudo-terminal that a killed program has
+ * used could not be opened again. */
 void modbus_serial_unsettle(int fd);

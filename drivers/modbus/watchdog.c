@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Shorter than the deadline of the class, so that the error of the line is the one reported. */
+/* Shorter than the deadline of the class, so that the error of the line is reported. */
 #define DEADLINE_MS 1500
 
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog) {
@@ -19,7 +19,7 @@ gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
 
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes) {
-    /* The cost of one lost answer, see line.c: timeout_ms, and late_ms of silence twice. */
+    /* The cost of one lost answer (see line.c): timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)
@@ -28,8 +28,8 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
                        max);
     else if (modbus_watchdog_s(watchdog) < least_s)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_after_s",
-                       "%g s is too short, since an answer that is lost costs %g s (timeout_ms and "
-                       "twice late_ms); write %g or more",
+                       "%g s is too short, because a lost answer takes %g s (timeout_ms and twice "
+                       "late_ms); write %g or more",
                        modbus_watchdog_s(watchdog), lapse_s, least_s);
 }
 

@@ -1,8 +1,9 @@
 /*
- * The communication watchdog of a board or drive: it switches off or stops by itself when it gets
- * no request for a while. Either it has a register with the timeout, or each relay is switched on
- * for a limited time only. Regular requests from the main loop keep the device on. It therefore
- * switches off when this program dies, when its main loop hangs and when the cable is cut.
+ * The communication watchdog of a board or drive. The device switches off or stops by itself when
+ * it gets no request for a while. Either it has a register with the timeout, or each relay is
+ * switched on for a limited time only. Regular requests from the main loop keep the device on. The
+ * device therefore switches off when this program dies, when its main loop hangs, and when the
+ * cable is cut.
  */
 #pragma once
 
@@ -10,7 +11,7 @@
 
 /* The options of a watchdog. */
 struct modbus_watchdog {
-    int address; /* of the register; −1: none */
+    int address; /* address of the register; −1 if there is none */
     double after_s, scale;
 };
 
@@ -19,7 +20,7 @@ struct modbus_watchdog {
 #define MODBUS_WATCHDOG(at, field) ((at) + G_STRUCT_OFFSET(struct modbus_watchdog, field))
 #define MODBUS_WATCHDOG_OPTIONS(at)                                                                \
     {"watchdog_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, MODBUS_WATCHDOG(at, address),   \
-     "Holding register of the communication timeout, after which the device switches off or "     \
+     "Holding register of the communication timeout, after which the device switches off or "      \
      "stops by itself; −1: none is used"},                                                         \
     {"watchdog_after_s", OPTION_DOUBLE, "s", 0.1, 600, "3", NULL, MODBUS_WATCHDOG(at, after_s),    \
      "The communication timeout; the device is polled three times within it"},                     \
@@ -27,23 +28,24 @@ struct modbus_watchdog {
      "Value of watchdog_register for 1 s"}
 /* clang-format on */
 
-/* The value for its register, and the time that this value stands for. */
+/* Returns the value for the register, and the time in seconds that this value stands for. */
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog);
 double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 
-/* Time between two feedings: a third of the watchdog's time. */
+/* Returns the time between two requests that keep the device on: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
-/* For a driver's check(): checks the watchdog's time, in either form; max: the largest value that
- * the board can hold. */
+/* For a driver's check(): checks the watchdog's time, whether it is kept in a register or by timed
+ * relays. max is the largest value that the board can hold. */
 void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct modbus_link *link,
                            const struct config_section *section, int max, Mistakes *mistakes);
 
-/* For a device's open(): sets the register, if there is one, and reads it back. Does not write a
- * value that the register already holds, since many boards keep it in memory that wears. */
+/* For a device's open(): sets the register, if there is one, and reads it back. A value that the
+ * register already holds is not written, because many boards keep the register in memory that wears
+ * out. */
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
                              const struct modbus_link *link, GError **error);
 
-/* Adds a request that checks that the register still holds the value; the caller sees to it that
- * the job has room. */
+/* Adds a request that checks that the register still holds the value. The caller makes sure that
+ * the job has room for it. */
 void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job);

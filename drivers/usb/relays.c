@@ -5,11 +5,12 @@
 #include <string.h>
 
 /*
- * The boards take feature reports of 8 bytes by HID's SET_REPORT: a command, then a relay's number
- * from 1 on. GET_REPORT answers 8 bytes: the board's serial number in 0 to 4, a bit a relay in 7.
- * The protocol is that of the boards' firmware, https://github.com/pavel-a/usb-relay-hid, which has
- * no watchdog, so that watchdog_s stays 0. Vendor and product ids are those of V-USB for any HID
- * device, so that the product's name decides.
+ * The boards take feature reports of 8 bytes by HID's SET_REPORT: a command, then the number of a
+ * relay, counted from 1. GET_REPORT answers 8 bytes: the board's serial number in bytes 0 to 4, and
+ * one bit per relay in byte 7. The protocol is that of the boards' firmware,
+ * https://github.com/pavel-a/usb-relay-hid. The firmware has no watchdog, so watchdog_s stays 0.
+ * Vendor and product ids are those of V-USB for any HID device, so the name of the product
+ * identifies a board.
  */
 #define VENDOR      0x16c0
 #define CLASS_HID   3
@@ -17,7 +18,7 @@
 #define STATE_BYTE  7
 #define SERIAL_SIZE 5
 #define FEATURE     0x0300 /* report type feature, no report number */
-#define ANSWER_MS   600    /* USB 2.0, 9.2.6: a device may take 500 for its data */
+#define ANSWER_MS   600    /* USB 2.0, 9.2.6: a device may take 500 ms for its data */
 #define MAX_RELAYS  8
 
 enum report_request { GET_REPORT = 0x01, SET_REPORT = 0x09 };
@@ -26,14 +27,14 @@ enum command { ALL_OFF = 0xfc, OFF = 0xfd, ON = 0xff };
 
 typedef void (*SwitchedFunc)(gpointer device, int index, gboolean on, GError *error);
 
-/* A board, shared by all devices that name it alike. */
+/* A board, shared by all devices that select it in the same way. */
 struct board {
     int refs;
     char *who, *serial, *path;
-    UsbDevice *usb; /* NULL: unplugged */
+    UsbDevice *usb; /* NULL if it is unplugged */
     int n;
     GList *jobs;  /* jobs that have not ended */
-    GList *users; /* struct usb_relays: the open devices on it */
+    GList *users; /* struct usb_relays of the open devices on it */
 };
 
 /* State of a lamp bank or a laser: its relays on a board. */
@@ -44,14 +45,14 @@ struct usb_relays {
     struct board *board;
     gpointer device;
     gboolean (*may_shine)(gpointer device);
-    void (*lost)(gpointer device, GError *error); /* takes the error */
-    gboolean unplugged;                           /* lost() is to be called */
+    void (*lost)(gpointer device, GError *error); /* takes ownership of the error */
+    gboolean unplugged;                           /* lost() has to be called */
 };
 
 /* A job that switches some relays and reads them back. */
 struct job {
     struct board *board;
-    gpointer device; /* NULL: closed meanwhile, and nothing is reported */
+    gpointer device; /* NULL if the device was closed meanwhile; nothing is reported then */
     SwitchedFunc func;
     int index;
     gboolean on;
@@ -96,7 +97,7 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     else if (!error && !job->error && wrong)
         job->error = device_error_new(
             DEVICE_ERROR_PROTOCOL, job->board->who,
-            "relay %d was switched %s, but the board says it is %s" ERROR_ADVICE
+            "relay %d was switched %s, but the board reports that it is %s" ERROR_ADVICE
             "check the board's power",
             g_bit_nth_lsf(wrong, -1) + 1, job->on ? "on" : "off", job->on ? "off" : "on");
     on_set(usb, data, n, error, user);
@@ -113,8 +114,8 @@ static struct usb_relays *next_unplugged(const struct board *board) {
     return NULL;
 }
 
-/* A board with a power supply of its own keeps its relays as they were. Listeners may close devices
- * and with them the board. */
+/* A board with a separate power supply keeps the state of its relays. Listeners may close devices
+ * and thereby the board. */
 static void usb_relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
     struct usb_relays *relays;
@@ -144,7 +145,7 @@ static struct usb_request get_request(const UsbDevice *usb) {
                                 usb_interface(usb), NULL,       REPORT_SIZE};
 }
 
-/* The serial number that the board itself keeps; it has none in its descriptors. */
+/* Reads the serial number that the board keeps in its reports. It has none in its descriptors. */
 static char *read_serial(UsbDevice *usb) {
     guint8 answer[REPORT_SIZE];
     struct usb_request request = get_request(usb);
@@ -171,7 +172,7 @@ static gboolean board_connect(struct board *board, GError **error) {
     if (board->n >= 1 && board->n <= MAX_RELAYS)
         return TRUE;
     device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                     "the board calls itself \"%s\", which does not say how many relays it has",
+                     "the board calls itself \"%s\", which does not give its number of relays",
                      usb_product(board->usb));
     g_clear_pointer(&board->usb, usb_close);
     return FALSE;
@@ -198,7 +199,7 @@ static gboolean job_send(struct job *job, enum command command, int relay, GErro
     return TRUE;
 }
 
-/* Looks for an unplugged board again. */
+/* Switches relays. First looks for an unplugged board again. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
     if (!board->usb && !board_connect(board, error))
@@ -217,12 +218,13 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         g_free(job);
         return FALSE;
     }
-    /* With an error, some requests are under way all the same: the end of the last reports it. */
+    /* Some requests may be under way despite the error. The end of the last one reports it. */
     board->jobs = g_list_append(board->jobs, job);
     return TRUE;
 }
 
-/* Blocks; for opening and closing. Requests that were started earlier end first. */
+/* Switches relays off and waits for it. For opening and closing. Requests that were started earlier
+ * end first. */
 static gboolean board_off_now(struct board *board, guint mask, GError **error) {
     guint8 answer[REPORT_SIZE] = {0};
     gboolean all = mask == (1u << board->n) - 1;
@@ -239,9 +241,10 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
         return FALSE;
     if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
         return TRUE;
-    return device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
-                            "its relays do not switch off" ERROR_ADVICE
-                            "check the board, and cut the power of what it switches");
+    return device_error_set(
+        error, DEVICE_ERROR_PROTOCOL, board->who,
+        "its relays do not switch off" ERROR_ADVICE
+        "check the board, and cut the power of the lamps or the laser that it switches");
 }
 
 static void board_leave(struct usb_relays *relays, guint mask) {
@@ -302,7 +305,7 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
     return NULL;
 }
 
-/* n 0: all from the first one on. */
+/* Describes the relays that are needed. n = 0 means all from the first one on. */
 static void usb_relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
     g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
     const int end = n ? relays->first + n : MAX_RELAYS + 1;
@@ -327,7 +330,7 @@ static void usb_relays_laser_needs(gconstpointer given, GPtrArray *to) {
      "The board's own serial number of five characters; may be left out if only one board is "     \
      "plugged in"},                                                                                \
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),                                     \
-     "Where the board is plugged in: bus-port, with .port at each hub, as in 1-2.4"}
+     "USB path of the board: bus-port, and .port for each hub, as in 1-2.4"}
 /* clang-format on */
 
 static const struct option lamps_options[] = {
@@ -335,9 +338,9 @@ static const struct option lamps_options[] = {
     {"first_relay", OPTION_INT, NULL, 1, MAX_RELAYS, "1", NULL, FIELD(first),
      "Relay of the first lamp; the others follow"},
     {"n_lamps", OPTION_INT, NULL, 0, MAX_RELAYS, "0", NULL, FIELD(n),
-     "How many lamps; 0: up to the board's last relay"},
+     "Number of lamps; 0: up to the board's last relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until a lamp's output is stable"},
+     "Time from switching on until a lamp's output is stable"},
     {NULL},
 };
 
@@ -394,7 +397,7 @@ static const struct option laser_options[] = {
     BOARD_OPTIONS,
     {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, FIELD(first), "The laser's relay"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until the laser's power is stable"},
+     "Time from switching on until the laser's power is stable"},
     {NULL},
 };
 

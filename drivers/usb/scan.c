@@ -12,8 +12,8 @@
 #define VENDOR_VUSB   0x16c0
 #define PRODUCT_VUSB  0x05df
 
-#define VISION_CLASS    0xef /* USB3 Vision: class miscellaneous, */
-#define VISION_SUBCLASS 0x05 /* its subclass */
+#define VISION_CLASS    0xef /* USB3 Vision: class miscellaneous */
+#define VISION_SUBCLASS 0x05 /* subclass of USB3 Vision */
 
 static const guint16 tics[] = {0x00b3, 0x00b5, 0x00bd, 0x00c9, 0x00cb};
 
@@ -83,7 +83,7 @@ gboolean usb_scan(GPtrArray *to, GError **error) {
     libusb_device **all = NULL;
     int code = libusb_init(&context);
     if (code == LIBUSB_ERROR_OTHER || code == LIBUSB_ERROR_NOT_SUPPORTED)
-        return TRUE; /* a machine, or a container, without USB */
+        return TRUE; /* a machine or container without USB */
     if (code)
         return device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
                                 "USB devices cannot be listed: %s", libusb_strerror(code));

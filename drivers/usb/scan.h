@@ -1,8 +1,8 @@
-/* Looking for USB devices that drivers here speak to. */
+/* Searches for USB devices for which there is a driver here. */
 #pragma once
 
 #include "drivers/found.h"
 
-/* See drivers/found.h. Opens no device; reports what the kernel has read from the devices. Leaves
- * out hubs, and cameras, which other scans find. */
+/* Lists the devices; see drivers/found.h. Opens no device: the results are what the kernel has read
+ * from the devices. Leaves out hubs. Also leaves out cameras, which other scans find. */
 gboolean usb_scan(GPtrArray *to, GError **error);

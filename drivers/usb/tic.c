@@ -38,7 +38,7 @@ enum variable {
     TARGET_POSITION = 0x0a,
     CURRENT_POSITION = 0x22,
     CURRENT_VELOCITY = 0x26,
-    VARIABLES_SIZE = 0x2a, /* read in one request, so that all values are of the same moment */
+    VARIABLES_SIZE = 0x2a, /* read in one request, so that all values belong to the same moment */
 };
 
 enum setting { CONTROL_MODE = 0x01, COMMAND_TIMEOUT = 0x09 };
@@ -55,13 +55,14 @@ enum flag {
 #define ACCEL_UNITS  100.0
 #define MAX_SPEED    500000000.0
 #define MIN_ACCEL    100.0
-#define ANSWER_MS    600 /* USB 2.0, 9.2.6: a device may take 500 for its data */
-#define STANDING_MS  100 /* between polls of an axis that stands */
+#define ANSWER_MS    600 /* USB 2.0, 9.2.6: a device may take 500 ms for its data */
+#define STANDING_MS  100 /* time between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
-#define STAMP_MS 2 /* the motion's stamp_ms: an answer takes one to two milliseconds */
+#define STAMP_MS 2 /* stamp_ms of the motion: an answer takes one to two milliseconds */
 
-/* An "exit safe start" holds for 200 ms; an earlier error may still be reported for that long. */
+/* "Exit safe start" is valid for 200 ms. An earlier error may still be reported during that
+ * time. */
 #define GRACE_US 250000
 
 enum phase { STANDING, HOMING, MOVING, STOPPING };
@@ -75,27 +76,28 @@ struct tic {
 
     UsbDevice *usb;
     enum phase phase;
-    gboolean watched;       /* the axis is homed, and polled also while it stands */
-    gboolean halts;         /* the next stop is a halt: it was homing, or has broken down */
+    gboolean watched; /* the axis is homed, and is polled even while it stands */
+    /* The next stop is a halt, because the axis was homing or has broken down. */
+    gboolean halts;
     gboolean asked;         /* a poll is under way */
     gboolean was_well;      /* a poll without errors has followed the last start */
     int n_started, n_asked; /* a poll sent before the last start proves nothing */
     int n_commands;
     GList *sent; /* of struct sent: requests without an answer yet */
     gint64 start_us, asked_us;
-    gint64 fed_us, unfed_us; /* when its command timeout was reset; longest time without a reset */
+    gint64 fed_us, unfed_us; /* last reset of its command timeout; longest time without a reset */
     int timeout_ms;          /* its command timeout */
     guint timer;
     double target_deg;
     gint32 target_steps;
-    double speed_deg_s; /* as set last */
-    gboolean on_target; /* stands at target_steps, target_deg rounded to steps */
+    double speed_deg_s; /* the speed that was set last */
+    gboolean on_target; /* the axis stands at target_steps, which is target_deg rounded to steps */
     double position_deg;
 };
 
 struct sent {
     Axis *axis;
-    int command; /* which of n_commands it belongs to */
+    int command; /* index of the command, counted by n_commands */
 };
 
 struct status {
@@ -111,14 +113,15 @@ static const struct option options[] = {
     {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(serial),
      "Serial number; may be left out if only one Tic is plugged in"},
     {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Where the Tic is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
+     "USB path of the Tic: bus-port, and .port for each hub, as in 1-2.4"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
     AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
     {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "0", NULL, FIELD(motion.homing_s),
-     "How long homing takes, for predicted times; 0: they leave homing out"},
+     "Duration of homing, for predicted times; 0: homing is not included in them"},
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
-     "Limit switch towards which the axis homes; here: none, the axis stands at home_deg"},
+     "Limit switch towards which the axis homes; here: no switch, the present position is "
+     "home_deg"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Position at the end of homing"},
     {"poll_ms", OPTION_INT, "ms", 1, 250, "20", NULL, FIELD(poll_ms),
@@ -142,7 +145,7 @@ static const char *const error_texts[] = {
     "its ERR line is held high by another device",
 };
 
-/* A command timeout sets both errors. The next reset clears the first; the safe start remains. */
+/* A command timeout sets both errors. The next reset clears the first. The safe start remains. */
 enum { COMMAND_TIMEOUT_ERROR = 1 << 6, SAFE_START_ERROR = 1 << 7 };
 
 static gint32 get_i32(const guint8 *data) {
@@ -158,7 +161,8 @@ static void usb_tic_let_go(Axis *axis) {
     g_list_free_full(g_steal_pointer(&tic->sent), g_free);
 }
 
-/* Call it last: the listener may close the axis. Takes the error. */
+/* Reports a fault. Call it last, because the listener may close the axis. Takes ownership of the
+ * error. */
 static void usb_tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
     tic->halts |= tic->phase == HOMING;
@@ -185,13 +189,13 @@ static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *e
     tic->sent = g_list_remove(tic->sent, user);
     g_free(user);
     if (sent.command != tic->n_commands)
-        return; /* of an earlier command, whose failure does not matter any more */
-    /* Report only the first of several failures of the same cause. */
+        return; /* an earlier command, whose failure is no longer relevant */
+    /* Report only the first of several failures with the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
         usb_tic_fault(axis, g_error_copy(error));
 }
 
-/* Requests wait for those before them, which may not be answered. */
+/* Returns the deadline of an answer. Requests wait for earlier ones, which may not be answered. */
 static guint answer_ms(const struct tic *tic) {
     for (const GList *l = tic->sent; l; l = l->next)
         if (((const struct sent *)l->data)->command != tic->n_commands)
@@ -227,13 +231,13 @@ static void broke_down(Axis *axis, const char *why) {
                                          tic->position_deg, why));
 }
 
-/* Whether this program was slower than the Tic's command timeout allows. */
+/* Returns whether this program was slower than the Tic's command timeout allows. */
 static gboolean was_too_slow(const struct tic *tic) {
     return tic->unfed_us > tic->timeout_ms * (gint64)1000;
 }
 
-/* Whether the Tic has stopped by its command timeout, because this program was too slow. The Tic
- * has then braked and still knows its position, so that the move can go on. */
+/* Returns whether the Tic has stopped by its command timeout because this program was too slow. The
+ * Tic has then braked and still knows its position, so the move can continue. */
 static gboolean stopped_by_timeout(const struct tic *tic, const struct status *status) {
     return tic->was_well && (status->errors & SAFE_START_ERROR) &&
            !(status->errors & ~(COMMAND_TIMEOUT_ERROR | SAFE_START_ERROR)) &&
@@ -244,8 +248,9 @@ static void usb_tic_resume(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gboolean to_target = tic->phase == MOVING || tic->on_target;
     GError *error = NULL;
-    g_message("axis %s: no command for %.1f s, so its command timeout stopped it; it goes on",
-              axis->device.name, (double)tic->unfed_us * 1e-6);
+    g_message(
+        "axis %s: no command for %.1f s, so its command timeout stopped it; the move continues",
+        axis->device.name, (double)tic->unfed_us * 1e-6);
     if (!send(axis, EXIT_SAFE_START, 0, &error) ||
         !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
               to_target ? tic->target_steps : 0, &error)) {
@@ -258,7 +263,7 @@ static void usb_tic_resume(Axis *axis) {
     tic->start_us = clock_now_us(axis->device.clock);
 }
 
-/* Whether the status ends the movement with a fault; reports that fault. */
+/* Returns whether the status ends the movement with a fault, and reports that fault. */
 static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     gboolean late = clock_now_us(axis->device.clock) > tic->start_us + GRACE_US;
@@ -277,8 +282,8 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
         int first = g_bit_nth_lsf(timeout ? COMMAND_TIMEOUT_ERROR : (gulong)status->errors, -1);
         why = first < (int)G_N_ELEMENTS(error_texts) ? error_texts[first] : errors;
     } else if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
-        why = "its position has become uncertain: it was halted or reset" ERROR_ADVICE
-              "see what did that";
+        why = "its position has become uncertain, because it was halted or reset" ERROR_ADVICE
+              "check what caused that";
     }
     if (why)
         broke_down(axis, why);
@@ -350,7 +355,7 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     if (tic->phase == STANDING && !tic->watched)
         return;
     if (error && tic->n_asked != tic->n_started) {
-        usb_tic_wake(axis); /* it was sent before the last command */
+        usb_tic_wake(axis); /* the poll was sent before the last command */
     } else if (error) {
         usb_tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
@@ -421,14 +426,15 @@ static gboolean usb_tic_set_speed(Axis *axis, double deg_s, GError **error) {
 }
 
 static gboolean connect_usb(Axis *axis, GError **error);
-/* Halts first, which makes the position uncertain: once it is certain again, homing is complete. */
+/* Halts first, which makes the position uncertain. Homing is complete when the position is certain
+ * again. */
 static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
     tic->n_commands++;
     gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
-    tic->speed_deg_s = 0; /* whatever it was before */
+    tic->speed_deg_s = 0; /* the previous speed is unknown now */
     if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
         !usb_tic_set_speed(axis, tic->motion.speed_deg_s, error) ||
         !send(axis, SET_MAX_ACCEL, accel, error) || !send(axis, SET_MAX_DECEL, accel, error) ||
@@ -464,8 +470,8 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
     return usb_tic_turn(axis, target_deg, tic->motion.speed_deg_s, error);
 }
 
-/* A target velocity of 0 brakes with the set deceleration and keeps the position; a halt loses it.
- */
+/* A target velocity of 0 brakes with the set deceleration and keeps the position. A halt loses the
+ * position. */
 static gboolean usb_tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
@@ -494,7 +500,7 @@ static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 le
                                        n, length));
 }
 
-/* Both settings are stored in the Tic; only its owner changes them, with ticgui. */
+/* Checks two settings that are stored in the Tic. Only its owner changes them, with ticgui. */
 static gboolean check_settings(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     guint8 mode, timeout[2];
@@ -530,7 +536,7 @@ static gboolean read_position(Axis *axis, GError **error) {
                                 "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
                                 VARIABLES_SIZE);
     tic->position_deg = tic->home_deg + status.position / tic->steps_per_deg;
-    /* A program that died may have left it turning: make it stand. */
+    /* A program that has died may have left the motor turning. Stop it. */
     return status.velocity == 0 || usb_control_sync(tic->usb, &brake, NULL, error) >= 0;
 }
 
@@ -559,8 +565,8 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
     const double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     if (speed > MAX_SPEED)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "speed_deg_s",
-                       "%g microsteps/s are more than a Tic does, %g; change speed_deg_s or "
-                       "steps_per_deg",
+                       "%g microsteps/s are more than the maximum of a Tic, %g; change speed_deg_s "
+                       "or steps_per_deg",
                        speed / SPEED_UNITS, MAX_SPEED / SPEED_UNITS);
     if (accel < MIN_ACCEL || accel > MAX_STEPS)
         config_mistake(

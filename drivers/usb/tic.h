@@ -1,4 +1,4 @@
-/* Pololu Tic stepper controllers, spoken to over USB. */
+/* Pololu Tic stepper controllers, connected by USB. */
 #pragma once
 
 #include "drivers/axis.h"

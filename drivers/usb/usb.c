@@ -21,8 +21,8 @@ struct context {
     libusb_context *libusb;
     libusb_hotplug_callback_handle hotplug;
     GSource *source;
-    GHashTable *tags; /* file descriptor -> tag of the source */
-    GQueue done;      /* of struct transfer: ended, but not reported yet */
+    GHashTable *tags; /* maps a file descriptor to the tag of the source */
+    GQueue done;      /* of struct transfer: ended, but not yet reported */
     GList *devices;
 };
 
@@ -35,9 +35,9 @@ struct UsbDevice {
     struct context *context;
     libusb_device_handle *handle;
     char *who, *product, *serial;
-    int interface; /* -1: none is claimed */
+    int interface; /* -1 if none is claimed */
     Lock *lock;    /* held while the interface is claimed */
-    GList *flying; /* of struct transfer: submitted, not ended */
+    GList *flying; /* of struct transfer: submitted, but not ended */
     UsbLostFunc lost_func;
     gpointer user;
     gboolean lost, reported;
@@ -92,7 +92,7 @@ static void usb_report_transfer(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
-/* Finds the next lost device to report: one whose transfers have all ended. A lost device with
+/* Returns the next lost device to report. All its transfers must have ended. A lost device with
  * transfers under way does not delay the report of others. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
@@ -107,7 +107,7 @@ static gboolean has_news(const struct context *context) {
     return !g_queue_is_empty((GQueue *)&context->done) || next_lost(context);
 }
 
-/* On Linux libusb keeps its deadlines with a timerfd, but its API asks to check this too. */
+/* On Linux, libusb keeps its deadlines with a timerfd, but its API requires this check as well. */
 static gboolean usb_usb_prepare(GSource *source, gint *timeout) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval next;
@@ -188,7 +188,8 @@ static struct context *context_ref(const char *who, GError **error) {
     int code = libusb_init(&context->libusb);
     if (code) {
         device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
-                         "USB cannot be used here: %s" ERROR_ADVICE "see that /dev/bus/usb exists",
+                         "USB cannot be used here: %s" ERROR_ADVICE
+                         "check that /dev/bus/usb exists",
                          libusb_strerror(code));
         g_free(context);
         return NULL;
@@ -224,7 +225,8 @@ static void context_unref(struct context *context) {
     g_free(context);
 }
 
-/* Called by libusb, perhaps within another device's request: only notes the end. */
+/* Called by libusb, perhaps within a request of another device. Therefore it only records the
+ * end. */
 static void LIBUSB_CALL on_transfer(struct libusb_transfer *libusb) {
     struct transfer *transfer = libusb->user_data;
     UsbDevice *usb = transfer->usb;
@@ -280,7 +282,7 @@ void usb_close(UsbDevice *usb) {
     gint64 limit = g_get_monotonic_time() + CLOSE_US;
     for (GList *l = usb->flying; l; l = l->next)
         libusb_cancel_transfer(((struct transfer *)l->data)->libusb);
-    /* Wait until the kernel has returned the transfers, which it does at once. */
+    /* Wait until the kernel has returned the transfers, which takes no time. */
     while (usb->flying && g_get_monotonic_time() < limit) {
         struct timeval some = {0, 10000};
         libusb_handle_events_timeout_completed(usb->context->libusb, &some, NULL);
@@ -360,7 +362,8 @@ char *usb_path_of(libusb_device *device) {
     return g_string_free(path, FALSE);
 }
 
-/* Named by its node, which is another one when the device is plugged in again. */
+/* Locks the device. The key is that of its node, which changes when the device is plugged in
+ * again. */
 static gboolean lock_device(UsbDevice *usb, GError **error) {
     libusb_device *device = libusb_get_device(usb->handle);
     const int bus = libusb_get_bus_number(device), address = libusb_get_device_address(device);
@@ -390,8 +393,8 @@ static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GEr
     }
     if (number < 0)
         return device_error_set(error, DEVICE_ERROR_PROTOCOL, usb->who,
-                                "has no interface of the kind this driver speaks to; "
-                                "it is another device, or in its bootloader");
+                                "has no interface of the kind this driver speaks to; it is another "
+                                "device, or it is in its bootloader");
     if (!lock_device(usb, error))
         return FALSE;
     libusb_set_auto_detach_kernel_driver(usb->handle, 1);
@@ -431,7 +434,7 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
         usb->serial = read_string(usb, descriptor->iSerialNumber);
         return usb;
     }
-    /* A serial number read through an interface needs it claimed. */
+    /* The interface must be claimed before a serial number can be read through it. */
     if (usb_usb_claim(usb, match, error)) {
         usb->serial = match->read_serial(usb);
         return usb;
@@ -440,7 +443,7 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-/* Returns all devices that fit; error: the last failure to open one. */
+/* Returns all devices that match. *error is the last failure to open one. */
 static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
                        GError **error) {
     libusb_device **all = NULL;
@@ -497,9 +500,9 @@ UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer us
                          match->vendor, match->serial ? match->serial : "",
                          match->path ? match->path : "", seen->len ? seen->str : "none");
     } else if (found->next) {
-        device_error_set(error, DEVICE_ERROR_RANGE, match->who,
-                         "more than one device fits: %s" ERROR_ADVICE "say which by serial or path",
-                         seen->str);
+        device_error_set(
+            error, DEVICE_ERROR_RANGE, match->who,
+            "more than one device fits: %s" ERROR_ADVICE "select one by serial or path", seen->str);
     } else if (usb_usb_claim(found->data, match, error)) {
         usb = found->data;
         usb->lost_func = lost;

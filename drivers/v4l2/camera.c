@@ -12,12 +12,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Pause after a node that signalled a frame but had none. */
+/* Pause after a node has signalled a frame without having one. */
 #define AGAIN_US 2000
 
 #define HWTIMESTAMPS "/sys/module/uvcvideo/parameters/hwtimestamps"
 
-/* Black level of limited-range luma, ITU-R BT.601. */
+/* Black level of limited-range luma (ITU-R BT.601). */
 #define LIMITED_BLACK 16
 
 enum stamp { STAMP_AUTO, STAMP_START, STAMP_FIRST_DATA, STAMP_END };
@@ -32,17 +32,17 @@ struct v4l2_camera {
 
     const char *who; /* name of the device; not owned */
     struct video_node node;
-    Lock *lock; /* of the node; kept until the camera is looked for again */
+    Lock *lock; /* lock of the node; kept until the camera is searched for again */
     struct video_setup setup;
     struct video_controls controls;
     struct video_stream stream;
     struct video_load *load;
-    struct camera_settings settings; /* exposure 0: not configured yet */
+    struct camera_settings settings; /* exposure is 0 before the first configuration */
     gint64 settled_us;               /* frames that began earlier have older settings */
     guint64 shot;
     gint64 earliest_us; /* earliest start of the exposure of the wanted frame */
     guint source, timer;
-    int broken; /* errno of a stream that broke while no frame was waited for */
+    int broken; /* errno of a stream that broke while no frame was awaited */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct v4l2_camera, name)
@@ -51,52 +51,53 @@ static const char *const stamps[] = {"auto", "start", "first-data", "end", NULL}
 
 static const struct option options[] = {
     {"device", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
-     "Its node, as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after every "
-     "start"},
+     "Device node such as /dev/video0, or a link in /dev/v4l/by-path, which stays the same after "
+     "every start"},
     {"bus", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(bus),
-     "Where the camera is plugged in, as \"mesorig devices\" says it; may be left out if there is "
-     "only one "
+     "Bus of the camera, as shown by \"mesorig devices\"; may be left out if there is only one "
      "camera"},
     {"format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(format),
-     "Four characters, as RG10 or YUYV; default: the best for measuring that it has"},
+     "Four characters, such as RG10 or YUYV; default: the best for measuring that the camera "
+     "offers"},
     {"width", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(width),
-     "Width of the frames; 0: as the camera is set"},
+     "Width of the frames; 0: not changed"},
     {"height", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(height),
-     "Height of the frames; 0: as the camera is set"},
+     "Height of the frames; 0: not changed"},
     {"frame_rate", OPTION_DOUBLE, "1/s", 0, 10000, "0", NULL, FIELD(frame_rate),
-     "Rate at which the camera sends frames, wanted or not; 0: as it is set. An exposure cannot "
-     "be longer than a frame"},
+     "Rate at which the camera sends frames all the time; 0: not changed. An exposure cannot be "
+     "longer than a frame"},
     {"black_level", OPTION_DOUBLE, "DN", -1, 65535, "-1", NULL, FIELD(black_level),
      "Value in the dark; -1: 16 for luma of limited range, otherwise 0"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
-     "What its time stamps mark: the start of the exposure, the first data, the end of the data; "
-     "auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
-     "their own stamps"},
+     "Meaning of its time stamps: the start of the exposure, the first data, the end of the data; "
+     "auto: as the kernel reports, and first-data for UVC cameras unless the kernel uses their own "
+     "stamps"},
     {"delay_ms", OPTION_DOUBLE, "ms", -1, 60000, "-1", NULL, FIELD(delay_ms),
      "How long after the end of the exposure the stamp may be (with stamp = start: after its "
      "start); -1: none for start, otherwise a frame"},
     {"settle_frames", OPTION_INT, NULL, 0, 100, "2", NULL, FIELD(settle_frames),
      "Frames after a change of exposure or gain that may still have the previous settings"},
     {"gain_0db", OPTION_INT, NULL, -1, G_MAXINT, "-1", NULL, FIELD(gain_0db),
-     "The gain control's value at 0 dB; -1: its least"},
+     "Value of the gain control at 0 dB; -1: its minimum"},
     {"gain_per_db", OPTION_DOUBLE, "1/dB", 0, 100000, "0", NULL, FIELD(gain_per_db),
-     "By how much the gain control changes for 1 dB; 0: not known, so that only 0 dB can be used"},
+     "Change of the gain control for 1 dB; 0: not known, so only 0 dB can be used"},
     {"fixed_exposure_us", OPTION_DOUBLE, "µs", 0, 1e9, "0", NULL, FIELD(fixed_exposure_us),
      "The exposure of a camera that has no control for it"},
     {"exposure_unit_us", OPTION_DOUBLE, "µs", 0, 1e6, "0", NULL, FIELD(exposure_unit_us),
-     "The step of an exposure control that counts in steps of its own, as lines of the sensor"},
+     "Duration of one step of the exposure control, if it counts in other units, such as lines of "
+     "the sensor"},
     {"white_balance_k", OPTION_INT, "K", 0, 100000, "0", NULL, FIELD(white_balance_k),
-     "Colour temperature of the white balance, if the camera has a control for that; 0: as it is "
-     "set"},
+     "Colour temperature of the white balance, if the camera has a control for it; 0: not changed"},
     {"controls", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(controls_set),
-     "Other controls, as \"gamma=100; sharpness=0\", by the names of v4l2-ctl"},
+     "Other controls, such as \"gamma=100; sharpness=0\", with the names of v4l2-ctl"},
     {"check_bandwidth", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(check_bandwidth),
-     "Refuse cameras that together send more than their USB links carry"},
+     "Refuse cameras that together send more than their USB links can carry"},
     {NULL},
 };
 
-/* uvcvideo marks its time stamps as start of exposure, but takes the time of the first packet,
- * unless its module parameter selects the camera's clock. */
+/* Returns the moment that a time stamp marks. uvcvideo flags its time stamps as start of
+ * exposure, but takes the time of the first packet, unless its module parameter selects the
+ * camera's clock. */
 static enum stamp stamp_kind(const struct v4l2_camera *v4l2, guint32 flags) {
     if (v4l2->stamp != STAMP_AUTO)
         return (enum stamp)v4l2->stamp;
@@ -116,7 +117,7 @@ static gint64 delay_us(const struct v4l2_camera *v4l2, enum stamp kind) {
     return kind == STAMP_START ? 0 : v4l2->setup.interval_us;
 }
 
-/* The earliest time at which the frame's exposure may have begun. */
+/* Returns the earliest time at which the exposure of the frame may have begun. */
 static gint64 start_of(const struct v4l2_camera *v4l2, const struct v4l2_buffer *buffer) {
     enum stamp kind = stamp_kind(v4l2, buffer->flags);
     gint64 stamp = (gint64)buffer->timestamp.tv_sec * G_USEC_PER_SEC + buffer->timestamp.tv_usec;
@@ -142,7 +143,7 @@ static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer)
     return frame;
 }
 
-/* Call it last, as everything that reports: the listener may close the camera. */
+/* Like everything that reports, call it last, because the listener may close the camera. */
 static void report_failure(Camera *camera, int code) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     GError *error = NULL;
@@ -194,7 +195,7 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Watches the device only while a frame is awaited: otherwise the buffers stay full, and the kernel
+/* Watches the device only while a frame is awaited. Otherwise the buffers stay full, and the kernel
  * drops further frames. */
 static void v4l2_camera_watch(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
@@ -212,7 +213,7 @@ static gboolean v4l2_camera_trigger(Camera *camera, guint64 shot, GError **error
     struct v4l2_camera *v4l2 = camera->device.priv;
     struct v4l2_buffer buffer;
     int taken = 1;
-    /* Discard the frames in the buffers: they are old, whatever their time stamps. */
+    /* Discard the frames in the buffers, because they are old whatever their time stamps say. */
     for (int i = 0; i < v4l2->stream.n && taken > 0; i++) {
         taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
         if (taken > 0)
@@ -252,7 +253,7 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                             "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0",
                             gain_db,
-                            range->id ? "what its gain control means is not known (gain_per_db)"
+                            range->id ? "the unit of its gain control is not known (gain_per_db)"
                                       : "it has no gain control");
     if (range->id == 0)
         return TRUE;
@@ -262,7 +263,7 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
         return video_refuse(
             error, DEVICE_ERROR_RANGE, &v4l2->node,
             "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
-            " to %" G_GINT64_FORMAT ", and that would be %g",
+            " to %" G_GINT64_FORMAT ", and this gain would be %g",
             gain_db, range->min, range->max, wanted);
     return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }
@@ -277,7 +278,7 @@ static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
     return TRUE;
 }
 
-/* The settings of a camera that is gone are kept and applied when it is found again. */
+/* The settings of a camera that is not connected are kept, and applied when it is found again. */
 static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settings *settings,
                                       GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
@@ -323,7 +324,7 @@ static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
     g_clear_pointer(&v4l2->load, video_load_remove);
 }
 
-/* The kernel lets several programs set a camera up. */
+/* Locks the camera, because the kernel allows several programs to set it up. */
 static gboolean lock_camera(struct v4l2_camera *v4l2, GError **error) {
     g_autofree char *key = lock_key_of_node("video", v4l2->node.path);
     if (key && !(v4l2->lock = lock_take(key, LOCK_ALONE, v4l2->node.path, error)))
@@ -378,7 +379,7 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
         return FALSE;
     if (video_stream_start(&v4l2->stream, &v4l2->node, &v4l2->setup, error))
         return TRUE;
-    v4l2_camera_disconnect(v4l2); /* the next try connects again */
+    v4l2_camera_disconnect(v4l2); /* the next attempt connects again */
     return FALSE;
 }
 
@@ -407,7 +408,8 @@ static void fill_format(Camera *camera) {
         .max_exposure_us = MIN((gint64)((double)most * unit), setup->interval_us),
         .trigger_us = setup->interval_us / 2 + delay_us(v4l2, (enum stamp)v4l2->stamp),
         .readout_us = setup->interval_us,
-        .stamp_us = -1, /* the earliest time of its exposure; most have rolling shutters */
+        /* The stamp is the earliest time of the exposure; most cameras have rolling shutters. */
+        .stamp_us = -1,
     };
     if (v4l2->fixed_exposure_us > 0)
         camera->format.min_exposure_us = camera->format.max_exposure_us =

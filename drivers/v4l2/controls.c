@@ -16,11 +16,11 @@ static const char curved[] = "values are not proportional to the light";
 static const char neighbours[] = "a value depends on the light at neighbouring pixels";
 static const char coloured[] = "values depend on the light of other colours";
 
-/* These controls alter frames. They are set in this order: those that enable others come first.
- * effect is NULL for controls that change values from frame to frame: a camera that refuses to
- * switch such a control off cannot be used. V4L2 gives gamma no unit; a range that begins above 0
- * and includes 100 suggests that of UVC, hundredths. For contrast and colour only the value that
- * the camera is delivered with is known to be neutral. */
+/* These controls alter frames. They are set in this order, so that controls that enable others come
+ * first. effect is NULL for controls that change values from frame to frame. A camera that refuses
+ * to switch such a control off cannot be used. V4L2 defines no unit for gamma. A range that begins
+ * above 0 and includes 100 is taken as hundredths, the unit of UVC. For contrast and colour, only
+ * the default value of the camera is known to be neutral. */
 static const struct {
     guint32 id;
     enum neutral neutral;
@@ -29,7 +29,7 @@ static const struct {
 } altering[] = {
     {V4L2_CID_SCENE_MODE, VALUE, V4L2_SCENE_MODE_NONE, NULL},
     {V4L2_CID_EXPOSURE_AUTO, VALUE, V4L2_EXPOSURE_MANUAL, NULL},
-    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, VALUE, 0, NULL}, /* may not lower the frame rate */
+    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, VALUE, 0, NULL}, /* must not lower the frame rate */
     {V4L2_CID_ISO_SENSITIVITY_AUTO, VALUE, V4L2_ISO_SENSITIVITY_MANUAL, NULL},
     {V4L2_CID_AUTOGAIN, VALUE, 0, NULL},
     {V4L2_CID_CHROMA_AGC, VALUE, 0, NULL},
@@ -98,7 +98,7 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
     gboolean named = v4l2_controls_query(node, id, &about);
     gboolean hidden =
         about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON;
-    /* The message goes over D-Bus, which wants UTF-8; a camera may say anything. */
+    /* The message is sent over D-Bus, which requires UTF-8. A camera may send any bytes. */
     g_autofree char *said =
         named ? g_strndup((char *)about.name, sizeof about.name) : g_strdup("a control");
     g_autofree char *name = g_utf8_make_valid(said, -1);
@@ -112,7 +112,7 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
                             value, is.value);
 }
 
-/* As v4l2-ctl writes names: "White Balance, Automatic" is white_balance_automatic. */
+/* Converts a name as v4l2-ctl does: "White Balance, Automatic" becomes white_balance_automatic. */
 static char *plain_name(const struct v4l2_queryctrl *control) {
     g_autofree char *name = g_strndup((const char *)control->name, sizeof control->name);
     GString *plain = g_string_new(NULL);
@@ -184,12 +184,12 @@ char **video_controls_left(const struct video_node *node, char **settings) {
         if ((known && is.value == value) || was_asked_for(settings, name))
             continue;
         g_autofree char *text = g_strdup_printf(
-            "%s = %d (%d to %d) cannot be switched off: %s; %s; find out at which value it does "
-            "nothing, and write that in controls",
+            "%s = %d (%d to %d) cannot be switched off: %s; %s; find out at which value it has no "
+            "effect, and write that in controls",
             name, is.value, control.minimum, control.maximum,
-            known ? "the camera keeps its value" : "it is not known which value does nothing",
+            known ? "the camera keeps its value" : "it is not known which value has no effect",
             altering[i].effect ? altering[i].effect
-                               : "the same light gives other values from frame to frame");
+                               : "the same light gives different values from frame to frame");
         g_strv_builder_add(left, text);
     }
     return g_strv_builder_end(left);

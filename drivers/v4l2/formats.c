@@ -57,7 +57,7 @@ const struct video_format *video_format_better(const struct video_format *a,
     return worth(b) > worth(a) ? b : a;
 }
 
-/* Unprintable characters become question marks; bit 31 means big-endian. */
+/* Unprintable characters become question marks. Bit 31 means big-endian. */
 char *video_fourcc_name(guint32 fourcc) {
     char name[5] = {0};
     for (int i = 0; i < 4; i++) {

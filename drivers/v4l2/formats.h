@@ -1,20 +1,22 @@
 /*
- * Pixel formats of V4L2 that a measurement can use, and how they become samples: mono and Bayer of
- * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. Compressed formats (MJPEG,
- * H.264) are not among them. The layouts are those of the kernel's "V4L2 pixel formats"
- * documentation. Pure functions.
+ * Pixel formats of V4L2 that can be used for measuring, and their conversion to samples: mono and
+ * Bayer of 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. Compressed formats
+ * (MJPEG, H.264) cannot be used. The layouts are those of the kernel's "V4L2 pixel formats"
+ * documentation. All functions are pure.
  */
 #pragma once
 
 #include "drivers/frame.h"
 
 enum video_packing {
-    VIDEO_BYTES,  /* one byte per pixel */
-    VIDEO_WORDS,  /* two bytes per pixel, low byte first, value in the low bits */
-    VIDEO_MIPI10, /* four pixels in five bytes: their upper eight bits, then all lower bits */
-    VIDEO_MIPI12, /* two pixels in three bytes: their upper eight bits, then all lower bits */
-    VIDEO_YUYV,   /* luma in the even bytes */
-    VIDEO_UYVY,   /* luma in the odd bytes */
+    VIDEO_BYTES, /* one byte per pixel */
+    VIDEO_WORDS, /* two bytes per pixel, low byte first, value in the low bits */
+    /* Four pixels in five bytes: their upper eight bits each, then the lower bits of all. */
+    VIDEO_MIPI10,
+    /* Two pixels in three bytes: their upper eight bits each, then the lower bits of both. */
+    VIDEO_MIPI12,
+    VIDEO_YUYV, /* luma in the even bytes */
+    VIDEO_UYVY, /* luma in the odd bytes */
 };
 
 struct video_format {
@@ -27,8 +29,8 @@ struct video_format {
 /* Returns NULL if the format is unusable for measuring. */
 const struct video_format *video_format_find(guint32 fourcc);
 
-/* The better one for measuring of two; NULL is the worst. Bayer before mono before luma, then more
- * bits, then fewer bytes. */
+/* Returns the format of two that is better for measuring. NULL is the worst. Bayer is preferred to
+ * mono, and mono to luma. Among equals, more bits are better, then fewer bytes. */
 const struct video_format *video_format_better(const struct video_format *a,
                                                const struct video_format *b);
 
@@ -38,10 +40,10 @@ gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
 
 gboolean video_format_is_luma(const struct video_format *format);
 
-/* Bytes that a row's pixels take, without padding. */
+/* Returns the bytes of a row's pixels, without padding. */
 gsize video_format_row_bytes(const struct video_format *format, int width);
 
-/* Bytes from the start of a frame to its last sample. */
+/* Returns the bytes from the start of a frame to its last sample. */
 gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
 
 /* Unpacks a frame whose rows are stride bytes apart. Samples beyond the format's bits become its

@@ -6,7 +6,8 @@
 
 struct video_load {
     char *who;
-    GPtrArray *links; /* sysfs folders of USB devices: each, its link towards the computer */
+    /* Sysfs folders of USB devices; each stands for its link towards the computer. */
+    GPtrArray *links;
     double mb_s;
 };
 
@@ -14,9 +15,9 @@ static GList *loads;
 
 /*
  * Periodic transfers may take 90 % of a full-speed frame, 80 % of a high-speed microframe and 90 %
- * of a SuperSpeed bus interval (USB 2.0, 5.6.4 and 5.7.4; USB 3.2, 4.4.7). A packet of 1024 bytes
- * has some 38 of protocol at high speed, and SuperSpeed sends ten bits per byte (132 for 128 from
- * 10 Gbit/s on) and some 40 bytes of protocol a packet.
+ * of a SuperSpeed bus interval (USB 2.0, 5.6.4 and 5.7.4; USB 3.2, 4.4.7). At high speed, a packet
+ * of 1024 bytes has about 38 bytes of protocol. SuperSpeed sends ten bits per byte (132 bits for
+ * 128 from 10 Gbit/s on) and about 40 bytes of protocol per packet.
  */
 double video_link_mb_s(double mbit_s) {
     double mb_s = mbit_s / 8;

@@ -1,19 +1,21 @@
 /*
- * Checks that the USB links between cameras and computer have enough bandwidth: the load of each
- * open camera is added to every link on its path, whose speeds sysfs gives. Main loop's thread.
+ * Checks that the USB links between cameras and computer have enough bandwidth. The load of each
+ * open camera is added to every link on its path. The speeds of the links come from sysfs. The
+ * functions belong to the main loop's thread.
  */
 #pragma once
 
 #include <glib.h>
 
-struct video_load; /* one camera's share */
+struct video_load; /* the load of one camera */
 
-/* Refused (DEVICE_ERROR_UNSUPPORTED) if a link would carry more than it can; the error names the
- * link, the cameras on it and what they need. sysfs: folder of the device; if it is NULL or not on
- * USB, nothing is counted and *ret is NULL. */
+/* Adds the load of a camera. Fails with DEVICE_ERROR_UNSUPPORTED if a link would carry more than it
+ * can. The error names the link, the cameras on it and their loads. sysfs is the folder of the
+ * device. If it is NULL or not on USB, nothing is counted and *ret is NULL. */
 gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
                         GError **error);
 void video_load_remove(struct video_load *load); /* NULL is ignored */
 
-/* Capacity for isochronous transfers of a link of mbit Mbit/s, in 10⁶ bytes per second. */
+/* Returns the capacity of a link of mbit_s Mbit/s for isochronous transfers, in 10⁶ bytes per
+ * second. */
 double video_link_mb_s(double mbit_s);

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define CLASS_FOLDER "/sys/class/video4linux"
-#define MAX_LISTED   256 /* of formats and sizes; vivid has 80 */
+#define MAX_LISTED   256 /* limit for lists of formats and sizes; vivid has 80 */
 
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg) {
     int code;
@@ -22,7 +22,7 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
 
 gboolean video_set_error(GError **error, const struct video_node *node, int code,
                          const char *what) {
-    static const char gone[] = "it is gone" ERROR_ADVICE "check its cable";
+    static const char gone[] = "it was unplugged" ERROR_ADVICE "check its cable";
     static const char closed[] = "this user may not open it" ERROR_ADVICE
                                  "install etc/udev/60-mesorig.rules, or join group video";
     static const struct {
@@ -74,7 +74,7 @@ static char *v4l2_node_text_of(const guint8 *field, gsize size) {
     return g_utf8_make_valid(text, -1);
 }
 
-/* Sets errno on failure; ENOTTY: it is not a video capture device. */
+/* Opens a node. Sets errno on failure; ENOTTY means that it is not a video capture device. */
 static gboolean open_path(struct video_node *node, const char *path) {
     struct v4l2_capability capability = {0};
     *node = (struct video_node){.fd = open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC)};
@@ -114,7 +114,7 @@ GPtrArray *video_node_list(void) {
     GPtrArray *all = list_all();
     for (guint i = all->len; i-- > 0;) {
         struct video_node node;
-        /* List a node that may not be opened, so that the error shows it. */
+        /* Also list a node that may not be opened, so that the error shows it. */
         if (!open_path(&node, all->pdata[i]) && node.fd >= 0)
             g_ptr_array_remove_index(all, i);
         video_node_close(&node);
@@ -122,7 +122,7 @@ GPtrArray *video_node_list(void) {
     return all;
 }
 
-/* Opens the one that fits among all; n is how many fit. */
+/* Opens the node that matches. *n is the number of matching nodes. */
 static void open_fitting(struct video_node *ret, const char *bus, GString *seen, int *n) {
     g_autoptr(GPtrArray) all = list_all();
     *n = 0;
@@ -170,7 +170,7 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
     if (n > 1)
         return device_error_set(
             error, DEVICE_ERROR_RANGE, who,
-            "more than one camera fits: %s" ERROR_ADVICE "say which by bus or device", seen->str);
+            "more than one camera fits: %s" ERROR_ADVICE "select one by bus or device", seen->str);
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, who,
                             "no such camera is plugged in (bus \"%s\"); found: %s" ERROR_ADVICE
                             "check its cable, and that this user may open it",
@@ -212,7 +212,7 @@ int video_node_get_pix(const struct video_node *node, struct video_pix *ret) {
     return 0;
 }
 
-/* The device chooses everything but width, height and format. */
+/* The device may change all values except width, height and format. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix) {
     struct v4l2_format format = {.type = node->type};
     if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
@@ -269,7 +269,7 @@ char *video_node_sizes(const struct video_node *node, guint32 fourcc) {
 }
 
 char *video_node_sysfs(const struct video_node *node) {
-    char *target = realpath(node->path, NULL); /* a link of /dev/v4l is resolved */
+    char *target = realpath(node->path, NULL); /* resolves a link in /dev/v4l */
     g_autofree char *name = g_path_get_basename(target ? target : node->path);
     g_autofree char *device = g_build_filename(CLASS_FOLDER, name, "device", NULL);
     free(target);

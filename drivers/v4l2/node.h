@@ -1,6 +1,7 @@
 /*
- * A V4L2 device node: finding it, opening it, and its properties. The functions call the kernel,
- * which returns at once unless the device is being unplugged. Main loop's thread.
+ * A V4L2 device node: finding it, opening it, and reading its properties. The functions call the
+ * kernel, which returns immediately unless the device is being unplugged. They belong to the main
+ * loop's thread.
  *
  * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
@@ -13,51 +14,60 @@
 #include <linux/videodev2.h>
 
 struct video_node {
-    int fd;                    /* -1: not open */
-    const char *who;           /* the device that uses it: "camera top"; not owned */
-    char *path;                /* "/dev/video0" */
-    char *card, *driver, *bus; /* as the node reports them: "HD Webcam", "uvcvideo", "usb-…-1.2" */
-    guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
+    int fd;          /* -1 if the node is not open */
+    const char *who; /* the device that uses the node, such as "camera top"; not owned */
+    char *path;      /* "/dev/video0" */
+    /* The strings that the node reports: "HD Webcam", "uvcvideo", "usb-…-1.2". */
+    char *card, *driver, *bus;
+    /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE if the node has only that
+     * type */
+    guint32 type;
 };
 
-/* A frame in memory, however the node's type describes it. */
+/* The format of a frame in memory, for both types of node. */
 struct video_pix {
     guint32 width, height, fourcc, field;
-    guint32 stride; /* of a row, bytes */
-    guint32 planes; /* memory planes of one frame: 1 */
+    guint32 stride; /* bytes from row to row */
+    guint32 planes; /* number of memory planes of one frame; only 1 is supported */
     gboolean full_range;
 };
 
-/* The node that path or bus names (NULL or empty: any); fails if none fits, or more than one. */
+/* Opens the node that path or bus names. NULL or an empty string matches any node. Fails if no node
+ * matches, or more than one. */
 gboolean video_node_open(struct video_node *node, const char *who, const char *path,
                          const char *bus, GError **error);
-void video_node_close(struct video_node *node); /* a closed one, or zeroes with fd -1, is allowed */
+/* A node that is not open, or that is zeroed with fd -1, is allowed. */
+void video_node_close(struct video_node *node);
 
 /* Returns the sorted paths of all nodes that capture video by streaming. */
 GPtrArray *video_node_list(void);
 
-/* Calls ioctl(2), again if a signal interrupts it. Returns -1 and sets errno on failure. */
+/* Calls ioctl(2), and calls it again if a signal interrupts it. Returns -1 and sets errno on
+ * failure. */
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
 
 /* Reads the present format. Returns -1 and sets errno on failure. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
-/* Sets width, height and fourcc; pix returns the values that the device chose. -1: see errno. */
+/* Sets width, height and fourcc. The device may choose other values, which are returned in pix.
+ * Returns -1 and sets errno on failure. */
 int video_node_set_pix(const struct video_node *node, struct video_pix *pix);
 
-/* Sets an error from errno; what: "could not start". Returns FALSE always. */
+/* Sets an error from an errno. what says what failed, such as "could not start". Always returns
+ * FALSE. */
 gboolean video_set_error(GError **error, const struct video_node *node, int code, const char *what);
 
-/* An error that names the node: "/dev/video0 cannot …". Returns FALSE always. */
+/* Sets an error that names the node: "/dev/video0 cannot …". Always returns FALSE. */
 gboolean video_refuse(GError **error, enum device_error code, const struct video_node *node,
                       const char *format, ...) G_GNUC_PRINTF(4, 5);
 
-/* Returns the codes of all formats of the node, also of those that are unusable for measuring. */
+/* Returns the codes of all formats of the node, including those that cannot be used for
+ * measuring. */
 GArray *video_node_formats(const struct video_node *node); /* of guint32 */
 
 /* Returns the sizes as text, "640 × 480, 1280 × 720" or a range; g_free(). */
 char *video_node_sizes(const struct video_node *node, guint32 fourcc);
 
-/* sysfs folder of the device behind the node, symlinks resolved; NULL if there is none. g_free().
- */
+/* Returns the sysfs folder of the device behind the node, with symlinks resolved. Returns NULL if
+ * there is none. Free it with g_free(). */
 char *video_node_sysfs(const struct video_node *node);

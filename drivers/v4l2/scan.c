@@ -23,10 +23,10 @@ static char *make_section(const struct video_node *node, const struct video_form
         g_string_append_printf(section, "frame_rate = %s\n", rate);
     }
     if (controls->exposure.id == 0)
-        g_string_append(section, "# fixed_exposure_us = what its maker says\n");
+        g_string_append(section, "# fixed_exposure_us = exposure time from its data sheet\n");
     else if (controls->exposure_unit_us == 0)
         g_string_append(section,
-                        "# exposure_unit_us = how long a step of its exposure control is\n");
+                        "# exposure_unit_us = duration of a step of its exposure control\n");
     return g_string_free(section, FALSE);
 }
 

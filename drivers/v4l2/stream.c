@@ -75,7 +75,7 @@ static gboolean v4l2_stream_check_format(const struct video_node *node,
                             name, pix->planes);
     if (wide || high)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "does not offer %d × %d pixels in format %s, but %s" ERROR_ADVICE
+                            "does not offer %d × %d pixels in format %s; it offers %s" ERROR_ADVICE
                             "set width and height",
                             request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
@@ -103,7 +103,7 @@ static gboolean set_rate(const struct video_node *node, double frame_rate, gint6
         seconds = (double)interval->numerator / interval->denominator;
     if (seconds <= 0 || seconds > 3600)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "does not say how often its frames come: set frame_rate");
+                            "does not report its frame rate: set frame_rate");
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
@@ -206,7 +206,7 @@ int video_stream_take(const struct video_stream *stream, const struct video_node
         return errno == EAGAIN ? 0 : -1;
     *ret = asked.buffer;
     ret->m.offset = 0;
-    guint32 begins = asked.plane.data_offset; /* 0 where there are no planes */
+    guint32 begins = asked.plane.data_offset; /* 0 if the node has no planes */
     if (node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE)
         ret->bytesused = asked.plane.bytesused - MIN(asked.plane.bytesused, begins);
     if ((int)ret->index < stream->n &&

@@ -1,5 +1,6 @@
 /*
- * The format and frame rate of a node, and its buffers, mapped into memory. Main loop's thread.
+ * The format, frame rate and memory-mapped buffers of a node. The functions belong to the main
+ * loop's thread.
  *
  * Errors are DEVICE_ERROR, and begin with the name of the camera.
  */
@@ -8,20 +9,21 @@
 #include "node.h"
 
 struct video_request {
-    const char *format; /* four characters, or empty: the best for measuring */
-    int width, height;  /* 0: as it is set now */
-    double frame_rate;  /* 0: as it is set now */
+    const char *format; /* four characters, or empty for the best format for measuring */
+    int width, height;  /* 0 keeps the present size */
+    double frame_rate;  /* 0 keeps the present rate */
 };
 
 struct video_setup {
     const struct video_format *format;
     int width, height;
     gsize stride, bytes; /* bytes of a row, and of a complete frame */
-    gint64 interval_us;  /* from frame to frame */
-    gboolean full_range; /* luma from 0 to 255 rather than 16 to 235 */
+    gint64 interval_us;  /* time from frame to frame */
+    gboolean full_range; /* luma is from 0 to 255 rather than 16 to 235 */
 };
 
-/* Sets exactly what is requested, or gives an error that lists what the device offers. */
+/* Sets exactly the requested format. If the device does not offer it, the error lists what the
+ * device offers. */
 gboolean video_setup_apply(const struct video_node *node, const struct video_request *request,
                            struct video_setup *ret, GError **error);
 
@@ -41,12 +43,12 @@ struct video_stream {
 /* Allocates and queues the buffers, each of at least setup->bytes, and starts the stream. */
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
                             const struct video_setup *setup, GError **error);
-/* Stops the stream. A stream of zeroes, which was never started, is allowed. */
+/* Stops the stream. A zeroed stream, which was never started, is allowed. */
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
-/* Takes a filled buffer. Returns 1; 0: there is none yet; -1: errno. The caller gives the buffer
- * back when it has read the data. For both types of node, bytesused is the length of the frame, and
- * m.offset its beginning in the buffer. */
+/* Takes a filled buffer. Returns 1 if there is one, 0 if there is none yet, and -1 with errno on
+ * failure. The caller gives the buffer back after it has read the data. For both types of node,
+ * bytesused is the length of the frame, and m.offset is the start of the frame in the buffer. */
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret);
 void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer);

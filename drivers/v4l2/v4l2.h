@@ -1,8 +1,9 @@
 /*
- * Cameras that the kernel's V4L2 serves: USB cameras (UVC) and others that stream by mmap.
+ * Cameras that the kernel serves through V4L2: USB cameras (UVC) and others that stream by mmap.
  *
- * They run freely; a trigger is answered by the first frame that was exposed wholly after it and
- * after the last change of a setting, by the kernel's time stamps. Real time only.
+ * These cameras expose continuously. A trigger is answered by the first frame whose whole exposure
+ * came after the trigger and after the last change of a setting, according to the kernel's time
+ * stamps. They work in real time only.
  */
 #pragma once
 

@@ -114,8 +114,9 @@ static void coverage_view_phases(const struct exr_part *part, const float *peak,
         ret_live[k] = seen[k] > LIVE_SHARE * most;
 }
 
-/* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns −1
- * if there is no peak, if the sheet is at a grazing angle, or if the point is outside of the volume. */
+/* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns
+ * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is outside of the
+ * volume. */
 static float coverage_view_distance(const CoverageView *view, const struct laser_sweep *sweep,
                                     const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))

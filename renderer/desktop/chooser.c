@@ -7,18 +7,18 @@
 #define PORTAL      "org.freedesktop.portal.Desktop"
 #define PORTAL_PATH "/org/freedesktop/portal/desktop"
 #define REQUEST     "org.freedesktop.portal.Request"
-#define ANSWER_MS   5000 /* for the portal to say that it opens a dialog */
+#define ANSWER_MS   5000 /* limit for the portal to answer that it opens a dialog */
 
 struct Chooser {
     GDBusConnection *bus;
-    GCancellable *cancel; /* of the calls under way; NULL: nothing was asked for */
-    int under_way;        /* calls whose callback is still to come */
-    char *request;        /* object path of the open dialog; NULL: none */
+    GCancellable *cancel; /* cancels the calls under way; NULL if no dialog was requested */
+    int under_way;        /* number of calls whose callback has not been called yet */
+    char *request;        /* object path of the open dialog; NULL if there is none */
     guint subscription;
     int n_asked;
     enum chooser_what what;
     char *folder, *name;
-    enum chooser_state state; /* for chooser_poll() */
+    enum chooser_state state; /* result for chooser_poll() */
     char *path;
 };
 
@@ -35,7 +35,8 @@ static void chooser_end(Chooser *chooser, enum chooser_state state) {
     chooser->state = state;
 }
 
-/* Response (u response, a{sv} results): 0 chosen, 1 cancelled, 2 ended otherwise. */
+/* Takes the signal Response (u response, a{sv} results). 0 means chosen, 1 cancelled, 2 ended
+ * otherwise. */
 static void on_response(GDBusConnection *bus, const char *sender, const char *object,
                         const char *interface, const char *signal, GVariant *parameters,
                         gpointer data) {
@@ -85,7 +86,8 @@ static void on_opened(GObject *source, GAsyncResult *result, gpointer data) {
     }
 }
 
-/* Files that can be opened, and all: a(sa(us)), where 0 is a pattern. */
+/* Returns the filters of the dialog, for files that can be opened and for all files, as a(sa(us)).
+ * 0 marks a pattern. */
 static GVariant *chooser_filters(void) {
     static const char *const patterns[] = {"session.db", "*.exr", "*.obj",
                                            "*.gltf",     "*.glb", "*.png"};
@@ -196,9 +198,9 @@ void chooser_free(Chooser *chooser) {
         return;
     const gboolean was_open = chooser->request != NULL;
     chooser_close(chooser);
-    if (was_open) /* Close is sent before the program ends */
+    if (was_open) /* send Close before the program ends */
         g_dbus_connection_flush_sync(chooser->bus, NULL, NULL);
-    while (chooser->under_way > 0) /* callbacks of cancelled calls come at once */
+    while (chooser->under_way > 0) /* callbacks of cancelled calls come immediately */
         g_main_context_iteration(NULL, TRUE);
     g_clear_object(&chooser->bus);
     g_free(chooser->folder);

@@ -1,7 +1,7 @@
 /*
- * The materials and shapes that were opened last, in the list of the desktop
- * ($XDG_DATA_HOME/recently-used.xbel), which other programs share. Blocks while it reads or writes
- * that file. A file that is damaged is left as it is.
+ * The materials and shapes that were opened last. They are kept in the desktop's list
+ * ($XDG_DATA_HOME/recently-used.xbel), which other programs share. The functions block while they
+ * read or write that file. A damaged file is not changed.
  */
 #pragma once
 
@@ -9,9 +9,10 @@
 
 #define RECENT_MOST 9
 
-/* Paths that this program has opened and that are still there, the latest first, RECENT_MOST at
- * most; g_ptr_array_unref(). */
+/* Returns the paths that this program has opened and that still exist, the latest first. There are
+ * at most RECENT_MOST of them. Free the array with g_ptr_array_unref(). */
 GPtrArray *recent_list(void);
 
-/* Puts a file or folder at the front of the list. Errors are ignored: the list is a convenience. */
+/* Puts a file or folder at the front of the list. Errors are ignored, because the list is only a
+ * convenience. */
 void recent_add(const char *path);

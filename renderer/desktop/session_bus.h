@@ -1,8 +1,8 @@
-/* The bus of the user's desktop. */
+/* The session bus of the user's desktop. */
 #pragma once
 
 #include <glib.h>
 
-/* Returns whether there is a session bus. Without one, GDBus would start a bus without other
+/* Returns whether there is a session bus. If there is none, GDBus would start a bus without other
  * clients. */
 gboolean session_bus_is_there(void);

@@ -3,8 +3,8 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-/* The direction of the centre of texel (i, j) of a face of size texels each way, faces in the order
- * of OpenGL: +x, −x, +y, −y, +z, −z. */
+/* Returns the direction of the centre of texel (i, j) of a face of size × size texels. Faces are in
+ * the order of OpenGL: +x, −x, +y, −y, +z, −z. */
 static struct vec3 cube_map_direction(int face, int i, int j, int size) {
     const double s = 2 * (i + 0.5) / size - 1, t = 2 * (j + 0.5) / size - 1;
     const struct vec3 all[6] = {{1, -t, -s}, {-1, -t, s}, {s, 1, t},

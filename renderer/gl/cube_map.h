@@ -4,8 +4,9 @@
 #include "base/vec.h"
 #include <glib.h>
 
-/* Computes the texel (R, G, B, A of 0 … 1) of a direction. */
+/* Computes the texel (R, G, B, A from 0 to 1) of a direction. */
 typedef void (*CubeMapFill)(struct vec3 direction, gpointer data, float ret[4]);
 
-/* A cube map of 16 bits per channel; filtered: linearly, else nearest. */
+/* Makes a cube map of 16 bits per channel. If filtered is TRUE, it is filtered linearly. Otherwise
+ * the nearest texel is used. */
 guint cube_map_new(int size, gboolean filtered, CubeMapFill fill, gpointer data);

@@ -1,13 +1,15 @@
 /*
- * The three measured directions nearest to any other and their weights, as two cube maps (Schneider
- * 2004 §5): the corners of a triangle of the measured ones, and its barycentric coordinates. Not
- * filtered, because beyond an edge of a triangle the next texel names other directions; the angular
- * resolution is a third of a degree. Directions below the horizon are clamped to it.
+ * The three measured directions around any direction, and their weights, as two cube maps
+ * (Schneider 2004 §5). The three are the corners of a triangle of the measured directions, and the
+ * weights are the barycentric coordinates. The maps are not filtered, because the next texel may
+ * name other directions beyond an edge of a triangle. The angular resolution is a third of a
+ * degree. Directions below the horizon are clamped to it.
  */
 #pragma once
 
 #include "direction_textures.h"
 #include "directions/directions.h"
 
-/* directions: triangulated. fade: as direction_table_new(). Indices are held as 1/65535. */
+/* Makes the cube maps. directions must be triangulated. For fade, see direction_table_new().
+ * Indices are stored in units of 1/65535. */
 struct direction_textures direction_cube_new(Directions *directions, gboolean fade);

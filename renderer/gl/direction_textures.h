@@ -1,14 +1,14 @@
 /*
- * Interpolation weights of measured directions as two textures over all directions: the indices of
- * the measured ones, and their weights. Filled by direction_table.h and direction_cube.h. Thread of
- * the GL context.
+ * Interpolation weights of measured directions as two textures over all directions. One has the
+ * indices of the measured directions, the other their weights. They are filled by direction_table.h
+ * and direction_cube.h. The functions belong to the thread of the GL context.
  */
 #pragma once
 
 #include <glib.h>
 
 struct direction_textures {
-    guint target; /* GL_TEXTURE_2D or GL_TEXTURE_CUBE_MAP, of both */
+    guint target; /* target of both textures: GL_TEXTURE_2D or GL_TEXTURE_CUBE_MAP */
     guint indices, weights;
 };
 
@@ -16,6 +16,7 @@ void direction_textures_clear(struct direction_textures *textures);
 
 gint64 direction_textures_bytes(const struct direction_textures *textures);
 
-/* Binds to units unit and unit + 1 of the current program, as NAME_indices and NAME_weights. */
+/* Binds the textures to units unit and unit + 1 of the current program, as NAME_indices and
+ * NAME_weights. */
 void direction_textures_bind(const struct direction_textures *textures, guint program,
                              const char *name, int unit);

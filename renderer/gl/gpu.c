@@ -13,7 +13,7 @@ struct Gpu {
     EGLContext context;
 };
 
-/* A display belongs to the whole process: it stays initialised for the next context. */
+/* Opens a display. It belongs to the whole process, and stays initialised for the next context. */
 static EGLDisplay open_display(void) {
     static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
     static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
@@ -72,7 +72,7 @@ void gpu_watch(void) {
 #endif
 }
 
-/* The library stays loaded: libepoxy opens it next. */
+/* The library stays loaded, because libepoxy opens it next. */
 gboolean gpu_find_library(gboolean window, GError **error) {
     if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
         dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)
@@ -103,7 +103,7 @@ Gpu *gpu_new_headless(GError **error) {
     if (context == EGL_NO_CONTEXT ||
         !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "EGL has no OpenGL 3.3 core context: renew the graphics driver, or let Mesa "
+                    "EGL has no OpenGL 3.3 core context: update the graphics driver, or let Mesa "
                     "draw without the card (LIBGL_ALWAYS_SOFTWARE=1; libgl1-mesa-dri)");
         if (context != EGL_NO_CONTEXT)
             eglDestroyContext(display, context);
@@ -225,7 +225,8 @@ void gpu_fill_screen(void) {
     glDeleteVertexArrays(1, &empty);
 }
 
-/* Gives the pixel format and type of an internal format; GL_RGBA and GL_FLOAT if it is unknown. */
+/* Returns the pixel format and type of an internal format, or GL_RGBA and GL_FLOAT if it is
+ * unknown. */
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     static const struct {
         int internal_format;
@@ -335,8 +336,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (width < 1 || height < 1 || width > largest || height > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "a picture of %d × %d samples: %s draws 1 … %d each way; choose a smaller size "
-                    "or less supersampling",
+                    "a picture of %d × %d samples: %s supports 1 … %d in each direction; choose a "
+                    "smaller size or less supersampling",
                     width, height, gpu_renderer(), largest);
         return FALSE;
     }
@@ -356,7 +357,7 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "%s cannot draw into a picture of the kind 0x%04x", gpu_renderer(),
+                "%s cannot draw into a picture of the format 0x%04x", gpu_renderer(),
                 internal_format);
     return FALSE;
 }

@@ -1,6 +1,6 @@
 /*
- * OpenGL 3.3 core: a context without a window, shader programs, textures and render targets, with
- * OpenGL errors as GErrors. Everything belongs to the thread in which the context was made.
+ * OpenGL 3.3 core: a context without a window, shader programs, textures and render targets. OpenGL
+ * errors are reported as GErrors. All functions belong to the thread in which the context was made.
  */
 #pragma once
 
@@ -9,63 +9,64 @@
 #define GPU_ERROR gpu_error_quark()
 GQuark gpu_error_quark(void);
 enum gpu_error {
-    GPU_ERROR_NONE,      /* there is no OpenGL 3.3 here */
-    GPU_ERROR_TOO_LARGE, /* the card cannot hold it */
-    GPU_ERROR_PROGRAM,   /* a shader was refused */
+    GPU_ERROR_NONE,      /* OpenGL 3.3 is not available */
+    GPU_ERROR_TOO_LARGE, /* the card cannot hold the data */
+    GPU_ERROR_PROGRAM,   /* the driver refused a shader */
     GPU_ERROR_FAILED,    /* OpenGL reported an error */
 };
 
 typedef struct Gpu Gpu;
 
-/* Whether the OpenGL library is installed; window: the one that libepoxy needs for a window.
- * Without it, libepoxy would end the program at the first call. */
+/* Returns whether the OpenGL library is installed. window selects the library that libepoxy needs
+ * for a window. Without the library, libepoxy would end the program at the first call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
-/* Makes a context current through EGL without a surface (Mesa, or the platform of a graphics card).
- */
+/* Makes a context current through EGL without a surface (Mesa, or the EGL platform of a graphics
+ * card). */
 Gpu *gpu_new_headless(GError **error);
 void gpu_free(Gpu *gpu); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
 
-/* In debug builds (GPU_DEBUG): each OpenGL error of the current context is a critical message, at
- * the call that makes it. gpu_new_headless() does this. */
+/* In debug builds (GPU_DEBUG), makes each OpenGL error of the current context a critical message at
+ * the call that causes it. gpu_new_headless() calls this function. */
 void gpu_watch(void);
 
-const char *gpu_renderer(void); /* of the current context, never NULL */
+const char *gpu_renderer(void); /* name of the renderer of the current context, never NULL */
 
-/* Fails if OpenGL has an error pending. what: the operation, for the message. */
+/* Fails if an OpenGL error is pending. what names the operation, for the message. */
 gboolean gpu_check(const char *what, GError **error);
 
-/* names: of embedded shaders, NULL-ended; the vertex shader first, all others are joined to one
- * fragment shader. constants: lines “#define NAME value” that come before them, or "". Returns 0 on
- * error. */
+/* Compiles and links a program. names is a NULL-terminated list of embedded shaders. The first is
+ * the vertex shader. All others are joined to one fragment shader. constants has lines “#define
+ * NAME value”, which are put before the shaders, or is "". Returns 0 on error. */
 guint gpu_program(const char *constants, const char *const *names, GError **error);
 
-/* Does the same in the language of OpenGL 4.3, if gpu_has_43(). */
+/* Does the same in the language of OpenGL 4.3. Requires gpu_has_43(). */
 guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 
-/* Draws the triangle of screen.vert, which covers the screen. */
+/* Draws the triangle of screen.vert, which covers the whole screen. */
 void gpu_fill_screen(void);
 
-/* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
+/* Makes a texture with storage of the format. It is a 2D texture if layers is 0, and otherwise a 2D
+ * array. It is clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
-/* The same as a 2D array with n_levels mip levels; each has half the width and height, at least 1.
- */
+/* The same as a 2D array with n_levels mip levels. Each level has half the width and height of the
+ * one before, but at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
-/* Binds texture (0: none) to a texture unit and makes it the sampler NAME of a program in use. Unit
- * 0 is active afterwards. target: a GL_TEXTURE_…. */
+/* Binds a texture (0 for none) to a texture unit and makes it the sampler NAME of a program in use.
+ * target is a GL_TEXTURE_…. Unit 0 is active afterwards. */
 void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
 
-/* Bytes of all levels that a texture has, from the format that OpenGL reports; 0 for texture 0.
- * target: a GL_TEXTURE_…. */
+/* Returns the bytes of all levels of a texture, computed from the format that OpenGL reports.
+ * Returns 0 for texture 0. target is a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);
 
-/* Columns and rows of a level of a texture. */
+/* Returns the columns and rows of a level of a texture. */
 void gpu_texture_size(guint target, guint texture, int level, int ret[2]);
 
-/* A colour texture with or without a depth buffer to draw into. */
+/* A framebuffer with a colour texture, and with or without a depth buffer. */
 struct gpu_target {
     guint framebuffer, colour, depth;
     int width, height;
@@ -75,8 +76,8 @@ gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);
 
-/* The picture drawn: width × height × 3 bytes, top row first; g_free(). */
+/* Returns the picture as width × height × 3 bytes, top row first. Free it with g_free(). */
 guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
 
-/* Flips a picture vertically, in place. stride: bytes per row. */
+/* Flips a picture vertically, in place. stride is the number of bytes per row. */
 void gpu_flip_rows(void *picture, gsize stride, int height);

@@ -7,11 +7,12 @@
 struct IndexTexture {
     guint texture;
     int n_levels;
-    int corners[2 * INDEX_MAP_LEVELS]; /* of each level: column and row of its first texel */
+    int corners[2 * INDEX_MAP_LEVELS]; /* column and row of the first texel of each level */
     int size[2], sample[2];
 };
 
-/* Places level 0 at the top and all other levels side by side below it. Returns the total size. */
+/* Places level 0 at the top and all other levels next to each other below it. Returns the total
+ * size. */
 static void index_texture_lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;

@@ -1,21 +1,22 @@
-/* Which places of the sample stand at a point of the surface (places.glsl): the sample repeated,
- * through an index map, or in hexagons without end. One of them, or none, is set. */
+/* The places of the sample that a point of the surface shows (places.glsl). The sample is repeated,
+ * seen through an index map, or continued endlessly in hexagons. At most one of the two members is
+ * set. */
 #pragma once
 
 #include "index_texture.h"
 #include "synthesis/endless.h"
 
 struct places_source {
-    const IndexTexture *index;     /* NULL: none */
-    const struct endless *endless; /* NULL: none */
+    const IndexTexture *index;     /* NULL if there is no index map */
+    const struct endless *endless; /* NULL if there are no hexagons */
 };
 
 enum places_kind { PLACES_REPEATED, PLACES_INDEX, PLACES_ENDLESS, PLACES_KINDS };
 enum places_kind places_kind_of(const struct places_source *source);
 
-/* Returns the constants of places.glsl as “#define …” lines. g_free() */
+/* Returns the constants of places.glsl as lines “#define …”. Free them with g_free(). */
 char *places_constants(const struct places_source *source, gboolean nearest);
 
-/* Sets the texture and uniforms of the current program. tiles: number of tiles of the shape each
- * way. */
+/* Sets the texture and uniforms of the current program. tiles is the number of tiles of the shape
+ * in each direction. */
 void places_bind(const struct places_source *source, const float tiles[2], guint program);

@@ -1,4 +1,4 @@
-/* The files of shaders/, compiled in. */
+/* The files of the folder shaders, compiled into the program. */
 #pragma once
 
 #include <stddef.h>
@@ -7,4 +7,4 @@ struct shader {
     const char *name, *source;
 };
 
-extern const struct shader shaders[]; /* ended by a NULL name */
+extern const struct shader shaders[]; /* ends with a NULL name */

@@ -10,12 +10,12 @@
 #define VIEW_TABLE 256
 #define HALF_MAX   65504.0f
 #define FINE_BYTES                                                                                 \
-    ((gsize)128 << 20) /* of textures refined at most, see eigenmaps_view_put_layer() */
+    ((gsize)128 << 20) /* limit for refined textures; see eigenmaps_view_put_layer() */
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
-    int n_terms, n_layers; /* layers per term */
-    gboolean refined;      /* level 0 is twice as fine as the material */
+    int n_terms, n_layers; /* n_layers: layers per term */
+    gboolean refined;      /* level 0 has twice the resolution of the material */
     guint maps, view_weights;
     float *means; /* R, G, B of each layer */
     struct direction_textures lights;
@@ -50,7 +50,7 @@ static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **erro
     return TRUE;
 }
 
-/* Doubles the samples along one axis of a repeating texture by Catmull–Rom interpolation at the
+/* Doubles the samples along one axis of a repeating texture, by Catmull–Rom interpolation at the
  * offsets ±¼. */
 static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
     static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
@@ -66,8 +66,8 @@ static void eigenmaps_view_refine(const float *from, int n, gsize step, float *t
             }
 }
 
-/* A mip level twice as fine as the material makes bilinear filtering about as sharp as bicubic
- * filtering, without more fetches. */
+/* Uploads a layer. A mip level with twice the resolution of the material makes bilinear filtering
+ * about as sharp as bicubic filtering, without more fetches. */
 static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                      int layer, float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;
@@ -93,7 +93,7 @@ static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eig
                     GL_FLOAT, fine);
 }
 
-/* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
+/* Allocates both levels if the finer one fits into FINE_BYTES and the card. */
 static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
     gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
@@ -109,7 +109,7 @@ static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps
                      layers, 0, GL_RGB, GL_FLOAT, NULL);
 }
 
-/* One layer that is a mix of lights. */
+/* Uploads one layer that is a mix of lights. */
 static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                          int term, gsize layer, const float *shares, float *texels,
                                          GError **error) {
@@ -131,8 +131,8 @@ static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct
     return TRUE;
 }
 
-/* Uploads the mip level of one texel: drivers make it from fewer than all texels if a side is not a
- * power of two. */
+/* Uploads the mip level that has one texel. If a side is not a power of two, drivers compute that
+ * texel from only a part of the texels. */
 static void eigenmaps_view_put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
     const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
@@ -170,7 +170,8 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     eigenmaps_view_put_means(view, maps);
-    /* Software renderers take many times as long with it; supersampling does as well there. */
+    /* Software renderers take many times as long with it. Supersampling gives the same quality
+     * there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
     if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
         GLfloat most = 1.0f;
@@ -195,7 +196,7 @@ static float eigenmaps_view_weight_at(const struct eigenmaps *maps, const Direct
     return sum;
 }
 
-/* The table's outermost samples lie on the horizon, so that filtering needs nothing beyond it. */
+/* The outermost samples of the table lie on the horizon, so filtering needs no values beyond it. */
 static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenmaps *maps,
                                         Directions *views) {
     int n_pages = (maps->n_terms + 3) / 4;

@@ -1,11 +1,12 @@
 /*
- * Eigen-maps on the graphics card: BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5),
- * between the measured directions by directions.h.
+ * Eigen-maps on the graphics card: BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5).
+ * Between the measured directions, directions.h interpolates.
  *
- * The maps are the layers of one array texture of halves, term × (lights, pole, ambient), with
- * mipmaps and repeated. The pole is the mean of the topmost ring of lights; ambient is the
- * reflectance under a sky of even radiance, (1/π) ∫ BTF dω. W is tabulated over the hemisphere and
- * filtered; for the light a finer table holds up to four layers and their weights.
+ * The maps are the layers of one array texture of half floats, with the order term × (lights, pole,
+ * ambient). The texture has mipmaps and repeats. The pole is the mean of the topmost ring of
+ * lights. Ambient is the reflectance under a sky of even radiance, (1/π) ∫ BTF dω. W is tabulated
+ * over the hemisphere and filtered. For the light, a finer table has up to four layers and their
+ * weights.
  */
 #pragma once
 
@@ -14,7 +15,7 @@
 
 typedef struct EigenmapsView EigenmapsView; /* belongs to the thread of the GL context */
 
-/* Copies what it needs of maps. */
+/* Makes the view. Copies everything that it needs from maps. */
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error);
 void eigenmaps_view_free(EigenmapsView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(EigenmapsView, eigenmaps_view_free)

@@ -12,7 +12,7 @@ struct HshView {
     int n_terms;
 };
 
-/* √(2/π) c_0, where it is not negative. */
+/* Computes √(2/π) c_0, or 0 if it is negative. */
 static void hsh_view_sky(gconstpointer model, gsize view, float *ret_layer) {
     const struct hsh *hsh = model;
     const gsize texels = btf_layout_texels(&hsh->layout), n_values = (gsize)hsh->n_terms * COLOURS;
@@ -24,7 +24,7 @@ static void hsh_view_sky(gconstpointer model, gsize view, float *ret_layer) {
 }
 
 /* Sets the layers of a view: one per colour for every four terms, then one layer of R, G, B for the
- * term that is left over. Values of a texel are term × COLOURS + colour. */
+ * last term. The index of a value of a texel is term × COLOURS + colour. */
 static void hsh_view_set_pages(struct slices *slices, int n_terms) {
     const int whole = n_terms / PAGE;
     slices->n_pages = COLOURS * whole + n_terms % PAGE;

@@ -10,7 +10,7 @@
 
 #define COLOURS  3
 #define PAGE     SLICES_PAGE
-#define SKY      4 /* lights each way */
+#define SKY      4 /* number of lights in each direction */
 #define HALF_MAX 65504.0f
 
 struct LobesView {
@@ -18,8 +18,9 @@ struct LobesView {
     int n_lobes;
 };
 
-/* Sets which values of lobes.h lie in each page: first the colour (for lafortune with its diffuse
- * part), then four values per page; for ward and ashikhmin, U and V lie beside the colours. */
+/* Sets which values of lobes.h each page contains. The first page has the colour (for lafortune
+ * with its diffuse part), and each further page four values. For ward and ashikhmin, U and V are in
+ * the pages of the colours. */
 static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobes) {
     static const int facets[4][PAGE] = {
         {0, 1, 2, 12}, {3, 4, 5, 13}, {6, 7, 8, -1}, {9, 10, 11, -1}};
@@ -38,7 +39,7 @@ static void lobes_view_set_pages(struct slices *slices, const struct lobes *lobe
         }
 }
 
-/* Whether a model can be this mip level of the material whose level 0 is first. */
+/* Returns whether a model can be this mip level of the material whose level 0 is first. */
 static gboolean lobes_view_belongs(const struct lobes *first, const struct lobes *lobes,
                                    int number) {
     return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&
@@ -47,8 +48,8 @@ static gboolean lobes_view_belongs(const struct lobes *first, const struct lobes
            direction_list_equal(&lobes->layout.views, &first->layout.views);
 }
 
-/* Reflectance of a texel under an even sky, (1/π) ∫ BTF dω, as the sum over SKY² lights of solid
- * angle 2π / SKY² each. */
+/* Computes the reflectance of a texel under an even sky, (1/π) ∫ BTF dω, as the sum over SKY²
+ * lights of solid angle 2π / SKY² each. */
 static void lobes_view_sky(gconstpointer model, gsize view, float *ret_layer) {
     const struct lobes *lobes = model;
     const gsize texels = btf_layout_texels(&lobes->layout);

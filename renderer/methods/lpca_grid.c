@@ -9,16 +9,18 @@
 
 #define LEAST    2
 #define MOST     16
-#define TEXEL    16 /* bytes */
+#define TEXEL    16 /* bytes per texel */
 #define MEAN_MAX 65408.0f
 
 #define STEPS 127
 #define WORDS                                                                                      \
-    4 /* words per texel: the mean (or unused), then red, green and blue of four components */
+    4 /* words per texel: the mean (or an unused word), then red, green and blue of four           \
+         components */
 
 struct LpcaGrid {
     struct lpca_texels texels;
-    guint buffer, brdfs; /* texels of samples: cluster × view cell × (light cells, the sky) */
+    /* Texels of samples, in the order cluster × view cell × (light cells, then the sky). */
+    guint buffer, brdfs;
     int n;
 };
 
@@ -30,7 +32,7 @@ static double lpca_grid_texels_of(const struct lpca *lpca, int n) {
     return (double)lpca->n_clusters * lpca_grid_pages_of(lpca) * n * n * (n * n + 1.0);
 }
 
-/* The finest grid that LPCA_GRID_BYTES and the graphics card allow. */
+/* Returns the finest grid that LPCA_GRID_BYTES and the graphics card allow. */
 static int lpca_grid_fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
@@ -48,7 +50,7 @@ struct share {
 };
 
 /* Returns, for each cell of the grid, the measured directions from which it is mixed, as a GArray
- * of struct share; the weight of the pole is divided among the directions whose mean it is. */
+ * of struct share. The weight of the pole is divided among the directions whose mean it is. */
 static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions, int n,
                                         gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
@@ -84,11 +86,11 @@ static void lpca_grid_mix(const float *values, gsize step, const GArray *shares,
     }
 }
 
-/* Resamples one component, first over the lights and then over the views; half is the intermediate
+/* Resamples one component, first over the lights and then over the views. half is the intermediate
  * result, n_views × (n² + 1) × 3. */
 struct resampling {
     const struct lpca *lpca;
-    GPtrArray *views, *lights; /* of the lights the last is the sky */
+    GPtrArray *views, *lights; /* the last element of lights is the sky */
     float *half;
 };
 
@@ -104,7 +106,7 @@ static void lpca_grid_resample(const struct resampling *r, const float *componen
             lpca_grid_mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
 }
 
-/* As GL_RGB9_E5: nine bits each and a common exponent. */
+/* Encodes a mean as GL_RGB9_E5: nine bits per colour and a common exponent. */
 static guint32 lpca_grid_word_of_mean(const float rgb[3]) {
     const float largest = CLAMP(fmaxf(rgb[0], fmaxf(rgb[1], rgb[2])), 0, MEAN_MAX);
     int exponent;
@@ -190,16 +192,17 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
     if (grid->n < LEAST || grid->n > 1000) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "a grid of %d samples each way is not possible; give %d to 1000", grid->n,
-                    LEAST);
+                    "a grid of %d samples in each direction is not possible; give %d to 1000",
+                    grid->n, LEAST);
         return FALSE;
     }
     if (lpca_grid_texels_of(lpca, grid->n) <= most)
         return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d components on a grid of %d are more than %s takes (%d samples "
-                "in a buffer); compress with fewer components or clusters, or draw with lpca",
-                lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
+    g_set_error(
+        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+        "%d clusters of %d components on a grid of %d are more than %s can hold (%d samples in a "
+        "buffer); compress with fewer components or clusters, or draw with lpca",
+        lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
     return FALSE;
 }
 

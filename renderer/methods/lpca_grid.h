@@ -1,14 +1,15 @@
 /*
- * Local PCA drawn faster than by lpca_view.h and lpca_revised.h: eigen-BRDFs are sampled again on a
- * regular grid of the hemisphere's square (directions.h), for views and for lights, which takes the
- * place of Schneider 2004 §6's elevated concentric map. Between the samples they are linear in the
- * simplex of the four coordinates around (v, l): five samples, while pairs of measured directions
- * take nine, and a 3D texture with one manual step takes sixteen in two filtered fetches.
+ * Local PCA, drawn faster than by lpca_view.h and lpca_revised.h. The eigen-BRDFs are resampled on
+ * a regular grid of the hemisphere's square (directions.h), for views and for lights. The square
+ * replaces the elevated concentric map of Schneider 2004 §6. Between the samples, the eigen-BRDFs
+ * are linear in the simplex of the four coordinates around (v, l). This takes five samples. Pairs
+ * of measured directions take nine. A 3D texture with one manual step takes sixteen, in two
+ * filtered fetches.
  *
- * All values of a sample lie together: 16 bytes hold the mean (nine bits per colour and an
- * exponent) and four components (signed bytes, whose scales are in the texels' weights), 16 more
- * bytes the next four. If its four texels belong to one cluster, a pixel takes these fetches, with
- * p = ⌈c/4⌉:
+ * All values of a sample are stored together. The first 16 bytes hold the mean (nine bits per
+ * colour and an exponent) and four components (signed bytes, whose scales are included in the
+ * weights of the texels). Each further 16 bytes hold further components. If its four texels belong
+ * to one cluster, a pixel takes these fetches, with p = ⌈c/4⌉:
  *
  *   c           directions    texels      eigen-BRDFs                  of these at c = 2, 4, 8
  *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
@@ -16,7 +17,7 @@
  *   this        none          1 + 4 p     5 p                          5, 5, 10
  *
  * None of these fetches is filtered. The samples are in a buffer, so that an address is a sum.
- * bench_lpca_rendering measures how much pictures differ from those of lpca_view.h.
+ * bench_lpca_rendering measures the difference between these pictures and those of lpca_view.h.
  */
 #pragma once
 
@@ -25,8 +26,9 @@
 
 typedef struct LpcaGrid LpcaGrid; /* belongs to the thread of the GL context */
 
-/* levels: a local PCA and its n − 1 mip levels. n_grid: samples each way, at least 2; 0: as many,
- * up to 16, as LPCA_GRID_BYTES hold. */
+/* Makes the grid. levels is a local PCA and its n − 1 mip levels. n_grid is the number of samples
+ * in each direction, at least 2. If it is 0, it is chosen as large as LPCA_GRID_BYTES allow, but at
+ * most 16. */
 #define LPCA_GRID_BYTES ((gsize)128 << 20)
 LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_grid_free(LpcaGrid *grid); /* NULL is ignored */

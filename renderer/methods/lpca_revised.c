@@ -21,8 +21,8 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* The finest grid within LPCA_REVISED_BYTES; a card stores RGB bytes as 4 bytes, RGB halves as 8.
- */
+/* Returns the finest grid within LPCA_REVISED_BYTES. A card stores RGB bytes as 4 bytes, and RGB
+ * half floats as 8 bytes. */
 static int lpca_revised_fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&
@@ -56,8 +56,8 @@ static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GErro
     if ((gint64)rows * MAX(1, grid->n_components) * r->n <= size && r->n * r->n + 1 <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s "
-                "takes (%d each way); compress with fewer, or draw with lpca-grid",
+                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s can "
+                "hold (%d in each direction); compress with fewer, or draw with lpca-grid",
                 grid->n_clusters, grid->n_components, r->n, gpu_renderer(), size);
     return FALSE;
 }

@@ -1,18 +1,18 @@
 /*
- * Local PCA as Schneider 2004 §6 draws it. Eigen-BRDFs are sampled on a regular grid of the
- * elevated concentric map, for views and for lights (lpca_resample.h); a 3D texture holds n volumes
- * per table, one for each t_l, of (s_v, t_v, s_l), stacked along the third axis. The card
- * interpolates three of the four coordinates, the shader the fourth:
+ * Local PCA as Schneider 2004 §6 draws it. The eigen-BRDFs are sampled on a regular grid of the
+ * elevated concentric map, for views and for lights (lpca_resample.h). A 3D texture has n volumes
+ * per table, one for each t_l. A volume has the axes (s_v, t_v, s_l). The volumes are stacked along
+ * the third axis. The card interpolates three of the four coordinates, and the shader the fourth:
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).
  *
- * Two cube maps give (s_v, t_v) of a view and (z1, z2, w) of a light. The first is filtered; the
- * second cannot be, because z jumps from one volume to the next; its angular resolution is a
- * quarter of a degree. A volume ends at the centres of its outermost samples, so that filtering
+ * Two cube maps give (s_v, t_v) of a view and (z1, z2, w) of a light. The first is filtered. The
+ * second cannot be filtered, because z jumps from one volume to the next; its angular resolution is
+ * a quarter of a degree. A volume ends at the centres of its outermost samples, so that filtering
  * never mixes neighbouring volumes along any axis.
  *
- * The E_i, i ≥ 1, are signed bytes; texels' weights are multiplied by the scales beforehand. Means
- * are halves: no small weight makes their steps smaller.
+ * The E_i with i ≥ 1 are signed bytes. The weights of the texels are multiplied by their scales
+ * beforehand. Means are half floats, because no small weight makes their steps smaller.
  */
 #pragma once
 
@@ -21,9 +21,10 @@
 
 typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL context */
 
-/* levels: a local PCA and its n − 1 mip levels; what is not on a grid yet is resampled to n_grid
- * samples each way (lpca_resample.h has the limits); 0: as many as LPCA_REVISED_BYTES hold, up to
- * 16. Copies what it needs. */
+/* Makes the view. levels is a local PCA and its n − 1 mip levels. Levels that are not on a grid yet
+ * are resampled to n_grid samples in each direction (lpca_resample.h has the limits). If n_grid is
+ * 0, it is chosen as large as LPCA_REVISED_BYTES allow, but at most 16. Copies everything that it
+ * needs. */
 #define LPCA_REVISED_BYTES ((gsize)128 << 20)
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error);
 void lpca_revised_free(LpcaRevised *revised); /* NULL is ignored */

@@ -65,8 +65,8 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
     return TRUE;
 }
 
-/* Concatenates the eigen-BRDFs of all levels; components that a level lacks are 0, with weight 0.
- */
+/* Concatenates the eigen-BRDFs of all levels. Components that a level lacks are 0 and have weight
+ * 0. */
 static void lpca_texels_join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
     const gsize size = 3 * joined->layout.views.n * joined->layout.lights.n;
     const gsize tables = joined->n_components + 1;
@@ -105,7 +105,7 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
     }
     if (n == 1)
         return TRUE;
-    pyramid->lpca = g_memdup2(levels[0], sizeof(struct lpca)); /* all else is borrowed */
+    pyramid->lpca = g_memdup2(levels[0], sizeof(struct lpca)); /* all other members are borrowed */
     pyramid->owned = TRUE;
     pyramid->lpca->n_clusters = n_clusters;
     pyramid->lpca->n_components = n_components;
@@ -131,8 +131,8 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* A packed material has one cluster with too many components to be drawn: it is clustered again,
- * with the default numbers of “mesorig compress”. */
+/* Makes a packed material drawable. It has one cluster with too many components to be drawn, so it
+ * is clustered again, with the default numbers of “mesorig compress”. */
 static gboolean lpca_texels_make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
@@ -155,8 +155,8 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
-/* Uploads the cluster of each texel with those of its three neighbours, so that one fetch reads
- * four. */
+/* Uploads the cluster of each texel together with those of its three neighbours, so that one fetch
+ * reads four clusters. */
 static void lpca_texels_upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;
@@ -189,7 +189,7 @@ static void lpca_texels_upload_weights(const struct lpca_pyramid *pyramid, const
     }
 }
 
-/* Texels are fetched, never filtered; complete with these levels. */
+/* Makes a texture with these levels. Its texels are fetched and never filtered. */
 static guint lpca_texels_mipmapped(GLenum target, int n_levels) {
     GLuint texture;
     glGenTextures(1, &texture);
@@ -257,10 +257,10 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
     }
     if (stack->n_layers > 0 && stack->n_layers <= layers)
         return TRUE;
-    g_set_error(
-        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-        "%d clusters of %d × %d values are more than %s takes (%d layers of %d each way); %s",
-        n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d clusters of %d × %d values are more than %s can hold (%d layers of %d in each "
+                "direction); %s",
+                n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
     return FALSE;
 }
 

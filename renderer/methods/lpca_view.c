@@ -11,15 +11,15 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row per view; columns are lights and the sky, each with all
-                                components */
+    /* One row per view; columns are lights and the sky, each with all components. */
+    struct lpca_stack stack;
     guint brdfs;
-    guint skies; /* of logarithms, else 0 */
+    guint skies; /* only with logarithms, else 0 */
     int ambient_column;
     struct direction_textures views, lights;
 };
 
-/* One row per view: for each component the measured lights, then the sky. */
+/* Fills one row per view: for each component the measured lights, then the sky. */
 static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
                                    int cluster, const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;
@@ -78,8 +78,8 @@ static gboolean lpca_view_upload_skies(LpcaView *view, const struct lpca_pyramid
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     if (first->layout.views.n > (gsize)layers) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%zu views in logarithms are more than %s takes (%d layers); compress without "
-                    "--colours=log",
+                    "%zu views in logarithms are more than %s can hold (%d layers); compress "
+                    "without --colours=log",
                     first->layout.views.n, gpu_renderer(), layers);
         return FALSE;
     }

@@ -6,16 +6,16 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define SIZE        256 /* of the normal map, for one tile */
+#define SIZE        256 /* width and height of the normal map, for one tile */
 #define YARNS       16
 #define ACROSS      0.8F
 #define ALONG       0.45F
-#define BUMPS       3 /* a tile each way */
+#define BUMPS       3 /* number of bosses per tile in each direction */
 #define BUMP_RADIUS 0.36
 #define BUMP_SLOPE  0.75
 
-/* The surfaces' parameters, for fabric those of the warp; a weft yarn has U and V exchanged. U of
- * metal is along its brushing, the direction in which facets lean least. */
+/* The parameters of the surfaces. For fabric they are those of the warp; a weft yarn has U and V
+ * exchanged. U of metal is along its brushing, the direction in which facets lean least. */
 static const struct microfacet surfaces[2][2] = {
     {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
      {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
@@ -30,14 +30,15 @@ struct material {
     guint normals;
 };
 
-/* Slopes are those of the normal: it leans towards the foot of a boss. */
+/* Returns a normal from slopes. The slopes are those of the normal, which leans towards the foot of
+ * a boss. */
 static struct vec3 microfacet_view_normal_of(double x, double y) {
     const double length = sqrt(x * x + y * y + 1);
     return (struct vec3){x / length, y / length, 1 / length};
 }
 
-/* Normals of bosses on a lattice, whose slope half way down their sides is BUMP_SLOPE. The normal
- * is constant within each texel of the normal map. */
+/* Returns the normal of bosses on a lattice. Their slope half way down their sides is BUMP_SLOPE.
+ * The normal is constant within each texel of the normal map. */
 static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const int i = (int)floor((at[0] - floor(at[0])) * SIZE);
     const int j = (int)floor((at[1] - floor(at[1])) * SIZE);
@@ -47,7 +48,7 @@ static struct vec3 microfacet_view_metal_normal(const double at[2]) {
     const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
     if (!(r > 0))
         return microfacet_view_normal_of(0, -0.0);
-    /* rows run down */
+    /* Rows run downwards. */
     return microfacet_view_normal_of(slope * u / (r * BUMP_RADIUS),
                                      -(slope * v / (r * BUMP_RADIUS)));
 }
@@ -92,9 +93,10 @@ static gboolean microfacet_view_upload(struct material *material, const struct n
     GLint size = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
     if (map->width > size || map->height > size) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "a normal map of %d × %d texels: %s takes %d each way; make it smaller",
-                    map->width, map->height, gpu_renderer(), size);
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "a normal map of %d × %d texels: %s supports %d in each direction; make it smaller",
+            map->width, map->height, gpu_renderer(), size);
         return FALSE;
     }
     glGenTextures(1, &material->normals);

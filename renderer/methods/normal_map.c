@@ -7,7 +7,7 @@
 #include <png.h>
 #include <string.h>
 
-#define SHORTEST 0.5F /* filtered maps hold shorter normals, and noisy ones longer */
+#define SHORTEST 0.5F /* filtering makes normals shorter, and noise makes them longer */
 #define LONGEST  1.5F
 
 G_DEFINE_QUARK(normal_map_error, normal_map_error)
@@ -27,7 +27,7 @@ static struct normal_map *normal_map_new(int width, int height) {
     return map;
 }
 
-/* n: not of unit length yet. */
+/* Sets a texel. n need not have unit length. */
 static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3], const char *path,
                                GError **error) {
     const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -36,23 +36,22 @@ static gboolean normal_map_put(struct normal_map *map, gsize k, const float n[3]
         map->xy[2 * k + 1] = n[1] / length;
         return TRUE;
     }
-    g_set_error(
-        error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-        "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is not a normal of a surface; give a "
-        "normal map in tangent space",
-        path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
-        (double)n[1], (double)n[2]);
+    g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
+                "%s: texel (%d, %d) is (%.3g, %.3g, %.3g), which is not the normal of a surface; "
+                "choose a normal map in tangent space",
+                path, (int)(k % (gsize)map->width), (int)(k / (gsize)map->width), (double)n[0],
+                (double)n[1], (double)n[2]);
     return FALSE;
 }
 
 struct png_reading {
     const char *path;
     FILE *file;
-    guint64 length;           /* of the file, in bytes */
-    int width, height, bytes; /* of a value */
+    guint64 length;           /* length of the file, in bytes */
+    int width, height, bytes; /* bytes: bytes of a value */
     guint8 *rows;
     char *message;
-    GError *why; /* decoding does not begin */
+    GError *why; /* set if decoding cannot begin */
 };
 
 static void normal_map_on_error(png_structp png, png_const_charp text) {
@@ -65,7 +64,7 @@ static void normal_map_on_error(png_structp png, png_const_charp text) {
 static void normal_map_on_warning(png_structp png, png_const_charp text) {
 }
 
-/* Everything between setjmp and a longjmp; what it allocates is in reading. */
+/* Contains everything between setjmp and a longjmp. Allocated memory is kept in reading. */
 static gboolean normal_map_decode(png_structp png, png_infop info, struct png_reading *reading) {
     if (setjmp(png_jmpbuf(png)))
         return FALSE;
@@ -159,8 +158,8 @@ static struct normal_map *normal_map_of_part(const struct exr_part *part, const 
     if ((!plain && !normal_map_find_planes(part, rgb, planes)) || part->width > NORMAL_MAP_MAX ||
         part->height > NORMAL_MAP_MAX) {
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels each "
-                    "way",
+                    "%s: a normal map has channels X, Y, Z, or R, G, B, and at most %d texels in "
+                    "each direction",
                     path, NORMAL_MAP_MAX);
         return NULL;
     }
@@ -187,7 +186,7 @@ static struct normal_map *normal_map_read_exr(const char *path, GError **error) 
     struct normal_map *map = part != NULL ? normal_map_of_part(part, path, error) : NULL;
     if (part == NULL)
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
-                    "%s: the file has no part; save the normal map again", path);
+                    "%s: the file is empty; save the normal map again", path);
     exr_file_free(file);
     return map;
 }

@@ -1,8 +1,8 @@
 /*
- * Normal maps from files, in tangent space with +y upwards, as glTF has them:
+ * Normal maps from files, in tangent space with +y upwards, as in glTF:
  *   PNG, 8 or 16 bits, in colour: red, green, blue of 0 … 1 are x, y, z of −1 … 1, without gamma
- *   EXR: the part "normal", or else the first; channels X, Y, Z of −1 … 1 (as in what “mesorig
- *        compress --method ward” writes), or R, G, B coded as in a PNG
+ *   EXR: the part "normal", or else the first part; channels X, Y, Z of −1 … 1 (as in the files of
+ *        “mesorig compress --method ward”), or R, G, B with the coding of a PNG
  */
 #pragma once
 
@@ -12,16 +12,17 @@
 GQuark normal_map_error_quark(void);
 enum normal_map_error {
     NORMAL_MAP_ERROR_IO,
-    NORMAL_MAP_ERROR_FORMAT, /* not read, or no normal map; the message says which texel is not */
+    /* Unreadable, or not a normal map; the message names the first wrong texel. */
+    NORMAL_MAP_ERROR_FORMAT,
 };
 
-#define NORMAL_MAP_MAX 16384 /* texels each way */
+#define NORMAL_MAP_MAX 16384 /* texels in each direction */
 
 struct normal_map {
     int width, height;
-    float *xy; /* of unit normals, row 0 at the top: height × width × 2 */
+    float *xy; /* x and y of unit normals, row 0 at the top: height × width × 2 */
 };
 
-/* Any thread. */
+/* Reads a normal map. Any thread may call it. */
 struct normal_map *normal_map_read(const char *path, GError **error);
 void normal_map_free(struct normal_map *map); /* NULL is ignored */

@@ -18,7 +18,8 @@ gboolean slices_check_size(const struct slices *slices, const struct btf_layout 
         layout->views.n + 1 <= (gsize)layers)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "%zu × %zu texels in %d layers are more than %s takes (%d each way, %d layers); %s",
+                "%zu × %zu texels in %d layers are more than %s can hold (%d in each direction, %d "
+                "layers); %s",
                 layout->width, layout->height, n_layers, gpu_renderer(), size, layers, advice);
     return FALSE;
 }
@@ -57,7 +58,7 @@ static void slices_upload_values(const struct slices *slices, const struct slice
     }
 }
 
-/* A layer per view, and one of their pole. */
+/* Uploads one layer per view, and one of their pole. */
 static void slices_upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
                                    const float *pole_share) {
     const gsize texels = btf_layout_texels(from->layout), n_views = from->layout->views.n;
@@ -83,7 +84,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!views)
         return FALSE;
     slices->views = direction_table_new(views, FALSE);
-    /* Which views the pole is the mean of. */
+    /* The views whose mean is the pole. */
     int n_members;
     const int *members = directions_pole(views, &n_members);
     g_autofree guint16 *indices = g_new0(guint16, MAX(1, n_members));

@@ -9,18 +9,22 @@
 #include <string.h>
 
 struct MdfTexture {
-    guint depths; /* views: a layer each, and one for the pole; factors: four maps per layer */
-    struct direction_textures views; /* of views; 0 for factors */
-    guint factors; /* W_1 … W_c by direction, four per layer, and W_0 in the last layer */
-    int n_terms;   /* c, see mdf_factors.h; 0: views */
-    double scale_mm, least_mm; /* depth of views = least_mm + scale_mm · value */
+    /* For views, one layer each, and one for the pole. For factors, four maps per layer. */
+    guint depths;
+    struct direction_textures views; /* directions of views; 0 for factors */
+    /* W_1 … W_c by direction, four per layer, and W_0 in the last layer. */
+    guint factors;
+    int n_terms;               /* c, see mdf_factors.h; 0 for views */
+    double scale_mm, least_mm; /* depth of a view = least_mm + scale_mm · value */
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
-    float *theta_deg, *phi_deg; /* n_views */
-    guint volume;               /* 0: not asked for yet */
+    float *theta_deg, *phi_deg; /* n_views elements */
+    guint volume;               /* 0 before it is first used */
     int n_rings;
     float rings[MDF_VOLUME_RINGS]
-               [4]; /* θ in rad, centre of the first slice, slices, φ of it in turns */
+               /* Θ in rad, centre of the first slice, number of slices, φ of the first slice in
+                * turns. */
+               [4];
 };
 
 static gboolean mdf_texture_check(int width, int height, int n_layers, GError **error) {
@@ -30,19 +34,18 @@ static gboolean mdf_texture_check(int width, int height, int n_layers, GError **
     if (n_layers <= layers && width <= size && height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d × %d texels in %d layers is too large: %s takes %d texels each way "
-                "in %d layers; "
-                "process the material with fewer texels or views",
+                "an MDF of %d × %d texels in %d layers is too large: %s supports %d texels in each "
+                "direction in %d layers; process the material with fewer texels or views",
                 width, height, n_layers, gpu_renderer(), size, layers);
     return FALSE;
 }
 
-/* Number of layers of an MDF in factors: the channels of one layer hold four maps. */
+/* Returns the number of layers of an MDF in factors. The channels of one layer hold four maps. */
 static int n_map_layers(int n_terms) {
     return mdf_factors_layers(n_terms);
 }
 
-/* The depths at the pole: the mean of the topmost ring of views, height × width. */
+/* Returns the depths at the pole, the mean of the topmost ring of views: height × width. */
 static float *pole_view(const struct mdf_table *t, const Directions *directions) {
     gsize n = (gsize)t->width * t->height;
     g_autofree float *shares = g_new0(float, t->n_views);
@@ -67,7 +70,7 @@ static void upload_views(MdfTexture *texture, const struct mdf_table *t,
     texture->scale_mm = 1.0;
 }
 
-/* The next mip level: the mean of each 2 × 2 texels, in place. */
+/* Computes the next mip level in place: the mean of each 2 × 2 texels. */
 static void halve(float *depth, int w, int h) {
     int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
     for (int j = 0; j < to_h; j++)
@@ -79,8 +82,8 @@ static void halve(float *depth, int w, int h) {
         }
 }
 
-/* glGenerateMipmap() does not take compressed formats: each mip level is averaged and encoded
- * here. */
+/* Uploads blocks. glGenerateMipmap() does not accept compressed formats, so each mip level is
+ * averaged and encoded here. */
 static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
                           const struct mdf_blocks *blocks, const Directions *directions) {
     gsize n = (gsize)t->width * t->height;
@@ -137,7 +140,7 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-/* The part common to the three forms. */
+/* The values that all three forms of an MDF have in common. */
 struct extent_mm {
     int width, height, n_views;
     double texel_mm, deepest_mm;
@@ -161,7 +164,7 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    texture->views.target = GL_TEXTURE_2D; /* also where factors leave its textures 0 */
+    texture->views.target = GL_TEXTURE_2D; /* also if its textures are 0 because of factors */
     texture->width_mm = e.width * e.texel_mm;
     texture->height_mm = e.height * e.texel_mm;
     texture->deepest_mm = e.deepest_mm;
@@ -211,7 +214,7 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
                                  direction_textures_bytes(&texture->views);
 }
 
-/* Views of one θ that follow each other; returns the number after the last. */
+/* Returns the number after the last of the successive views that have the same θ. */
 static int ring_end(const MdfTexture *texture, int first) {
     int end = first + 1;
     while (end < texture->n_views &&
@@ -230,7 +233,8 @@ static gboolean ring_is_even(const MdfTexture *texture, int first, int end) {
     return TRUE;
 }
 
-/* FALSE: views are not on rings, from above to below. */
+/* Finds the rings. Returns FALSE if the views are not on rings that are ordered from above to
+ * below. */
 static gboolean find_rings(MdfTexture *texture) {
     texture->n_rings = 0;
     for (int first = 0, end, slice = 0; first < texture->n_views; first = end) {
@@ -252,7 +256,7 @@ static gboolean find_rings(MdfTexture *texture) {
 static void mdf_texture_upload_volume(MdfTexture *texture) {
     gsize n = (gsize)texture->width * texture->height;
     int slices = texture->n_views + texture->n_rings, slice = 0;
-    g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* and the pole */
+    g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* includes the pole */
     g_autofree guint8 *bytes = g_new(guint8, n * slices);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
     glGetTexImage(GL_TEXTURE_2D_ARRAY, 0, GL_RED, GL_FLOAT, values);
@@ -282,21 +286,19 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
     if (texture->volume != 0)
         return TRUE;
     if (mdf_texture_is_maps(texture) || !find_rings(texture)) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_FAILED,
-            "distances can be put into a volume only if they are of views on at most %d rings, "
-            "and not in factors: leave --mdf-volume out",
-            MDF_VOLUME_RINGS);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "distances can be in a volume only if their views are on at most %d rings, and "
+                    "if they are not in factors: leave --mdf-volume out",
+                    MDF_VOLUME_RINGS);
         return FALSE;
     }
     glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
     int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
     if (longest > most) {
-        g_set_error(
-            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-            "distances of %d × %d texels in %d views do not fit into a volume: %s takes %d each "
-            "way; leave --mdf-volume out",
-            texture->width, texture->height, texture->n_views, gpu_renderer(), most);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "distances of %d × %d texels in %d views do not fit into a volume: %s supports "
+                    "%d in each direction; leave --mdf-volume out",
+                    texture->width, texture->height, texture->n_views, gpu_renderer(), most);
         return FALSE;
     }
     mdf_texture_upload_volume(texture);

@@ -7,26 +7,28 @@
 
 typedef struct MdfTexture MdfTexture; /* belongs to the thread of the GL context */
 
-#define MDF_TEXTURE_UNIT 8  /* and the next two */
+#define MDF_TEXTURE_UNIT 8  /* this unit and the next two */
 #define MDF_FACTORS_UNIT 13 /* the weights of factors by direction */
 
-/* Copies what it needs. Views are stored as half floats, blocks as they are (RGTC1, 4 bits per
- * texel), factors as 8-bit maps, four of them at each fetch, whatever the number of views. */
+/* Makes the texture. Copies everything that it needs. Views are stored as half floats. Blocks are
+ * stored unchanged (RGTC1, 4 bits per texel). Factors are stored as 8-bit maps, four of them in
+ * each fetch, for any number of views. */
 MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error);
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
 
-/* Whether it holds factors; shaders are compiled with MDF_MAPS 1 for these, else 0. */
+/* Returns whether the texture holds factors. Shaders are compiled with MDF_MAPS 1 for factors, and
+ * 0 otherwise. */
 gboolean mdf_texture_is_maps(const MdfTexture *texture);
 
-gint64 mdf_texture_bytes(const MdfTexture *texture); /* 0 of NULL */
+gint64 mdf_texture_bytes(const MdfTexture *texture); /* returns 0 for NULL */
 
-/* The published form (Wang et al. 2005 §5), for comparison: 8 bits per distance in a 3D texture
- * whose third axis is the view, filtered trilinearly, without mip levels. Between views of a ring
- * the texture's filter interpolates; the shader mixes two rings. The texture is made from the views
- * when it is first asked for; the first view of each ring is repeated at its end. Shaders are
- * compiled with MDF_VOLUME 1. Fails where the MDF is in factors, or its views are not on at most
- * MDF_VOLUME_RINGS rings, each evenly spaced. */
+/* The published form (Wang et al. 2005 §5), for comparison. Distances have 8 bits and are in a 3D
+ * texture whose third axis is the view. The texture is filtered trilinearly, without mip levels.
+ * Its filter interpolates between views of a ring, and the shader mixes two rings. The texture is
+ * made from the views when this function is first called. The first view of each ring is repeated
+ * at the end of the ring. Shaders are compiled with MDF_VOLUME 1. The function fails if the MDF is
+ * in factors, or if its views are not on at most MDF_VOLUME_RINGS rings, each evenly spaced. */
 #define MDF_VOLUME_RINGS 16
 gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error);
 

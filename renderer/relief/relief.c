@@ -9,9 +9,10 @@
 
 struct Relief {
     MdfTexture *mdfs[RELIEF_MAX_MATERIALS], *smooth;
-    Visibility *eye, *lamp;      /* each keeps its textures at their size */
-    ShadowMaps *first, *further; /* of the first lamp; of further ones, NULL until there are any */
-    /* What relief_prepare() has set for relief_bind(). */
+    Visibility *eye, *lamp; /* each keeps its textures at the size of its use */
+    /* Of the first lamp, and of further lamps (NULL until there are any). */
+    ShadowMaps *first, *further;
+    /* Values that relief_prepare() has set for relief_bind(). */
     gboolean silhouettes, shadows; /* shadows: of the first lamp */
     int n_further;
     guint seen;
@@ -68,7 +69,7 @@ gint64 relief_mdf_bytes(const Relief *relief) {
     return sum;
 }
 
-/* The parts within the first n_casting indices; of a single part its first. */
+/* Reduces the parts to the first n_casting indices. A single part is cut. */
 static void parts_casting(struct visibility_scene *scene, guint n_casting) {
     int n = 0;
     for (int k = 0; k < scene->n_parts; k++) {
@@ -117,8 +118,8 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     relief->n_further = from->n_further;
     if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
         return FALSE;
-    /* Further lamps share the memory of four maps of full size: each of many lamps contributes
-     * little. */
+    /* Further lamps share the memory of four maps of full size, because each of many lamps
+     * contributes little. */
     const int layers = shadow_maps_layers(from->further, from->n_further, from->radius);
     shadows.size /= layers <= 4 ? 1 : layers <= 16 ? 2 : 4;
     if (!shadow_maps_find(relief->further, relief->lamp, &shadows, from->further, from->n_further,

@@ -6,17 +6,17 @@
 #include <math.h>
 #include <string.h>
 
-#define SLACK 2.0 /* in texels */
-#define REACH 2.0 /* in radii; see shadow_maps_range() */
+#define SLACK 2.0 /* bias, in texels */
+#define REACH 2.0 /* in radii of the mesh; see shadow_maps_range() */
 #define RANGE 4.0
 
-#define NEAR  1.2                 /* in radii: nearer to the origin, a lamp has six maps */
-#define WIDE  (75.0 * G_PI / 180) /* so has one with a wider cone */
+#define NEAR  1.2 /* in radii of the mesh; a lamp nearer to the origin has six maps */
+#define WIDE  (75.0 * G_PI / 180) /* a lamp with a wider cone also has six maps */
 #define FACES 6
 
-/* Everything that a map depends on. */
+/* Everything on which a map depends. */
 struct key {
-    guint64 parts; /* of parts_hash(); 0: there is no map yet */
+    guint64 parts; /* result of parts_hash(); 0 if there is no map yet */
     guint serial;
     struct shadow_lamp lamp;
     struct visibility_options options;
@@ -26,7 +26,7 @@ struct ShadowMaps {
     gboolean layered;
     guint program, texture, framebuffer;
     int size, n;
-    struct key keys[SHADOW_MAPS_LAYER]; /* of layers */
+    struct key keys[SHADOW_MAPS_LAYER]; /* keys of the layers */
 };
 
 ShadowMaps *shadow_maps_new(gboolean layered, GError **error) {
@@ -65,8 +65,8 @@ static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **err
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     if (size > largest || n > (maps->layered ? MIN(layers, SHADOW_MAPS_LAYER) : 1)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d shadow maps of %d × %d: %s takes %d each way, and %d of them; choose a "
-                    "smaller --shadow-map or fewer lamps",
+                    "%d shadow maps of %d × %d: %s supports %d in each direction, and %d of them; "
+                    "choose a smaller --shadow-map or fewer lamps",
                     n, size, size, gpu_renderer(), largest, layers);
         return FALSE;
     }
@@ -121,7 +121,8 @@ static int lamp_faces(const struct shadow_lamp *lamp, double radius) {
     return lamp->place[3] < 0.5F || lamp_has_cone(lamp) || outside ? 1 : FACES;
 }
 
-/* Tangent of half the angle of a near lamp's map. Outside of the sphere its tangents just fit. */
+/* Returns the tangent of half the angle of a near lamp's map. For a lamp outside the sphere, the
+ * map just contains the sphere. */
 static double lamp_tangent(const struct shadow_lamp *lamp, double radius) {
     const double distance = place_distance(lamp);
     if (lamp_faces(lamp, radius) == FACES)
@@ -158,7 +159,7 @@ void shadow_maps_axes(const ShadowMaps *maps, const struct shadow_lamp *lamps, i
     }
 }
 
-/* Unit, against the way that a face of the lamp's maps looks. */
+/* Computes a unit vector opposite to the direction in which a face of the lamp's maps looks. */
 static void face_back(const struct shadow_lamp *lamp, int face, double radius, float ret[3]) {
     const double distance = place_distance(lamp);
     const gboolean cube = lamp_faces(lamp, radius) == FACES, cone = lamp_has_cone(lamp);
@@ -170,7 +171,8 @@ static void face_back(const struct shadow_lamp *lamp, int face, double radius, f
                         : (float)(lamp->place[k] / distance);
 }
 
-/* From far away along the light: a sphere of the radius fills the picture. Column-major. */
+/* Computes the column-major matrix of a view from far away along the light. A sphere of the radius
+ * fills the picture. */
 static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     float right[3], up[3];
     shadow_maps_right(light, right);
@@ -184,7 +186,8 @@ static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     ret[15] = 1.0f;
 }
 
-/* From a place, column-major; what is nearer than a hundredth of the radius is cut off. */
+/* Computes the column-major matrix of a view from a place. Everything nearer than a hundredth of
+ * the radius is cut off. */
 static void near_matrix(const struct shadow_lamp *lamp, int face, double radius, float ret[16]) {
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
@@ -266,7 +269,7 @@ static guint64 parts_hash(const struct visibility_scene *s) {
     return hash | 1;
 }
 
-/* One face of a lamp, into a layer. */
+/* Draws one face of a lamp into a layer. */
 static gboolean find_face(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const struct key *key, int face,
                           int layer, GError **error) {

@@ -5,22 +5,22 @@
 #include <epoxy/gl.h>
 
 #define FACE_BYTES   16
-#define HEADER_BYTES 16 /* of the lists' buffer: their number */
+#define HEADER_BYTES 16 /* header of the buffer of lists: their number */
 
 #define VARIANTS (4 * PLACES_KINDS) /* number of variants of the programs */
 
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    /* For MDFs of views, of maps (bit 0), in a volume (bit 1), of each kind of places: all but the
-     * first compiled on demand. ADD and FIND only with OpenGL 4.3. */
+    /* For MDFs of views, of maps (bit 0), in a volume (bit 1), and of each kind of places. All but
+     * the first are compiled on demand. ADD and FIND exist only with OpenGL 4.3. */
     guint all_programs[VARIANTS][N_PROGRAMS];
     guint query;
     struct gpu_target back[2], seen;
-    guint stencil; /* of seen: the layer that a pixel was found in */
+    guint stencil; /* stencil of seen: the layer in which a pixel was found */
     guint first, first_framebuffer, faces;
     int first_width, first_height;
-    guint32 room; /* faces that the buffer has room for */
+    guint32 room; /* number of faces for which the buffer has space */
 };
 
 static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
@@ -79,7 +79,8 @@ static int part_variant(const struct visibility_part *part) {
            4 * (int)places_kind_of(&part->places);
 }
 
-/* textures: those of VISIBILITY_UNIT and of the next unit, and their names; may be NULL. */
+/* A drawing pass. textures are those of VISIBILITY_UNIT and of the next unit, with their names;
+ * they may be NULL. */
 struct pass {
     int program; /* BACK, FRONT or ADD */
     const char *names[2];
@@ -124,7 +125,7 @@ static void visibility_clear(guint framebuffer, GLbitfield what) {
     glClear(what);
 }
 
-/* Returns whether faces are left to peel at pixels without a visible surface. */
+/* Returns whether there are still faces to peel at pixels without a visible surface. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
@@ -137,8 +138,8 @@ static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int l
     return any != 0;
 }
 
-/* The stencil buffer keeps the layer in which a pixel was found, and masks it for all later ones.
- */
+/* Draws front faces. The stencil buffer keeps the layer in which a pixel was found, and masks it
+ * for all later layers. */
 static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
     visibility_clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
     glEnable(GL_STENCIL_TEST);
@@ -169,7 +170,8 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
     return TRUE;
 }
 
-/* FALSE: the card has no memory for so many faces; the buffer is deleted. */
+/* Allocates the buffer. Returns FALSE if the card has no memory for so many faces; the buffer is
+ * then deleted. */
 static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
         glGenBuffers(1, &v->faces);
@@ -177,14 +179,14 @@ static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
     glBufferData(GL_SHADER_STORAGE_BUFFER, HEADER_BYTES + FACE_BYTES * (gsize)faces, NULL,
                  GL_DYNAMIC_COPY);
-    if (gpu_check("making room for lists of faces", NULL))
+    if (gpu_check("allocating lists of faces", NULL))
         return TRUE;
     glDeleteBuffers(1, &v->faces);
     v->faces = v->room = 0;
     return FALSE;
 }
 
-/* Returns the number of faces; those beyond v->room are missing from the lists. */
+/* Returns the number of faces. Faces beyond v->room are missing from the lists. */
 static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     const GLuint none[4] = {0, 0, 0, 0};
     guint32 n_faces = 0;
@@ -211,7 +213,8 @@ static gboolean visibility_fits(guint32 faces) {
     return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
 }
 
-/* FALSE without error: the lists do not fit on the card, and the faces are peeled instead. */
+/* Finds the surface by lists. Returns FALSE without an error if the lists do not fit on the card;
+ * the faces are then peeled instead. */
 static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
     if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
@@ -232,7 +235,7 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
         if (!visibility_fits(n_faces + n_faces / 4) ||
             !visibility_make_room(v, n_faces + n_faces / 4))
             return FALSE;
-    const guint find = v->all_programs[0][FIND]; /* the same in all variants */
+    const guint find = v->all_programs[0][FIND]; /* the same program in all variants */
     glUseProgram(find);
     glUniform1i(glGetUniformLocation(find, "layers"), s->options.layers);
     glUniform1i(glGetUniformLocation(find, "straight"), s->options.straight);
@@ -272,7 +275,7 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
         glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D,
                                v->stencil, 0);
-        if (!gpu_check("making room for silhouettes", error))
+        if (!gpu_check("allocating silhouettes", error))
             return FALSE;
     }
     glViewport(0, 0, s->width, s->height);

@@ -9,14 +9,14 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define MOST 6e4f /* near the largest half float, 65504 */
+#define MOST 6e4f /* close to the largest half float, 65504 */
 
 enum { GROUND, GROUND_LAMPS, GROUND_NEAR, ENVIRONMENT, N_PROGRAMS };
 
 struct Backdrop {
-    guint programs[N_PROGRAMS]; /* each compiled when it is first asked for */
+    guint programs[N_PROGRAMS]; /* each is compiled when it is first used */
     guint environment;
-    float foot[3], corner, radius; /* of the mesh: half its width and depth, its lowest z */
+    float foot[3], corner, radius; /* of the mesh: half its width and depth, and its lowest z */
 };
 
 static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
@@ -49,7 +49,7 @@ void backdrop_free(Backdrop *backdrop) {
 }
 
 /* The footprint of the mesh (its lowest quarter seen from above) is modelled as a rectangle with
- * rounded corners: radius 0 for a square plane, half the width for a torus. */
+ * rounded corners. Their radius is 0 for a square plane, and half the width for a torus. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
     double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
     for (guint k = 0; k < n; k++) {
@@ -78,8 +78,8 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (environment->width > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "the environment map has %d × %d pixels, %s takes %d each way; make it "
-                    "smaller, or omit --backdrop",
+                    "the environment map has %d × %d pixels, and %s supports %d in each direction; "
+                    "make it smaller, or omit --backdrop",
                     environment->width, environment->height, gpu_renderer(), largest);
         return FALSE;
     }
@@ -131,7 +131,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
         relief_bind(relief, program);
         programs_set_lamps(program, s, (double)backdrop->radius);
     }
-    glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
+    glDepthFunc(GL_LEQUAL); /* only where nothing was drawn yet */
     glDepthMask(GL_FALSE);
     gpu_fill_screen();
     glDepthMask(GL_TRUE);

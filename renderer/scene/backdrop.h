@@ -13,13 +13,14 @@ Backdrop *backdrop_new(GError **error);
 void backdrop_free(Backdrop *backdrop); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Backdrop, backdrop_free)
 
-/* The points of the mesh, n × 3, under which the ground lies. */
+/* Sets the points of the mesh, n × 3. The ground lies below them. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius);
 
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 
-/* Draws with alpha 0 where nothing was drawn yet. The projection is that of camera.h. */
+/* Draws the background where nothing was drawn yet, with alpha 0. The projection is that of
+ * camera.h. */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

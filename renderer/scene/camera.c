@@ -5,9 +5,9 @@
 
 #include <glib.h>
 
-#define MARGIN 0.92 /* of the picture's width or height that a shape fills */
+#define MARGIN 0.92 /* share of the picture's width or height that a shape fills */
 
-/* right, up and back: towards the eye. */
+/* Unit vectors to the right, upwards, and back towards the eye. */
 struct axes {
     struct vec3 right, up, back;
 };
@@ -62,8 +62,8 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
 }
 
 /* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
- * z), k the tangent of half the field of view. The smallest d and its c follow from the maxima of
- * x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
+ * z). k is the tangent of half the field of view. The smallest d and its c follow from the maxima
+ * of x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
 struct extent {
     double high, low;
 };

@@ -3,11 +3,11 @@
 
 #include "viewer.h"
 
-/* ret_projection: from world to clip coordinates, column-major. aspect: width / height. Near and
- * far planes enclose the sphere of radius reach around the origin. */
+/* Computes ret_projection, the column-major matrix from world to clip coordinates. aspect is width
+ * / height. The near and far planes enclose the sphere of radius reach around the origin. */
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 
-/* Sets distance and pan so that all points (n × 3) just fill the picture, with a margin. */
+/* Sets distance and pan so that all points (n × 3) just fit into the picture, with a margin. */
 void camera_fit(struct viewer_settings *settings, const float *points, guint n, double radius,
                 double aspect);

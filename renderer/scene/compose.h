@@ -1,4 +1,4 @@
-/* Two pictures of one scene joined: side by side, or as their difference. */
+/* Joins two pictures of one scene, either side by side or as their difference. */
 #pragma once
 
 #include "viewer.h"
@@ -7,9 +7,9 @@ enum compose_mode { COMPOSE_ONE, COMPOSE_SPLIT, COMPOSE_DIFFERENCE, COMPOSE_MODE
 
 struct compose {
     enum compose_mode mode;
-    double at;   /* split: where, 0 (left) … 1 */
-    double gain; /* difference: factor by which the brightness difference is amplified around middle
-                    grey */
+    double at; /* split: position of the border, from 0 (left) to 1 */
+    /* Difference: factor by which the difference of brightness is amplified around middle grey. */
+    double gain;
 };
 
 typedef struct Compose Compose; /* belongs to the thread of the GL context */
@@ -18,7 +18,8 @@ Compose *compose_new(GError **error);
 void compose_free(Compose *compose); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Compose, compose_free)
 
-/* As viewer_draw() and viewer_render(); with COMPOSE_ONE second may be NULL. */
+/* These functions work like viewer_draw() and viewer_render(). With COMPOSE_ONE, second may be
+ * NULL. */
 gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
                       const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error);

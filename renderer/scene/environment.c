@@ -7,9 +7,10 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_RADIANCE 1e30f /* the light of a whole sphere of it is finite as a float, too */
+#define MOST_RADIANCE                                                                              \
+    1e30f /* the light of a whole sphere of this radiance is still finite as a float */
 
-struct part { /* of the picture: columns and rows, the ends not in it */
+struct part { /* part of the picture: columns and rows; the ends are not included */
     int x0, x1, y0, y1;
     double light;
 };
@@ -37,8 +38,8 @@ static double light_of(const struct map *map, const struct part *part) {
     return sum;
 }
 
-/* Cuts a part into two of equal light along its longer side, measured as an angle at its middle
- * row; FALSE for a single pixel. (Debevec 2005) */
+/* Cuts a part into two parts of equal light along its longer side, measured as an angle at its
+ * middle row. Returns FALSE for a single pixel. (Debevec 2005) */
 static gboolean environment_cut(const struct map *map, struct part *part, struct part *ret_rest) {
     const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
     const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;
@@ -64,8 +65,8 @@ static gboolean environment_cut(const struct map *map, struct part *part, struct
     return TRUE;
 }
 
-/* The lamp of a part: its direction is the light-weighted mean of the part's, its colour ∫ L dω /
- * π. */
+/* Returns the lamp of a part. Its direction is the mean of the part, weighted by light. Its colour
+ * is ∫ L dω / π. */
 static struct viewer_lamp environment_lamp_of(const struct map *map, const struct part *part) {
     double sum[3] = {0.0}, towards[3] = {0.0};
     for (int y = part->y0; y < part->y1; y++)
@@ -114,7 +115,7 @@ static gboolean environment_refuse(const char *path, const char *why, GError **e
     return FALSE;
 }
 
-/* Interleaved, or NULL. */
+/* Returns interleaved R, G, B, or NULL with an error. */
 static float *read_rgb(const struct exr_part *part, const char *path, GError **error) {
     const gsize n = (gsize)part->width * part->height;
     const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
@@ -149,8 +150,8 @@ struct environment *environment_read(const char *path, GError **error) {
         environment_refuse(path, "its width is not twice its height", error);
     else if (part->outside > 0)
         environment_refuse(path,
-                           "it is cropped, its data window being smaller than its display window; "
-                           "save all of it",
+                           "it is cropped: its data window is smaller than its display window; "
+                           "save the whole picture",
                            error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
@@ -180,7 +181,7 @@ gboolean environment_light(const struct environment *e, struct viewer_settings *
                                     MIN(room, settings->environment_lamps), lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the environment map is black everywhere: give another");
+                    "the environment map is black everywhere: choose another");
         return FALSE;
     }
     for (int k = 0; k < n; k++)

@@ -1,9 +1,10 @@
 /*
- * Light from all around as lamps: a picture of all directions is cut into parts that give equally
- * much light (median cut, Debevec 2005), and each part becomes a lamp at its centroid.
+ * Light from all directions, as lamps. A picture of all directions is cut into parts that give the
+ * same amount of light (median cut, Debevec 2005). Each part becomes a lamp at its centroid.
  *
- * The picture is an EXR with channels R, G, B of radiance, twice as wide as high: its first row is
- * the zenith, its middle column +x, and φ falls from left to right, as one sees it from inside.
+ * The picture is an EXR with channels R, G, B of radiance. It is twice as wide as high. Its first
+ * row is the zenith and its middle column is +x. φ decreases from left to right, as seen from
+ * inside.
  */
 #pragma once
 
@@ -14,21 +15,21 @@ struct environment {
     float *rgb; /* height × width × 3, 0 … 1e30 */
 };
 
-/* Environments that are computed, NULL-ended: see environment_made.h. */
+/* The names of computed environments, NULL-terminated; see environment_made.h. */
 extern const char *const environment_names[];
 
-/* One of these names, or the path of a file. */
+/* Opens an environment. name is one of these names, or the path of a file. */
 struct environment *environment_open(const char *name, GError **error);
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
 
-/* Median cut of rgb (height × width × 3) into at most n lamps, 1 … VIEWER_MAX_LAMPS. The sum of
- * their light is that of the picture, ∫ L dω / π. Returns the number of lamps; 0 for a black
- * picture. */
+/* Cuts rgb (height × width × 3) by median cut into at most n lamps, 1 … VIEWER_MAX_LAMPS. The sum
+ * of their light is that of the picture, ∫ L dω / π. Returns the number of lamps, which is 0 for a
+ * black picture. */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds the environment's lamps to the settings, at most settings' environment_lamps, turned by
+/* Adds the lamps of the environment to the settings, at most environment_lamps of them, turned by
  * environment_turn_deg. Fails, and changes nothing, if the environment is black or the settings
  * have no room for a lamp. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,

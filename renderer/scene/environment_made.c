@@ -6,7 +6,7 @@
 
 #define WIDTH   512
 #define HEIGHT  256
-#define SAMPLES 4 /* each way of a pixel: boxes have sharp edges */
+#define SAMPLES 4 /* samples per pixel in each direction, because boxes have sharp edges */
 
 const char *const environment_names[] = {"studio", "overcast", NULL};
 
@@ -23,7 +23,7 @@ static double dot(const float a[3], const float b[3]) {
     return (double)a[0] * b[0] + (double)a[1] * b[1] + (double)a[2] * b[2];
 }
 
-/* Unit vectors of a box: to its centre, along the meridian upwards, and across. */
+/* Unit vectors of a box: towards its centre, along the meridian upwards, and across. */
 struct box_axes {
     float centre[3], along[3], across[3];
 };
@@ -67,7 +67,7 @@ struct environment *environment_make(const char *name) {
     const double step = G_PI / (HEIGHT * SAMPLES);
     for (int y = 0; y < HEIGHT * SAMPLES; y++) {
         const int row = y / SAMPLES;
-        /* A sample's share of its pixel: that of the solid angle. */
+        /* The weight of a sample in its pixel is its share of the solid angle. */
         const double share = (cos(y * step) - cos((y + 1) * step)) /
                              (cos(row * SAMPLES * step) - cos((row + 1) * SAMPLES * step)) /
                              SAMPLES;

@@ -6,7 +6,7 @@
 enum file_kind {
     FILE_KIND_SESSION,     /* a session's folder */
     FILE_KIND_MATERIAL,    /* a compressed BTF */
-    FILE_KIND_MDF,         /* in any of its forms */
+    FILE_KIND_MDF,         /* an MDF in any of its forms */
     FILE_KIND_SHAPE,       /* .obj, .gltf, .glb */
     FILE_KIND_NORMALS,     /* a normal map */
     FILE_KIND_ENVIRONMENT, /* an EXR with R, G, B that is twice as wide as high */
@@ -14,15 +14,16 @@ enum file_kind {
 
 struct file_opened {
     enum file_kind kind;
-    char *path;                  /* of the folder, for session.db and folders in a session */
-    const struct method *method; /* FILE_KIND_MATERIAL: which draws it */
+    /* Path; for session.db and for folders in a session, the path of the session. */
+    char *path;
+    const struct method *method; /* FILE_KIND_MATERIAL: the method that draws it */
 };
 
-/* Reads the headers of an EXR, and nothing else. The error names the file and says what can be
- * opened. file_opened_clear() */
+/* Finds the kind of a file. Only the headers of an EXR are read. The error names the file and lists
+ * the kinds that can be opened. Free the result with file_opened_clear(). */
 gboolean file_kind_find(const char *path, struct file_opened *ret, GError **error);
 void file_opened_clear(struct file_opened *opened);
 
-/* Whether a list of files shows a file of this name. */
+/* Returns whether a list of files shows a file of this name. */
 gboolean file_kind_is_shown(const char *name);
 gboolean file_kind_is_session(const char *folder);

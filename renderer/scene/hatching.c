@@ -6,7 +6,7 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define CELLS 256 /* of the hemisphere's square, each way */
+#define CELLS 256 /* cells of the hemisphere's square in each direction */
 
 struct Hatching {
     guint program, missing;

@@ -1,6 +1,6 @@
 /*
- * Marks the parts of a picture that are not measured yet: fine stripes over each point that is seen
- * from a direction whose nearest planned view is missing, so that its value is interpolated.
+ * Marks the parts of a picture that are not measured yet with fine stripes. A point is marked if
+ * the planned view nearest to its viewing direction is missing, so that its value is interpolated.
  */
 #pragma once
 
@@ -11,8 +11,8 @@ struct planned_view {
     gboolean measured;
 };
 
-/* Whether the view nearest to a direction is planned and not measured yet; FALSE if there are no
- * views. */
+/* Returns whether the view nearest to a direction is planned but not measured yet. Returns FALSE if
+ * there are no views. */
 gboolean planned_views_missing(const struct planned_view *views, guint n, double theta_deg,
                                double phi_deg);
 
@@ -22,11 +22,11 @@ Hatching *hatching_new(GError **error);
 void hatching_free(Hatching *hatching); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hatching, hatching_free)
 
-/* Copies; n = 0: no stripes. */
+/* Sets the views and copies them. n = 0 removes the stripes. */
 void hatching_set(Hatching *hatching, const struct planned_view *views, guint n);
 gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
 
-/* directions: a texture with the values of VIEWER_GEOMETRY_VIEW (viewer_render_geometry()), as
- * large as the framebuffer. */
+/* Draws the stripes. directions is a texture with the values of VIEWER_GEOMETRY_VIEW
+ * (viewer_render_geometry()). It has the size of the framebuffer. */
 void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
                    int height);

@@ -5,7 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_EDGE 1e-3 /* of the cosines of a cone's two angles, as in KHR_lights_punctual */
+/* Smallest difference of the cosines of a cone's two angles, as in KHR_lights_punctual. */
+#define LEAST_EDGE 1e-3
 
 struct viewer_settings lamp_settings(const struct viewer_settings *s) {
     struct viewer_settings ret = *s;

@@ -4,16 +4,16 @@
 
 #include "viewer.h"
 
-/* Returns settings whose first lamp is far away or off: a first lamp that is near becomes the first
- * of the further lamps, all of which may be near. viewer_settings_check() sees to it that there is
- * room for it. */
+/* Returns settings whose first lamp is far away or off. If the first lamp is near, it becomes the
+ * first of the further lamps, all of which may be near. viewer_settings_check() makes sure that
+ * there is room for it. */
 struct viewer_settings lamp_settings(const struct viewer_settings *settings);
 
-gboolean lamp_any_near(const struct viewer_settings *settings); /* only further lamps */
+gboolean lamp_any_near(const struct viewer_settings *settings); /* checks only further lamps */
 
-/* radius: of the mesh. */
+/* Places a lamp. radius is the radius of the mesh. */
 struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius);
 
-/* The elements of lamp_cones[] (further.glsl) for a spot of full strength within inner_deg of its
- * axis, whose light ends at placed->cone_rad. */
+/* Computes the elements of lamp_cones[] (further.glsl) for a spot lamp. It has full strength within
+ * inner_deg of its axis, and its light ends at placed->cone_rad. */
 void lamp_cone(const struct shadow_lamp *placed, double inner_deg, float ret[4]);

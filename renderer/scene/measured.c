@@ -25,7 +25,7 @@ static int measured_nearest(const float *theta_deg, const float *phi_deg, int n,
     return best;
 }
 
-/* RGB_, as the view draws it. */
+/* Reads the measured picture as RGBA, in the form in which the viewer draws. */
 static float *read_measured(const Reference *reference, const struct measured *m, GError **error) {
     const struct reference_info info = reference_info(reference);
     const gsize texels = (gsize)info.width * info.height;

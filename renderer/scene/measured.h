@@ -1,20 +1,20 @@
-/* Compares a drawing method with the measurement: one rectified picture of the session beside the
- * picture that the method draws for the same directions of view and light. */
+/* Compares a drawing method with the measurement. A rectified picture of the session is shown next
+ * to the picture that the method draws for the same directions of view and light. */
 #pragma once
 
 #include "reference.h"
 
 struct measured {
-    int view, light; /* of reference_info() */
+    int view, light; /* indices into reference_info() */
     float view_theta_deg, view_phi_deg, light_theta_deg, light_phi_deg;
     int width, height; /* of the picture */
-    guint8 *rgb;       /* measured, drawn, four times the difference around grey, side by side */
+    guint8 *rgb;       /* side by side: measured, drawn, four times the difference around grey */
     double error;      /* ‖drawn − measured‖ / ‖measured‖ of linear reflectances */
 };
 
-/* Finds the measured frame nearest to the directions of camera and light over a horizontal plane
- * and draws the comparison; a texel is drawn as the largest whole number of pixels (at least 1)
- * that fits into width. */
+/* Finds the measured frame that is nearest to the directions of camera and light over a horizontal
+ * plane, and draws the comparison. A texel is drawn as the largest whole number of pixels (at least
+ * 1) for which the comparison fits into width. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

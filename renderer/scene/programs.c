@@ -7,11 +7,11 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define OTHERS 11 /* number of shaders beside those of the method */
+#define OTHERS 11 /* number of shaders in addition to those of the method */
 
 struct Programs {
     const struct method *method;
-    GHashTable *compiled; /* by kind and constants */
+    GHashTable *compiled; /* programs by kind and constants */
 };
 
 static void delete_program(gpointer program) {
@@ -82,7 +82,7 @@ void programs_set_lamps(guint program, const struct viewer_settings *s, double r
     glUniform1i(glGetUniformLocation(program, "n_lamps"), n);
     if (n == 0)
         return;
-    /* A program has either of the first two. */
+    /* A program has only one of the first two uniforms. */
     glUniform4fv(glGetUniformLocation(program, "lamp_places"), n, places[0]);
     glUniform3fv(glGetUniformLocation(program, "lamp_towards"), n, towards[0]);
     glUniform4fv(glGetUniformLocation(program, "lamp_cones"), n, cones[0]);

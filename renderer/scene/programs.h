@@ -1,7 +1,7 @@
 /*
  * The shader programs of a method. A feature that a picture does not use (further lamps, their
- * shadows, an even sky) is left out at compile time, because not all drivers skip a branch that is
- * only switched off by a uniform. Each variant is compiled when a picture first needs it.
+ * shadows, an even sky) is left out at compile time, because some drivers do not skip a branch that
+ * a uniform switches off. Each variant is compiled when a picture first needs it.
  */
 #pragma once
 
@@ -10,7 +10,7 @@
 
 enum program_kind {
     PROGRAM_SURFACE, /* the mesh */
-    PROGRAM_RELIEF,  /* the mesh with relief: needs the uniforms of relief_bind() */
+    PROGRAM_RELIEF,  /* the mesh with relief; needs the uniforms of relief_bind() */
     PROGRAM_FLAT,    /* one tile; see viewer_render_flat() */
 };
 
@@ -20,11 +20,11 @@ Programs *programs_new(const struct method *method);
 void programs_free(Programs *programs); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
-/* Returns 0 on error. Owned by programs. */
+/* Returns a program, or 0 on error. It is owned by programs. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct places_source *places, const struct viewer_settings *settings,
                    GError **error);
 
 /* Sets the brightness of the first lamp and all further lamps in a program in use that has
- * further.glsl. radius: of the mesh. */
+ * further.glsl. radius is the radius of the mesh. */
 void programs_set_lamps(guint program, const struct viewer_settings *settings, double radius);

@@ -12,22 +12,23 @@
 #include <math.h>
 #include <string.h>
 
-#define PARTS   32 /* of the samples, shared out among threads */
+#define PARTS   32 /* parts of the samples that are distributed among threads */
 #define DEGREES (float)(180.0 / G_PI)
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
 struct Reference {
-    mesorig_material *material;    /* NULL: the following */
+    mesorig_material *material;    /* NULL if the following members are used */
     GPtrArray *files;              /* paths, one per view */
     GPtrArray *names;              /* of the parts, one per light */
     GArray *view_theta, *view_phi; /* of float, degrees */
     GArray *light_theta, *light_phi;
     int width, height;
-    Reprojection *reprojection; /* NULL: views are mixed texel by texel, not along the surface */
+    Reprojection *reprojection; /* NULL if views are mixed texel by texel, not along the surface */
 };
 
-/* At most so many views, those of the largest weights, are mixed at a point of the surface. */
+/* Largest number of views that are mixed at a point of the surface. Those with the largest weights
+ * are used. */
 #define ALONG 6
 
 /* A sample that is predicted along the surface (reprojection.h): its surface point, and the views
@@ -37,13 +38,13 @@ struct along {
     float p[3]; /* the surface point, mm */
     int n;
     guint16 view[ALONG];
-    float share[ALONG]; /* its part of the value, where it sees the point wholly */
+    float share[ALONG]; /* weight of the view, where it sees the point wholly */
 };
 
 /* One sample of the picture that shows the mesh. */
 struct sample {
-    guint32 at;                   /* in the picture */
-    struct endless_places places; /* x in texels */
+    guint32 at;                   /* index in the picture */
+    struct endless_places places; /* in texels */
     struct direction_weights view, light;
     float sum[3];
 };
@@ -53,23 +54,23 @@ struct shading {
     const struct viewer_settings *settings;
     const Directions *views, *lights;
     struct sample *samples;
-    struct along *along; /* for each sample; NULL: views are mixed texel by texel instead */
+    struct along *along; /* one for each sample; NULL if views are mixed texel by texel */
     guint n_samples;
-    const float *texel, *view; /* as viewer_render_geometry() gives them */
-    const float *light, *lit;  /* the same, of the lamp that is added */
+    const float *texel, *view; /* values of viewer_render_geometry() */
+    const float *light, *lit;  /* the same values, for the lamp that is added */
     double rgb[3], ambient;    /* of that lamp, and of an even sky that is added with it */
-    /* The view that is in memory: a layer for each light, one for the pole of the lights and one
+    /* The view that is in memory: one layer for each light, one for the pole of the lights and one
      * for an even sky. Each layer is height × width × 4: R, G, B and an unused value. */
     float *layers;
-    gsize layer_size;              /* floats */
-    const float *pole, *sky;       /* each light's share */
-    float *means;                  /* of each layer, R G B */
-    const struct index_map *index; /* NULL: none */
-    const struct endless *endless; /* NULL: none */
+    gsize layer_size;              /* in floats */
+    const float *pole, *sky;       /* share of each light */
+    float *means;                  /* R, G, B of each layer */
+    const struct index_map *index; /* NULL if there is none */
+    const struct endless *endless; /* NULL if there are none */
     struct endless_lattice lattice;
-    int width, height; /* texels after which what is drawn repeats */
+    int width, height; /* number of texels after which the drawn pattern repeats */
     int view_index;
-    float pole_share; /* of this view in the mean that is the views' pole */
+    float pole_share; /* weight of this view in the mean that is the pole of the views */
 };
 
 void reference_free(Reference *r) {
@@ -246,7 +247,8 @@ static void reference_trace(const struct shading *s, const struct sample *sample
         ret->share[k] /= kept;
 }
 
-/* The places of a point in the sample, in tiles: one, unless it is laid out in hexagons. */
+/* Finds the places of a point in the sample, in tiles. There is one, unless the sample is laid out
+ * in hexagons. */
 static void reference_find_places(const struct shading *s, const float texel[2],
                                   struct endless_places *ret) {
     *ret = (struct endless_places){.n = 1, .x = {{texel[0], texel[1]}}, .weight = {1}};
@@ -287,7 +289,8 @@ static void reference_prepare(int part, gpointer data) {
     }
 }
 
-/* The values of a layer at a texel of what is drawn: that of the sample which stands there. */
+/* Returns the values of a layer at a texel of the drawn pattern, which are those of the sample's
+ * texel at that place. */
 static const float *shading_texel(const struct shading *s, const float *texels, int i, int j) {
     if (s->index != NULL) {
         const guint16 *at = s->index->levels[0] + 2 * ((gsize)j * s->index->width + i);
@@ -297,7 +300,8 @@ static const float *shading_texel(const struct shading *s, const float *texels, 
     return texels + 4 * ((gsize)j * s->reference->width + i);
 }
 
-/* Adds a layer's value at a place of the sample, in texels, to sum, bilinearly between texels. */
+/* Adds the value of a layer at a place of the sample, in texels, to sum. The value is interpolated
+ * bilinearly between texels. */
 static void add_place(const struct shading *s, int layer, const float place[2], float share,
                       float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -316,7 +320,7 @@ static void add_place(const struct shading *s, int layer, const float place[2], 
             share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
 }
 
-/* Adds a layer's value at the sample to sum. */
+/* Adds the value of a layer at the sample to sum. */
 static void add_layer(const struct shading *s, int layer, const struct sample *at, float share,
                       float sum[3]) {
     const struct endless_places *p = &at->places;
@@ -326,7 +330,7 @@ static void add_layer(const struct shading *s, int layer, const struct sample *a
         sum[k] += share * p->mean * s->means[3 * layer + k];
 }
 
-/* Adds a layer's value where the loaded view sees the sample's surface point. */
+/* Adds the value of a layer at the point where the loaded view sees the sample's surface point. */
 static void add_taps(const struct shading *s, int layer, const struct reprojection_tap *taps, int n,
                      float share, float sum[3]) {
     const float *texels = s->layers + s->layer_size * layer;
@@ -465,7 +469,7 @@ static void mix_layers(struct shading *s) {
     }
 }
 
-/* Loads one view after the other and adds it to all samples. */
+/* Loads one view after the other and adds its contribution to all samples. */
 static gboolean shade_samples(struct shading *s, GError **error) {
     const Reference *r = s->reference;
     g_autoptr(Directions) views = view_directions(r, error);
@@ -510,7 +514,8 @@ static gboolean shade_samples(struct shading *s, GError **error) {
     return TRUE;
 }
 
-/* Shades one part of the samples by a material; sky: the weight of each light under an even sky. */
+/* Shades one part of the samples by a material. sky has the weight of each light under an even
+ * sky. */
 struct material_shading {
     const struct shading *shading;
     const mesorig_material *material;
@@ -520,14 +525,14 @@ struct material_shading {
 };
 
 /* Adds weight × (rgb × lit × the value, and ambient × Σ_l sky_l × the value under light l).
- * footprint: 0, or 1 for the mean of the sample. */
+ * footprint is 0, or 1 for the mean of the sample. */
 static void reference_add_point(const struct material_shading *m, struct sample *sample,
                                 const float uv[2], float footprint, float weight) {
     const struct shading *s = m->shading;
     const gsize at = 4 * (gsize)sample->at;
     const float *v = s->view + at;
     float rgb[3];
-    /* Where normals are interpolated, a view may be below the horizon; it is clamped to it. */
+    /* Interpolated normals may put a view below the horizon. It is clamped to the horizon. */
     const float view[] = {v[0], v[1], fmaxf(v[2], 1e-4f)};
     mesorig_material_evaluate(m->material, 1, uv, view, s->light + at, &footprint, rgb);
     for (int c = 0; c < 3; c++)
@@ -587,8 +592,8 @@ static gboolean shade_by_material(struct shading *s, const mesorig_material *mat
     return TRUE;
 }
 
-/* Replaces the pixels that the viewer drew by the samples; adds the squares of their values and of
- * the differences to the sums. */
+/* Replaces the pixels that the viewer has drawn by the samples. Adds the squares of their values
+ * and of the differences to the sums. */
 static void put_samples(const struct shading *s, float *picture, double *squares,
                         double *differences) {
     for (guint k = 0; k < s->n_samples; k++)
@@ -601,7 +606,7 @@ static void put_samples(const struct shading *s, float *picture, double *squares
         }
 }
 
-/* Adds a lamp, which is the only one of the settings, and their even sky. */
+/* Adds a lamp and the even sky. The settings must have only this lamp. */
 static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
                          const struct viewer_settings *lamp, const float rgb[3], int width,
                          int height, GError **error) {
@@ -621,7 +626,7 @@ static gboolean add_lamp(struct shading *s, const Reference *r, Viewer *viewer,
     return r->material != NULL ? shade_by_material(s, r->material, error) : shade_samples(s, error);
 }
 
-/* One lamp after the other: the first with the sky, then the further ones. */
+/* Adds one lamp after the other: the first with the sky, then the further ones. */
 static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *viewer, int width,
                           int height, GError **error) {
     const struct viewer_settings lit = lamp_settings(shading->settings);
@@ -641,7 +646,8 @@ static gboolean add_lamps(struct shading *shading, const Reference *r, Viewer *v
     return TRUE;
 }
 
-/* Shades what shows the material of a number. texel, to_view: of viewer_render_geometry(). */
+/* Shades the samples that show the material with a number. texel and to_view are results of
+ * viewer_render_geometry(). */
 static gboolean shade_material_number(Reference *r, int number, struct shading *shading,
                                       Viewer *viewer, int width, int height, GError **error) {
     g_autoptr(GArray) samples = g_array_new(FALSE, TRUE, sizeof(struct sample));

@@ -20,7 +20,7 @@
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
 
-#define ENDLESS_LOOKS 10 /* pictures of the sample by which hexagons are chosen */
+#define ENDLESS_LOOKS 10 /* number of pictures of the sample from which hexagons are chosen */
 
 /* Geometry programs: for the first lamp, for a further lamp, and for a further lamp with shadow. */
 enum { GEOMETRY_FIRST, GEOMETRY_FURTHER, GEOMETRY_FURTHER_SHADOWS, GEOMETRIES };
@@ -40,20 +40,20 @@ const struct viewer_settings viewer_settings_default = {
     .shadow_size = 1024,
 };
 
-/* Its MDF is the relief's of the same number. */
+/* A material. Its MDF is the relief's MDF with the same number. */
 struct viewer_material {
     const struct method *method;
     gpointer material;  /* of the method */
     Programs *programs; /* of the method */
-    double tiles;       /* each way, of all but the first */
+    double tiles;       /* in each direction, for all but the first material */
 };
 
 struct Viewer {
     struct viewer_material materials[VIEWER_MAX_MATERIALS];
-    int n_materials;             /* at least 1, the main material, which may be empty */
-    IndexTexture *index;         /* of the main material; NULL: none */
-    struct index_map *index_map; /* the same on the CPU */
-    Endless *endless;            /* of the material; NULL until a picture needs it */
+    int n_materials;             /* at least 1, for the main material, which may be empty */
+    IndexTexture *index;         /* index map of the main material; NULL if there is none */
+    struct index_map *index_map; /* the same map on the CPU */
+    Endless *endless;            /* hexagons of the material; NULL until a picture needs them */
     struct mesh_part *parts;     /* of the mesh */
     int n_parts;
     Relief *relief;
@@ -90,7 +90,7 @@ gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) 
         {"light distance", s->light_distance, 0.0, 1000.0},
         {"light cone", s->light_cone_deg, 0.0, 90.0},
         {"inner cone of the light", s->light_inner_deg, 0.0, 90.0},
-        {"lamps beside a near light", s->n_lamps, 0.0,
+        {"lamps in addition to a near light", s->n_lamps, 0.0,
          VIEWER_MAX_LAMPS - (s->light_distance > 0.0 && s->lamp > 0.0)},
         {"environment's turn", s->environment_turn_deg, -1e6, 1e6},
         {"environment's lamps", s->environment_lamps, 1.0, VIEWER_MAX_LAMPS},
@@ -157,7 +157,7 @@ static void make_array(Viewer *viewer) {
     glBindVertexArray(0);
 }
 
-/* The program, compiled when it is first asked for; 0 on error. */
+/* Returns the program, which is compiled when it is first used. Returns 0 on error. */
 static guint viewer_geometry_program(Viewer *viewer, int which, GError **error) {
     static const char *const names[] = {"mesh.vert",   "frame.glsl",   "visible.glsl",
                                         "shadow.glsl", "further.glsl", "geometry.frag",
@@ -224,7 +224,7 @@ void viewer_free(Viewer *viewer) {
     g_free(viewer);
 }
 
-/* material: taken, if it succeeds. */
+/* Sets the material. If it succeeds, takes ownership of material. */
 static gboolean material_set(struct viewer_material *m, const struct method *method,
                              gpointer material, GError **error) {
     if (m->method != method) {
@@ -253,7 +253,7 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
     return TRUE;
 }
 
-/* material: taken; NULL with an error. */
+/* Takes ownership of material, which is NULL with an error. */
 static gboolean viewer_take(Viewer *viewer, const struct method *method, gpointer material,
                             GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))
@@ -348,7 +348,7 @@ const struct index_map *viewer_index(const Viewer *viewer) {
     return viewer->index_map;
 }
 
-/* Places of the main material, if its method looks texels up. */
+/* Returns the places of the main material if its method looks texels up. */
 static struct places_source viewer_places(const Viewer *viewer, int material,
                                           const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;
@@ -430,7 +430,7 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
         camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
 }
 
-/* The tiles of the main material. */
+/* Returns the numbers of tiles of the main material. */
 static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings *s,
                               double ret[2]) {
     ret[0] = s->tiles_u;
@@ -443,8 +443,8 @@ static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings
         viewer_whole_tiles(viewer, &ret[0], &ret[1]);
 }
 
-/* Prepares a picture with hexagons: chooses their centres from the sample's pictures in some views
- * and lights. */
+/* Prepares a picture with hexagons. Chooses their centres from pictures of the sample for some
+ * views and lights. */
 static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
                                     GError **error) {
     const struct viewer_material *m = &viewer->materials[0];
@@ -482,7 +482,8 @@ const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_s
     return endless;
 }
 
-/* The number of a part's material; the main one, where that is not there yet. */
+/* Returns the number of a part's material, or that of the main material if the part's material does
+ * not exist yet. */
 static int viewer_part_material(const Viewer *viewer, int part) {
     const int material = viewer->parts[part].material;
     return material < viewer->n_materials ? material : 0;
@@ -515,7 +516,8 @@ static void viewer_draw_part(Viewer *viewer, guint program, const struct viewer_
     glBindVertexArray(0);
 }
 
-/* program: of all parts; 0: each part's own. */
+/* Draws the mesh. program is used for all parts. If it is 0, each part is drawn with its own
+ * program. */
 static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
                                  const struct relief_scene *scene, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
@@ -552,7 +554,7 @@ static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
     }
 }
 
-/* Points the camera, and finds the parts of the relief that it and the lamps see. */
+/* Points the camera, and finds the parts of the relief that are visible to it and to the lamps. */
 static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
                             int height, struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
@@ -640,7 +642,7 @@ void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint 
     hatching_set(viewer->hatching, views, n);
 }
 
-/* Samples along a side of a pixel: fewer in a very large picture. */
+/* Returns the number of samples along a side of a pixel. A very large picture has fewer. */
 static int viewer_samples_of(const struct viewer_settings *s, int width, int height) {
     int samples = s->samples;
     while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)

@@ -1,7 +1,8 @@
 /*
- * A Viewer draws a material on a mesh as a picture: it holds the mesh, the material as its method
- * put it on the graphics card, the MDF and the backdrop. (A “view” is a direction of a BTF or an
- * MDF.) Belongs to the thread of the GL context, which must be current and whose state it changes.
+ * A Viewer draws a material on a mesh as a picture. It holds the mesh, the MDF, the backdrop, and
+ * the material as its method has uploaded it to the graphics card. (The word “view” is used for a
+ * direction of a BTF or an MDF.) A Viewer belongs to the thread of the GL context. The context must
+ * be current, and its state is changed.
  */
 #pragma once
 
@@ -13,91 +14,99 @@
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
 
-/* A further lamp, infinitely far away or near. Light of a near lamp falls with the square of the
- * distance, and its direction differs from point to point. Brightness 1, as of the first lamp,
- * gives a white diffuser lit from its normal the radiance 1; with a near lamp, a diffuser at the
- * origin. */
+/* A further lamp, infinitely far away or near. The light of a near lamp decreases with the square
+ * of the distance, and its direction differs from point to point. As for the first lamp, brightness
+ * 1 gives the radiance 1 to a white diffuser that is lit along its normal. For a near lamp, this
+ * diffuser is at the origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
     double theta_deg, phi_deg; /* direction from the origin */
     float rgb[3];
-    double distance; /* from the origin, in radii of the mesh; 0: infinitely far away */
-    /* Half the angle of a near lamp's cone of light, and the part of it in which light does not
-     * fall towards the edge (KHR_lights_punctual); 0: it shines all around. */
+    double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
+    /* Half the angle of a near lamp's cone of light, and the inner part of it in which the light
+     * does not decrease towards the edge (KHR_lights_punctual). If cone_deg is 0, the lamp shines
+     * in all directions. */
     double cone_deg, inner_deg;
-    double aim[3]; /* a point on the cone's axis, in radii; not where the lamp is */
+    double aim[3]; /* a point on the axis of the cone, in radii; not the position of the lamp */
 };
 
-/* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
- */
+/* World coordinates are those of the mesh, with z up. Azimuths are from +x, counter-clockwise seen
+ * from above. */
 struct viewer_settings {
     double camera_azimuth_deg, camera_elevation_deg;
-    double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
-    double camera_pan[2]; /* offset of the point that the camera looks at: right and up, in radii of
-                             the mesh */
-    double camera_fov_deg;                 /* of the picture's shorter side */
+    /* From the origin, in radii of the mesh; 0 means that the mesh just fits. */
+    double camera_distance;
+    /* Offset of the point that the camera looks at, to the right and up, in radii of the mesh. */
+    double camera_pan[2];
+    double camera_fov_deg;                 /* of the shorter side of the picture */
     double light_theta_deg, light_phi_deg; /* direction of the light from the origin */
-    double lamp;                           /* its brightness */
-    double light_distance, light_cone_deg, light_inner_deg; /* as of viewer_lamp; it aims at the
-                                                               origin */
-    int n_lamps;                                            /* number of further lamps */
+    double lamp;                           /* brightness of this light */
+    /* As in struct viewer_lamp. The lamp aims at the origin. */
+    double light_distance, light_cone_deg, light_inner_deg;
+    int n_lamps; /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
-    double environment_turn_deg; /* of the environment about the vertical axis, counter-clockwise
-                                    seen from above */
-    int environment_lamps;       /* lamps that stand for the environment, at most */
-    double tiles_u, tiles_v;     /* 0: as the mesh has it */
-    double exposure_ev;          /* 0: a white diffuser lit from its normal is 0.8 of full scale */
-    /* Radiance of an even sky, relative to the light's irradiance / π. It is added everywhere; in
-     * shadow it alone is left: ambient / π · L_a with L_a = ∫ T dω of Wang et al. 2005 §4.2, who
-     * show L_a in shadow only. */
+    /* Rotation of the environment about the vertical axis, counter-clockwise seen from above. */
+    double environment_turn_deg;
+    int environment_lamps;   /* largest number of lamps that represent the environment */
+    double tiles_u, tiles_v; /* 0 keeps the numbers of the mesh */
+    /* 0: a white diffuser that is lit along its normal has 0.8 of full scale */
+    double exposure_ev;
+    /* Radiance of an even sky, relative to the light's irradiance / π. Its light is added
+     * everywhere, and is the only light in a shadow: ambient / π · L_a with L_a = ∫ T dω of Wang et
+     * al. 2005 §4.2. The paper shows L_a only in shadow. */
     double ambient;
-    int samples; /* supersampling each way */
+    int samples; /* supersampling in each direction */
     struct method_style style;
-    /* These three take viewer_set_mdf(). Silhouettes: a ray that misses the structure shows the
-     * surface behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows; with silhouettes,
-     * the structure casts and receives them, too (§4.2). */
-    gboolean silhouettes, shadows; /* shadows: of every lamp */
+    /* These three need viewer_set_mdf(). Silhouettes: a ray that misses the structure shows the
+     * surface behind it (Wang et al. 2005 §4.1). Shadows: the mesh casts shadows. With silhouettes,
+     * the structure also casts and receives them (§4.2). */
+    gboolean silhouettes, shadows; /* shadows of every lamp */
     struct visibility_options visibility;
-    int shadow_size; /* width and height of the first lamp's shadow map; see relief.h for others */
-    gboolean backdrop; /* the environment is seen behind the mesh; takes viewer_set_environment() */
-    gboolean plain;    /* draws one texture × n·l instead of the BTF, for comparison */
-    /* The material without end, in hexagons (synthesis/endless.h). Methods without a material file,
-     * viewer_render_flat() and plain pictures ignore it; all do while there is an index map. */
+    /* Width and height of the first lamp's shadow map; see relief.h for the others. */
+    int shadow_size;
+    /* The environment is visible behind the mesh; needs viewer_set_environment(). */
+    gboolean backdrop;
+    gboolean plain; /* draws one texture × n·l instead of the BTF, for comparison */
+    /* Continues the material endlessly, in hexagons (synthesis/endless.h). Methods without a
+     * material file, viewer_render_flat() and plain pictures ignore it. It is also ignored while
+     * there is an index map. */
     gboolean endless;
 };
 
 extern const struct viewer_settings viewer_settings_default;
 
-/* The error names the setting that is out of range, its value and the range. */
+/* Checks settings. The error names the setting that is out of range, its value and the range. */
 gboolean viewer_settings_check(const struct viewer_settings *settings, GError **error);
 
-/* The factor on reflectance before the tone curve: 0.8 · 2^EV. */
+/* Returns the factor on reflectance before the tone curve: 0.8 · 2^EV. */
 double viewer_exposure(const struct viewer_settings *settings);
 
 typedef struct Viewer Viewer;
 
 /* Describes struct vertex to the inputs of mesh.vert, locations 0 … VIEWER_VERTEX_ATTRIBUTES − 1,
- * for the buffer and the vertex array that are bound. */
+ * for the bound buffer and vertex array. */
 #define VIEWER_VERTEX_ATTRIBUTES 4
 void viewer_vertex_attributes(void);
 
-/* Makes a viewer of eigen-maps. NULL: call viewer_open() or viewer_set_method() before drawing. */
+/* Makes a viewer of eigen-maps. If material is NULL, call viewer_open() or viewer_set_method()
+ * before drawing. */
 Viewer *viewer_new(const struct eigenmaps *material, GError **error);
 void viewer_free(Viewer *viewer); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
 
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error);
 gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path, GError **error);
-/* Takes the material that the method opened, if it succeeds. */
+/* Sets the material that the method has opened. If it succeeds, it takes ownership of the
+ * material. */
 gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
                            GError **error);
-/* Copies the parts. A part without an added material shows the main material. */
+/* Sets the mesh and copies the parts. A part without an added material shows the main material. */
 gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error);
 
-/* A scene has several materials: the functions above set the main one, number 0, and this one
- * adds another, which repeats `tiles` times in one unit of the texture coordinates. Returns its
- * number, −1 on error. The index map, viewer_render_flat() and plain pictures use the main
- * material alone. */
+/* A scene has several materials. The functions above set the main material, number 0. This function
+ * adds another one, which repeats `tiles` times in one unit of the texture coordinates. It returns
+ * the number of the material, or −1 on error. The index map, viewer_render_flat() and plain
+ * pictures only use the main material. */
 #define VIEWER_MAX_MATERIALS RELIEF_MAX_MATERIALS
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
                         GError **error);
@@ -106,74 +115,81 @@ gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_
                                  GError **error);
 gboolean viewer_open_material_mdf(Viewer *viewer, int material, const char *path, GError **error);
 
-/* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */
+/* Sets the MDF of the material, in any of its forms. NULL removes it. Copies everything that it
+ * needs. */
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
-/* The index map through which the material and its MDF are seen (gl/index_texture.h); NULL: the
- * sample is repeated. Copies what it needs. The material's sample must be the map's; methods
- * without a material file, viewer_render_flat() and plain pictures ignore it. If settings leave the
- * tiles to the mesh, their number becomes a multiple of the map's length in tiles. */
+/* Sets the index map through which the material and its MDF are seen (gl/index_texture.h). With
+ * NULL, the sample is repeated. Copies everything that it needs. The sample of the material must be
+ * that of the map. Methods without a material file, viewer_render_flat() and plain pictures ignore
+ * the map. If the settings leave the tiles to the mesh, their number becomes a multiple of the
+ * length of the map in tiles. */
 gboolean viewer_set_index(Viewer *viewer, const struct index_map *index, GError **error);
-/* FALSE also if the map's sample has another size than the open material. */
+/* Opens an index map. Also fails if the size of its sample differs from that of the open
+ * material. */
 gboolean viewer_open_index(Viewer *viewer, const char *path, GError **error);
-/* Rounds the numbers of tiles to multiples of the map's size, so that their size along v changes
- * least; without a map they stay. */
+/* Rounds the numbers of tiles to multiples of the map's size, such that their size along v changes
+ * least. Without a map they are not changed. */
 void viewer_whole_tiles(const Viewer *viewer, double *u, double *v);
-/* The map, owned by the viewer; NULL: none. */
+/* Returns the map, or NULL if there is none. The viewer owns it. */
 const struct index_map *viewer_index(const Viewer *viewer);
 
-/* The hexagons of the picture that was drawn last, with these settings, and their lattice. Owned by
- * the viewer, until another material is set; NULL: none. */
+/* Returns the hexagons of the picture that was drawn last, and their lattice with these settings.
+ * Returns NULL if there are none. The viewer owns them until another material is set. */
 const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *settings,
                                      struct endless_lattice *ret);
 
-/* The environment map behind the mesh; copies it. Its light comes from lamps in the settings, see
- * environment_light(). */
+/* Sets the environment map behind the mesh and copies it. Its light comes from lamps in the
+ * settings; see environment_light(). */
 struct environment;
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error);
 
-/* GPU memory of the material, its MDF and its index map, in bytes: textures with all their mip
- * levels. */
+/* The GPU memory of the material, its MDF and its index map, in bytes. Textures count with all
+ * their mip levels. */
 struct viewer_memory {
     gint64 material, mdf, index;
 };
 struct viewer_memory viewer_memory(const Viewer *viewer);
 
-/* For a session that is still being captured: pictures are hatched where the nearest planned view
- * is not measured yet (hatching.h). n = 0: no hatching. Copies. */
+/* For a session that is still being captured: hatches pictures where the nearest planned view is
+ * not measured yet (hatching.h). n = 0 removes the hatching. Copies the views. */
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills a picture of aspect width
- * / height. Drawing does so by itself if this was not called, but again for every picture. */
+ * / height. Without this call, drawing computes both again for every picture. */
 void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
 
-/* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
+/* Draws into a framebuffer object (0 is that of the window) of width × height pixels, as sRGB. */
 gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, guint framebuffer,
                      int width, int height, GError **error);
 
-/* width × height × 3 bytes, sRGB, top row first; g_free() it. */
+/* Returns a picture of width × height × 3 bytes, sRGB, top row first. Free it with g_free(). */
 guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *settings, int width, int height,
                       GError **error);
 
-/* width × height × 3 floats, top row first: the same picture as light, linear: exposed, but neither
- * toned nor rounded; g_free() it. */
+/* Returns the same picture as linear light, width × height × 3 floats, top row first. It is
+ * exposed, but the tone curve and rounding are not applied. Free it with g_free(). */
 float *viewer_render_light(Viewer *viewer, const struct viewer_settings *settings, int width,
                            int height, GError **error);
 
-/* width × height × 4 floats, top row first: linear reflectance before exposure and tone, without
- * supersampling; the fourth is 0 where only the background is seen, which is exposed already. */
+/* Returns linear reflectance before exposure and tone, without supersampling: width × height × 4
+ * floats, top row first. The fourth is 0 where only the background is seen. The background is
+ * already exposed. */
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
                             int height, GError **error);
 
-/* The values with which a sample of such a picture can be shaded elsewhere; the fourth float is as
- * above. Texels: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the
- * number of the material, or 0 on a back face. Directions: unit vectors in the local frame. "lit":
- * the share of the lamp's light that arrives (0 … 1; for a near lamp times its irradiance on a
- * surface that faces it, relative to that at the origin); the distance from the mesh along the ray
- * to the structure; and the distance from the eye to the mesh. The lamp is the first, or where that
- * is off the first of the further ones, if there are any. */
+/* Returns values with which a sample of such a picture can be shaded elsewhere. The fourth float is
+ * the same as in viewer_render_linear().
+ * Texel: two coordinates in tiles, +y along the texture's rows downwards, and 1 + the number of the
+ * material, or 0 on a back face.
+ * View and light: unit vectors in the local frame.
+ * Lit: the share of the lamp's light that arrives (0 … 1; for a near lamp, times its irradiance on
+ * a surface that faces it, relative to that at the origin); the distance from the mesh along the
+ * ray to the structure; the distance from the eye to the mesh.
+ * The lamp is the first. If the first is off, it is the first of the further lamps, if there are
+ * any. */
 enum viewer_geometry {
     VIEWER_GEOMETRY_TEXEL,
     VIEWER_GEOMETRY_VIEW,
@@ -183,16 +199,16 @@ enum viewer_geometry {
 float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *settings,
                               enum viewer_geometry which, int width, int height, GError **error);
 
-/* Renders one flat tile, with one view direction and one light direction for all pixels (in the
- * tile's frame): width × height × 4 floats, top row first, linear reflectance under the lamp alone.
- */
+/* Renders one flat tile, with one view direction and one light direction for all pixels, in the
+ * frame of the tile. Returns linear reflectance under the lamp only: width × height × 4 floats, top
+ * row first. */
 float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *settings,
                           const float to_view[3], const float to_light[3], int width, int height,
                           GError **error);
 
-/* The other half of viewer_render(): a linear picture of samples × samples per pixel, exposed and
- * toned to width × height × 3 bytes. */
+/* Does the second half of viewer_render(): applies exposure and tone curve to a linear picture of
+ * samples × samples per pixel. Returns width × height × 3 bytes. */
 guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *settings, const float *linear,
                        int width, int height, GError **error);
 
-void viewer_finish(void); /* returns when everything asked for is drawn */
+void viewer_finish(void); /* waits until all drawing has finished */

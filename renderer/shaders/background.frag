@@ -1,11 +1,11 @@
 // A neutral ground that fades into the distance, and darkens softly under the mesh.
 uniform mat4 projection;
 uniform vec3 eye;
-uniform vec3 foot;    // half the mesh's width and depth, and its lowest z
+uniform vec3 foot;    // half the width and depth of the mesh, and its lowest z
 uniform float corner; // radius of the corners of the outline seen from above
-uniform float radius; // of the mesh
+uniform float radius; // radius of the mesh
 
-uniform vec3 light; // towards the first lamp
+uniform vec3 light; // direction towards the first lamp
 uniform float lamp;
 
 in vec2 at;
@@ -13,7 +13,7 @@ out vec4 colour;
 
 const float DISTANT = 0.022, NEAR = 0.105, SHADOW = 0.35;
 
-// The share of the irradiance of all lamps that is not shadowed at p, 0 … 1.
+// Returns the share of the irradiance of all lamps that is not shadowed at p, 0 … 1.
 float arriving(vec3 p) {
 #if LAMP_SHADOWS
     float all = lamp * max(light.z, 0.0), sum = all * lamp_at(p);

@@ -2,7 +2,7 @@
 uniform sampler2D first;
 uniform sampler2D second;
 uniform bool difference;
-uniform float split; // in pixels
+uniform float split; // position of the border, in pixels
 uniform float gain;
 
 out vec4 colour;

@@ -3,10 +3,10 @@ uniform sampler2DArray view_weights;
 uniform usampler2D light_indices;
 uniform sampler2D light_weights;
 uniform int n_terms;
-uniform int n_layers; // per term: the lights, the pole, ambient
+uniform int n_layers; // layers per term: the lights, the pole, ambient
 
 #define BTF_PREPARED
-vec2 view_at;       // in the table
+vec2 view_at;       // coordinates in the table
 uvec4 light_index;
 vec4 light_share;
 
@@ -17,7 +17,7 @@ void btf_prepare(vec3 v, vec3 l, float lit) {
 }
 
 // BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. E_i is interpolated between
-// up to four measured lights, W_i looked up in a table over the hemisphere.
+// up to four measured lights. W_i is looked up in a table over the hemisphere.
 vec3 btf_texel(vec2 x) {
     vec3 sum = vec3(0.0);
     for (int first = 0; first < n_terms; first += 4) {

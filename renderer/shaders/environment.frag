@@ -1,15 +1,15 @@
-// A picture of all directions: its first row is the zenith, its middle column +x, and φ falls from
-// left to right, as one sees it from inside.
+// A picture of all directions. Its first row is the zenith and its middle column is +x. φ decreases
+// from left to right, as seen from inside.
 uniform mat4 projection;
 uniform vec3 eye;
-uniform sampler2D environment; // radiance, as reflectance under a lamp of 1
+uniform sampler2D environment; // radiance, as reflectance under a lamp of brightness 1
 uniform float exposure;
-uniform float turn; // of the picture about the vertical axis, in radians
+uniform float turn; // rotation of the picture about the vertical axis, in radians
 
 in vec2 at;
 out vec4 colour;
 
-const float PI = 3.14159265, MOST = 6e4; // of half floats
+const float PI = 3.14159265, MOST = 6e4; // MOST: for half floats
 
 void main() {
     vec4 far = inverse(projection) * vec4(2.0 * at - 1.0, 1.0, 1.0);

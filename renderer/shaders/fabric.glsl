@@ -1,15 +1,16 @@
-// A plain weave: warp and weft yarns cross each other; their directions and colours alternate (Kang & Cho 2011 §IV.B).
-// A yarn bends down at its sides and where it passes under the next one; see microfacet_view.c.
+// A plain weave. Warp and weft yarns cross each other, and their directions and colours alternate (Kang
+// & Cho 2011 §IV.B). A yarn bends down at its sides and where it passes under the next one; see
+// microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
-uniform vec3 weave; // yarns per tile each way, slope across a yarn, slope along it
+uniform vec3 weave; // yarns per tile in each direction, slope across a yarn, slope along it
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {
     return facet(warp ? diffuse : weft_diffuse, specular, warp ? rough.yx : rough, n, v, l,
                  ROTATION);
 }
 
-// See method.h. Where yarns are smaller than a pixel the mean of warp and weft takes their place.
+// See method.h. If yarns are smaller than a pixel, the mean of warp and weft replaces them.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     vec2 place = x * weave.x, cell = floor(place), p = 2.0 * fract(place) - 1.0;
     vec2 wide = fwidth(place);

@@ -3,15 +3,16 @@ in vec3 frame_n;
 in vec4 frame_t;
 in vec2 texel;
 
-uniform vec3 eye;   // in world coordinates
-uniform vec3 light; // unit, towards the light
+uniform vec3 eye;   // position in world coordinates
+uniform vec3 light; // unit vector towards the light
 uniform float ambient_light;
 
 out vec4 colour;
 
 float ambient; // ambient_light, or 0 while a further lamp is evaluated
 
-// The rows are t, b and n: local = frame * world. b, not n × t, is where the texture's +y points.
+// The rows are t, b and n, so local = frame * world. b, and not n × t, is the direction of the
+// texture's +y.
 mat3 local_frame() {
     vec3 n = normalize(frame_n);
     vec3 t = normalize(frame_t.xyz - dot(frame_t.xyz, n) * n);

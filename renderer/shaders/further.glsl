@@ -1,18 +1,19 @@
-// Further lamps, and the share of the light of each that reaches a point. NEAR_LAMPS is defined where
-// one of them is not infinitely far away.
+// Further lamps, and the share of the light of each that reaches a point. NEAR_LAMPS is defined if one
+// of them is not infinitely far away.
 const int MAX_LAMPS = 64; // VIEWER_MAX_LAMPS
 
 uniform int n_lamps;
 uniform vec3 lamp_colours[MAX_LAMPS];
 
 #ifdef NEAR_LAMPS
-uniform vec4 lamp_places[MAX_LAMPS]; // w 1: where it is; w 0: unit, towards a lamp far away
-// For a spot: xyz the direction of its light along the axis, w −cos outer, all divided by
-// (cos inner − cos outer); for other lamps xyz 0, w 1.
+uniform vec4 lamp_places[MAX_LAMPS]; // w 1: position; w 0: unit vector towards a lamp far away
+// For a spot lamp: xyz is the direction of its light along the axis, and w is −cos outer. All four are
+// divided by (cos inner − cos outer). For other lamps, xyz is 0 and w is 1.
 uniform vec4 lamp_cones[MAX_LAMPS];
 
-// Returns the unit direction from p towards lamp k. shines: its irradiance at p on a surface that
-// faces it, relative to that at the origin without a cone: falls with the square of the distance.
+// Returns the unit direction from p towards lamp k. shines is the irradiance of the lamp at p on a
+// surface that faces it, relative to that at the origin without a cone. It decreases with the square of
+// the distance.
 vec3 towards_lamp(int k, vec3 p, out float shines) {
     vec4 place = lamp_places[k], cone = lamp_cones[k];
     shines = 1.0;
@@ -35,12 +36,12 @@ vec3 towards_lamp(int k, vec3 p, out float shines) {
 #endif
 
 #if LAMP_SHADOWS
-uniform sampler2DArrayShadow further_maps; // as shadow_map, a layer per lamp
-// For far lamps the same as shadow_right. For near lamps: the tangent of half the angle of a map;
-// the bias, relative to the distance; and the layer of the second of a cube's six faces, or −1 for
-// a single map around the axis.
+uniform sampler2DArrayShadow further_maps; // like shadow_map, with a layer per lamp
+// For far lamps, the same as shadow_right. For near lamps: the tangent of half the angle of a map; the
+// bias, relative to the distance; and the layer of the second of a cube's six faces, or −1 for a single
+// map around the axis.
 uniform vec3 further_right[MAX_LAMPS];
-uniform vec3 further_range; // of far lamps
+uniform vec3 further_range; // range for far lamps
 
 float far_at(vec3 towards, int k, vec3 p) {
     vec3 at = in_map(p, towards, further_right[k], further_range);
@@ -48,12 +49,12 @@ float far_at(vec3 towards, int k, vec3 p) {
 }
 
 #ifdef NEAR_LAMPS
-// As shadow_maps_right().
+// The same as shadow_maps_right().
 vec3 map_right(vec3 back) {
     return normalize(cross(abs(back.z) > 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0), back));
 }
 
-// Depth in the map of a near lamp is the distance from it.
+// The depth in the map of a near lamp is the distance from the lamp.
 float near_at(int k, vec3 p) {
     vec3 map = further_right[k], v = p - lamp_places[k].xyz, size = abs(v);
     vec3 axis = lamp_cones[k].xyz, back;

@@ -1,7 +1,7 @@
-// Outputs what code outside the GPU needs to shade a sample; see viewer_render_geometry(). The light is
-// that of the first lamp, or with FURTHER that of the first further one.
+// Outputs the values with which code outside the GPU shades a sample; see viewer_render_geometry(). The
+// light is that of the first lamp. With FURTHER it is that of the first further lamp.
 uniform int which;
-uniform float material; // 1 + its number
+uniform float material; // 1 + the number of the material
 
 void main() {
     mat3 frame = local_frame();

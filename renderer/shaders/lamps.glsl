@@ -1,6 +1,6 @@
 uniform float lamp; // brightness of the first lamp
 
-// The material at all places of a point, as btf() gives it at one.
+// Evaluates the material at all places of a point, as btf() does at one place.
 vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #if PLACES
     vec3 sum = vec3(0.0);
@@ -25,9 +25,9 @@ vec3 btf_at(places at, vec3 v, vec3 l, float lit) {
 #endif
 }
 
-// Radiance of a point p under the first lamp (of which the share lit arrives), the even sky and all
-// further lamps. In the shadow of all lamps the sky is left: ambient / π · L_a (Wang et al. 2005 §4.2).
-// NO_FIRST_LAMP is defined where the first lamp and the sky give no light.
+// Returns the radiance of a point p under the first lamp (of which the share lit arrives), the even sky
+// and all further lamps. In the shadow of all lamps, the light of the sky is left: ambient / π · L_a
+// (Wang et al. 2005 §4.2). NO_FIRST_LAMP is defined if the first lamp and the sky give no light.
 vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
 #if PLACES
@@ -48,7 +48,7 @@ vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     }
 #endif
 #ifdef NEAR_LAMPS
-    sum = min(sum, vec3(6e4)); // of half floats; light has no limit near its lamp
+    sum = min(sum, vec3(6e4)); // limit of half floats, because light has no limit near its lamp
 #endif
     return sum;
 }

@@ -1,5 +1,5 @@
-// Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
-// a pixel's list of faces; peel_back.frag and peel_front.frag find it layer by layer.
+// Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in a
+// pixel's list of faces. peel_back.frag and peel_front.frag find it layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 uniform bool straight;
@@ -9,7 +9,7 @@ bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }
 
-// The nearest back face beyond z.
+// Finds the nearest back face beyond z.
 vec2 find_back(uint head, float z) {
     vec2 back = vec2(1e30, 0.0);
     for (uint at = head; at != 0u; at = faces[at - 1u].next) {

@@ -1,10 +1,10 @@
-// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or one for
-// all), N_LOBES and ROTATION are constants.
+// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or one
+// for all views), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values;   // slice · n_pages + page
-uniform sampler2DArray ambients; // under an even sky, a layer per view and one of their pole
+uniform sampler2DArray ambients; // under an even sky: a layer per view, and one of their pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
-uniform usampler2D pole; // which views the pole is the mean of
+uniform usampler2D pole; // the views whose mean is the pole
 uniform int n_pages;
 uniform int n_slices;
 
@@ -14,7 +14,8 @@ vec4 page(ivec2 texel, int slice, int number) {
     return texelFetch(values, ivec3(texel, slice * n_pages + number), mip);
 }
 
-// Reflectance of a texel; each model defines it (fields.glsl, ptm.glsl, lafortune.glsl, facets.glsl).
+// Returns the reflectance of a texel. Each model defines it (fields.glsl, ptm.glsl, lafortune.glsl,
+// facets.glsl).
 vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l);
 
 float lobe(vec4 xyzn, vec3 w) {
@@ -22,7 +23,7 @@ float lobe(vec4 xyzn, vec3 w) {
     return c > 0.0 ? pow(c, xyzn.w) : 0.0;
 }
 
-// Clamped, because polynomials may be negative.
+// The result is clamped, because polynomials may be negative.
 vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
 #if SLICED
     if (slice >= n_slices) {
@@ -77,7 +78,8 @@ vec3 at_level(vec2 x, uvec4 views, vec4 g, vec3 v, vec3 l, float lit) {
     return sum;
 }
 
-// See method.h. Parameters of a model cannot be filtered; reflectances of both mip levels are mixed.
+// See method.h. Parameters of a model cannot be filtered. The reflectances of both mip levels are mixed
+// instead.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     uvec4 views = uvec4(0u);
     vec4 g = vec4(0.0);

@@ -1,12 +1,12 @@
-// Eigen-BRDFs as measured, for every pair of the three views and the three lights around v and l:
-// nine pairs (Schneider 2004 §5):
+// Eigen-BRDFs as measured, for all nine pairs of the three views and the three lights around v and l
+// (Schneider 2004 §5):
 //   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
-uniform sampler2DArray brdfs; // x: light · (components + 1) + component, y and layer: see row()
-uniform samplerCube view_indices; // of measured directions, as 1/65535; nearest, as all of these
+uniform sampler2DArray brdfs; // x: light · (components + 1) + component; y and layer: see row()
+uniform samplerCube view_indices; // of measured directions, in 1/65535; nearest, like all of these
 uniform samplerCube view_weights;
 uniform samplerCube light_indices;
 uniform samplerCube light_weights;
-uniform int n_rows; // of a cluster: the views
+uniform int n_rows; // rows of a cluster: the views
 uniform int clusters_a_layer;
 uniform int ambient_column; // the column of an even sky; not used with logarithms
 #if LOG
@@ -35,7 +35,8 @@ vec3 one_pair(int column, ivec2 at, float share, vec4 w[N_PAGES]) {
 }
 
 #if LOG
-// Back from ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε). Nothing real is as bright as the limit.
+// Converts ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε) back. No real material is as bright as the
+// limit.
 vec3 reflectance(vec3 c) {
     float size = exp(min(c.x, 11.0)), y = size - LOG_OFFSET;
     vec2 rb = y + c.yz * size;

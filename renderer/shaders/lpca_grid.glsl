@@ -1,11 +1,11 @@
 // Eigen-BRDFs over a grid of the hemisphere's square, for views and for lights; see lpca_grid.h.
 uniform usamplerBuffer brdfs; // N_PAGES texels per sample
-uniform int n_grid;           // samples each way; the light cell n_grid² is an even sky
+uniform int n_grid;           // samples in each direction; the light cell n_grid² is an even sky
 
 // The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
-// The same for the triangle around v alone, under an even sky.
+// The same for the triangle around v, under an even sky.
 int sky_corners[3];
 float sky_shares[3];
 
@@ -20,8 +20,9 @@ void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     b = less;
 }
 
-// Finds the simplex of the 4D grid cell that holds (v, l): from the cell's first corner, step along the
-// coordinates in descending order of their fractions r. Weights: 1 − r_1, r_1 − r_2, …, r_4.
+// Finds the simplex of the 4D grid cell that contains (v, l). From the first corner of the cell, it
+// steps along the coordinates in descending order of their fractions r. The weights are 1 − r_1, r_1 −
+// r_2, …, r_4.
 void prepare(vec3 v, vec3 l, float lit) {
     vec4 place = vec4(square(v), square(l)) * float(n_grid - 1);
     vec4 base = min(floor(place), float(n_grid - 2)), r = place - base;
@@ -53,7 +54,7 @@ void prepare(vec3 v, vec3 l, float lit) {
     shares[4] = lit * r.w;
 }
 
-// The mean E_0: nine bits per colour and a common exponent, as GL_RGB9_E5.
+// Decodes the mean E_0: nine bits per colour and a common exponent, as GL_RGB9_E5.
 vec3 mean_of(uint word) {
     vec3 steps = vec3(word & 511u, (word >> 9) & 511u, (word >> 18) & 511u);
     return steps * uintBitsToFloat(((word >> 27) + 103u) << 23);

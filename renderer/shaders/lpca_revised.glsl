@@ -1,14 +1,14 @@
 // Eigen-BRDFs in a 3D texture (Schneider 2004 §6); see lpca_revised.h.
 //   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2)
-uniform sampler3D means; // halves
+uniform sampler3D means; // half floats
 uniform sampler3D brdfs; // signed bytes
 uniform samplerCube view_map;  // s_v, t_v
 uniform samplerCube light_map; // z1, z2, w
-uniform int n_grid;    // samples each way
-uniform int n_columns; // clusters side by side
+uniform int n_grid;    // samples in each direction
+uniform int n_columns; // number of clusters in a row
 
 vec2 place; // s_v, t_v from the centre of the first sample, in samples
-vec3 z;     // of the light
+vec3 z;     // values of the light
 float lit_share, sky_z;
 
 void prepare(vec3 v, vec3 l, float lit) {

@@ -1,17 +1,18 @@
-// The texels of a local PCA: the cluster and the weights of each. Each method has its own way to
-// mix the eigen-BRDFs of a cluster by these weights. N_COMPONENTS (without the mean), N_LEVELS,
-// NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
+// The texels of a local PCA: the cluster and the weights of each. Each method mixes the eigen-BRDFs of
+// a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and
+// LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights;  // four components per layer
-uniform usampler2D clusters;     // of a texel, and those right of it, below it and of both
+uniform usampler2D clusters;     // of a texel, those right of it and below it, and the diagonal one
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
 
-// evaluate() returns the value of a cluster, share E_0 + Σ w_i E_i, in the directions given to prepare().
+// evaluate() returns the value of a cluster, share · E_0 + Σ w_i E_i, in the directions that were
+// passed to prepare().
 void prepare(vec3 v, vec3 l, float lit);
 vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
 #if LOG && AMBIENT
-// The reflectance of a texel under the even sky, which is not linear in the weights.
+// Returns the reflectance of a texel under the even sky, which is not linear in the weights.
 vec3 sky_of(ivec2 texel, int level);
 #else
 vec3 sky_of(ivec2 texel, int level) {
@@ -29,9 +30,9 @@ vec3 one_texel(vec2 x, int level) {
     return max(evaluate(cluster, 1.0, w) + sky_of(texel, level), vec3(0.0));
 }
 
-// Four texels of a tile. Within one cluster reflectance is linear in the weights: those of all
-// texels of a cluster are mixed, and the cluster is evaluated once; mostly the four texels have one
-// cluster. With logarithms each texel is evaluated.
+// Evaluates four texels of a tile. Within one cluster, reflectance is linear in the weights. The
+// weights of all texels of a cluster are therefore mixed, and the cluster is evaluated once. Usually
+// all four texels have the same cluster. With logarithms, each texel is evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;
@@ -82,7 +83,7 @@ void btf_prepare(vec3 v, vec3 l, float lit) {
     prepare(v, l, lit);
 }
 
-// See method.h. Clusters cannot be filtered: between two levels both are evaluated.
+// See method.h. Clusters cannot be filtered, so between two levels both are evaluated.
 vec3 btf_texel(vec2 x) {
 #if NEAREST
     return one_texel(x, 0);

@@ -2,17 +2,17 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
 layout(location = 3) in vec2 uv;
-layout(location = 4) in vec2 scale; // length of a step of 1 in u, in v
+layout(location = 4) in vec2 scale; // length of a step of 1 in u and in v
 layout(location = 5) in vec3 bend;  // second fundamental form along tangent and bitangent
 
-uniform mat4 projection; // of world coordinates
+uniform mat4 projection; // from world coordinates
 uniform vec2 tiles;
 
 out vec3 world;
 out vec3 frame_n;
 out vec4 frame_t;
 out vec2 texel;
-out vec2 tile_size; // length of a tile along u, along v
+out vec2 tile_size; // length of a tile along u and along v
 out vec3 bending;
 
 void main() {
@@ -21,7 +21,7 @@ void main() {
     frame_t = tangent;
     tile_size = scale / tiles;
     bending = bend;
-    // v runs up, a texture's rows run down.
+    // v increases upwards, and the rows of a texture run downwards.
     texel = vec2(uv.x, -uv.y) * tiles;
     gl_Position = projection * vec4(position, 1.0);
 }

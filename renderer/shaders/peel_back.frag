@@ -1,7 +1,7 @@
 // Finds the nearest back faces beyond those of the previous layer (Wang et al. 2005 fig. 7): their
 // distance from the eye, and the distance from there back to the structure.
-uniform sampler2D before; // the same of the previous layer
-uniform sampler2D seen;   // what was found so far
+uniform sampler2D before; // result of the previous layer
+uniform sampler2D seen;   // surfaces found so far
 
 void main() {
     float z = distance_from_eye(), level = level_of_detail();

@@ -1,24 +1,26 @@
 // The places of the sample that a point of the surface shows. Codecs, the MDF and everything else that
-// belongs to a texel are looked up at these places. PLACES 0: the sample is repeated. 1: an
-// index map says which texel of the sample stands where; see gl/index_texture.h. 2: hexagons show parts of
-// the sample, without end; see synthesis/endless.h.
+// belongs to a texel are looked up at these places.
+// PLACES 0: the sample is repeated.
+// PLACES 1: an index map gives the texel of the sample for each texel of the surface; see
+// gl/index_texture.h.
+// PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
     int n;
-    vec2 x[4];      // in tiles of the sample; the first is that of the nearest hexagon
-    float share[4]; // of each, 1 together
-    int mean;       // index of the place that stands for the sample's mean; −1: none
+    vec2 x[4];      // in tiles of the sample; the first is the place of the nearest hexagon
+    float share[4]; // share of each place; their sum is 1
+    int mean;       // index of the place that stands for the sample's mean; −1 if there is none
 };
 
 #if PLACES
-// Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so that derivatives of places
-// would mean nothing.
+// Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so their derivatives
+// would be meaningless.
 vec2 place_dx, place_dy;
 #define PLACE_DX(x)         place_dx
 #define PLACE_DY(x)         place_dy
 #if PLACES_LEVEL
-// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. Levels
-// within a quarter of a whole one are rounded to it, so that one level is read instead of two, as
-// llvmpipe does by itself where it computes derivatives.
+// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. A level within a
+// quarter of an integer is rounded to it, so that one level is read instead of two. llvmpipe does the
+// same when it computes derivatives itself.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
@@ -45,23 +47,22 @@ places one_place(vec2 x) {
 
 #if PLACES == 1
 uniform usampler2D index_map;   // all levels, at index_corners
-uniform ivec2 index_corners[12]; // INDEX_MAP_LEVELS
+uniform ivec2 index_corners[12]; // INDEX_MAP_LEVELS elements
 uniform ivec2 index_size;
 uniform int index_levels;
-uniform vec2 index_sample; // texels of the sample
+uniform vec2 index_sample; // size of the sample in texels
 
-// The shift, in texels, from a texel of the map to the texel of the sample that stands there; the
-// map repeats.
+// Returns the shift, in texels, from a texel of the map to its texel of the sample. The map repeats.
 vec2 index_shift(ivec2 texel, int level) {
     ivec2 inside = texel - index_size * ivec2(floor(vec2(texel) / vec2(index_size)));
-    inside += index_size * ivec2(lessThan(inside, ivec2(0))); // where the division was rounded
+    inside += index_size * ivec2(lessThan(inside, ivec2(0))); // if the division was rounded towards zero
     inside -= index_size * ivec2(greaterThanEqual(inside, index_size));
     ivec2 block = inside >> level;
     ivec2 from = ivec2(texelFetch(index_map, index_corners[level] + block, 0).rg);
     return vec2(from + inside - (block << level) - texel);
 }
 
-// Whether texels so shifted continue each other, in a sample that is repeated.
+// Returns whether texels with these shifts are neighbours in a repeated sample.
 bool index_same(vec2 a, vec2 b) {
     vec2 apart = (a - b) / index_sample;
     return all(lessThan(abs(apart - round(apart)), vec2(1e-4)));
@@ -73,7 +74,8 @@ void add_place(inout places at, vec2 x, float share) {
     at.n += share > 0.0 ? 1 : 0;
 }
 
-// Two neighbours of a row or column: one place between them, if they are neighbours in the sample, too.
+// Adds two neighbours of a row or column. They become one place between them if they are also
+// neighbours in the sample.
 void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, vec2 shift_to,
               bool same, float share) {
     if (same) {
@@ -84,9 +86,9 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
     add_place(at, to + shift_to, part * share);
 }
 
-// Level 0 is interpolated between four texels of the map. Those that are neighbours in the sample are
-// left to the sample's own filter, so that most points have one place, and those at a seam two to four.
-// Coarser levels fit to the pixel; from them the nearest texel is taken.
+// Level 0 is interpolated between four texels of the map. Texels that are also neighbours in the sample
+// are left to the sample's own filter. Most points therefore have one place, and points at a seam have
+// two to four. Coarser levels fit the size of the pixel, so only the nearest texel is used.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -116,17 +118,17 @@ places find_places(vec2 x, float level) {
     return at;
 }
 #elif PLACES == 2
-#ifdef N_LEVELS // of a method whose mip levels its file has
+#ifdef N_LEVELS // for a method whose file has mip levels
 #define ENDLESS_MEAN (N_LEVELS > 1)
 #else
 #define ENDLESS_MEAN 1
 #endif
 uniform vec2 endless_cells;   // columns and rows of hexagons per tile
-uniform ivec2 endless_period; // columns and rows after which they repeat; rows are even
+uniform ivec2 endless_period; // columns and rows after which they repeat; the number of rows is even
 uniform vec2 endless_edge;    // half a texel, in tiles
-uniform vec2 endless_centres[ENDLESS_CENTRES]; // of hexagons in the sample, in tiles
+uniform vec2 endless_centres[ENDLESS_CENTRES]; // centres of hexagons in the sample, in tiles
 
-// As endless_hash().
+// The same as endless_hash().
 uint endless_hash(uvec2 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * 1664525u;
@@ -140,7 +142,7 @@ int endless_turns(int a, int b) {
     return int(floor((float(a) + 0.5) / float(b)));
 }
 
-// Where a point lies in the part of the sample that the hexagon around a vertex shows.
+// Returns the position of a point in the part of the sample that the hexagon around a vertex shows.
 vec2 endless_look_up(vec2 x, ivec2 vertex) {
     int turn = endless_turns(vertex.y, endless_period.y);
     ivec2 inside = vertex + turn * ivec2(endless_period.y / 2, -endless_period.y);
@@ -151,7 +153,8 @@ vec2 endless_look_up(vec2 x, ivec2 vertex) {
     return clamp(at, endless_edge, 1.0 - endless_edge);
 }
 
-// The triangle's vertices that a point is between, the nearest first, and how near it is to each.
+// Finds the vertices of the triangle around a point, the nearest first, and the nearness of the point
+// to each.
 void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     vec2 q = x * endless_cells, p = vec2(q.x - 0.5 * q.y, q.y), base = floor(p), f = p - base;
     int far = f.x + f.y > 1.0 ? 1 : 0;
@@ -166,7 +169,7 @@ void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     near = first == 1 ? near.yxz : first == 2 ? near.zyx : near;
 }
 
-// The place in the nearest hexagon alone.
+// Returns only the place in the nearest hexagon.
 places nearest_place(vec2 x) {
     ivec2 vertices[3];
     vec3 near;
@@ -174,7 +177,7 @@ places nearest_place(vec2 x) {
     return one_place(endless_look_up(x, vertices[0]));
 }
 
-// Where hexagons blend, the sample's mean is the last place.
+// Where hexagons blend, the last place is the mean of the sample.
 places find_places(vec2 x, float level) {
 #if PLACES_NEAREST
     return nearest_place(x);
@@ -211,7 +214,7 @@ places find_places(vec2 x, float level) {
 #endif
 
 #if PLACES
-// Call it before branches: it takes derivatives.
+// Call it before branches, because it takes derivatives.
 float prepare_places(vec2 x) {
     place_dx = dFdx(x);
     place_dy = dFdy(x);
@@ -223,7 +226,7 @@ float prepare_places(vec2 x) {
 #endif
 }
 
-// From here on, looks up the sample's mean: its coarsest mip level.
+// From now on, look-ups return the mean of the sample, from its coarsest mip level.
 void prepare_mean() {
     place_dx = vec2(1e4, 0.0);
     place_dy = vec2(0.0, 1e4);

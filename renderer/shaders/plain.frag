@@ -1,4 +1,4 @@
-// A plain textured mesh: one picture, times n·l. What eigen-maps are measured against.
+// A plain textured mesh: one picture, times n·l. Eigen-maps are compared with it.
 uniform sampler2DArray maps;
 uniform int n_layers;
 

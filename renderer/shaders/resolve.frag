@@ -1,4 +1,4 @@
-// Averages samples × samples of the drawn picture, exposed and toned, into one sRGB pixel.
+// Averages samples × samples of the drawn picture, after exposure and tone curve, into one sRGB pixel.
 uniform sampler2D drawn;
 uniform int samples;
 uniform float exposure;
@@ -11,7 +11,7 @@ void main() {
     vec3 sum = vec3(0.0);
     for (int j = 0; j < samples; j++)
         for (int i = 0; i < samples; i++) {
-            // Alpha 0: the background, which exposure leaves alone.
+            // Alpha 0 marks the background, which is not exposed.
             vec4 one = texelFetch(drawn, corner + ivec2(i, j), 0);
             sum += tone(one.rgb * (one.a > 0.5 ? exposure : 1.0));
         }

@@ -1,6 +1,6 @@
-// The shadow map's depth, measured from the base of the structure (Wang et al. 2005 §4.2): the structure's
-// own shadows are in the BTF already.
-uniform sampler2D seen; // from the light; see visibility.h
+// The depth of the shadow map, measured from the base of the structure (Wang et al. 2005 §4.2). The
+// shadows of the structure on itself are already in the BTF.
+uniform sampler2D seen; // visibility from the light; see visibility.h
 uniform float range;
 
 void main() {

@@ -1,4 +1,4 @@
-// From light to what a screen shows.
+// Converts light to the values of a screen.
 
 // Tone curve: linear up to 0.8, then 1 − 0.2 exp((0.8 − x) / 0.2), with a continuous slope.
 vec3 tone(vec3 x) {
@@ -10,7 +10,8 @@ vec3 srgb(vec3 x) {
                step(0.0031308, x));
 }
 
-// Dither of ± half an 8-bit step (interleaved gradient noise) against banding; depends on the pixel only.
+// Returns a dither of ± half an 8-bit step (interleaved gradient noise) against banding. It depends
+// only on the pixel.
 float noise(vec2 pixel) {
     return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) - 0.5;
 }

@@ -1,9 +1,9 @@
-// Which fragments are seen once the structure of the material counts; see visibility.h.
+// Decides which fragments are seen when the structure of the material counts; see visibility.h.
 uniform sampler2D seen;
-uniform bool silhouettes; // FALSE: all fragments are seen
-uniform float slack;      // of distances from the eye
+uniform bool silhouettes; // if FALSE, all fragments are seen
+uniform float slack;      // tolerance of distances from the eye
 
-// From the mesh along the ray to the structure.
+// Returns the distance from the mesh along the ray to the structure.
 float way_to_structure() {
     if (!silhouettes)
         return 0.0;

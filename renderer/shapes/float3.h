@@ -10,7 +10,7 @@ static inline void float3_cross(const float a[3], const float b[3], float ret[3]
         ret[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
 
-/* a − b */
+/* Computes a − b. */
 static inline void float3_minus(const float a[3], const float b[3], float ret[3]) {
     for (int k = 0; k < 3; k++)
         ret[k] = a[k] - b[k];

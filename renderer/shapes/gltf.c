@@ -1,5 +1,5 @@
-/* Reads the triangles of a glTF 2.0 file, at the places that its scene gives them; skins and morph
- * targets stay in their rest state. */
+/* Reads the triangles of a glTF 2.0 file, at the places of its scene. Skins and morph targets stay
+ * in their rest state. */
 #include "gltf_nodes.h"
 
 #include <math.h>
@@ -14,14 +14,14 @@ struct reader {
 /* The attributes of a primitive's vertices, and its indices. */
 enum { POSITION, NORMAL, UV, TANGENT, N_ATTRIBUTES, INDICES = N_ATTRIBUTES };
 struct attributes {
-    GArray *of[N_ATTRIBUTES + 1]; /* NULL: nothing */
+    GArray *of[N_ATTRIBUTES + 1]; /* NULL if the primitive has none */
 };
 
 static const float *row_of(const GArray *array, gsize k, int n) {
     return (const float *)(const void *)array->data + k * (gsize)n;
 }
 
-/* One vertex of the file: its position and attributes. glTF's v runs downwards. */
+/* Adds one vertex of the file: its position and attributes. v of glTF increases downwards. */
 static void gltf_add_vertex(struct reader *r, const struct gltf_transform *p,
                             const struct attributes *a, gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
@@ -63,7 +63,7 @@ static gboolean add_triangle(struct reader *r, const struct gltf_transform *p,
     for (int c = 0; c < 3; c++) {
         const gsize k = at[turned ? 2 - c : c];
         gint32 v = (gint32)(first + k);
-        if (a->of[NORMAL] == NULL) { /* flat: no corner is another's */
+        if (a->of[NORMAL] == NULL) { /* flat shading: corners are not shared */
             v = (gint32)r->soup->positions->len;
             gltf_add_vertex(r, p, a, k);
         }
@@ -74,7 +74,7 @@ static gboolean add_triangle(struct reader *r, const struct gltf_transform *p,
     return TRUE;
 }
 
-/* mode 4: triangles, 5: a strip, 6: a fan. */
+/* Adds triangles. mode is 4 for triangles, 5 for a strip, 6 for a fan. */
 static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
                               const struct attributes *a, gint64 mode, GError **error) {
     const gsize n_vertices = a->of[POSITION]->len / 3;
@@ -119,7 +119,7 @@ static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, st
                          "with them");
     for (int k = 1; k < N_ATTRIBUTES; k++)
         if (a->of[k] != NULL && a->of[k]->len / n_numbers[k] != a->of[POSITION]->len / 3)
-            return gltf_bad(r->gltf, error, "a primitive's attributes differ in number");
+            return gltf_bad(r->gltf, error, "the attributes of a primitive have different lengths");
     if (!json_object_has_member(primitive, "indices"))
         return TRUE;
     a->of[INDICES] = gltf_indices(r->gltf, gltf_int(primitive, "indices", -1), error);
@@ -144,14 +144,15 @@ gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
 }
 
 gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, GError **error) {
-    const float *values = (const float *)(const void *)soup->positions->data; /* or NULL */
+    /* NULL if there are no positions. */
+    const float *values = (const float *)(const void *)soup->positions->data;
     for (gsize k = 0; k < 3 * (gsize)soup->positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))
             return gltf_bad(gltf, error, "a node puts its mesh infinitely far away");
     return TRUE;
 }
 
-/* What scene_read_gltf() gathers: all triangles in one soup. */
+/* The result of scene_read_gltf(): all triangles in one soup. */
 struct whole {
     const struct gltf_transform *p;
     enum scene_up up;

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_DEPTH 64 /* of JSON: its parser is recursive */
+#define MAX_DEPTH 64 /* largest depth of the JSON, because its parser is recursive */
 #define MAGIC     0x46546c67U
 #define JSON      0x4e4f534aU
 #define BINARY    0x004e4942U
@@ -61,7 +61,7 @@ JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GErr
     return NULL;
 }
 
-/* Depth of nested brackets, those in strings excepted. */
+/* Returns the depth of nested brackets, without those in strings. */
 static int depth_of(const char *text, gsize length) {
     int depth = 0, deepest = 0;
     gboolean string = FALSE;
@@ -97,7 +97,7 @@ static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize lengt
     for (guint k = 0; required != NULL && k < json_array_get_length(required); k++) {
         JsonNode *node = json_array_get_element(required, k);
         const char *name = JSON_NODE_HOLDS_VALUE(node) ? json_node_get_string(node) : NULL;
-        /* Extensions of textures, materials and lamps do not matter here. */
+        /* Extensions of textures, materials and lamps are not relevant here. */
         if (name == NULL ||
             (!g_str_has_prefix(name, "KHR_materials_") && !g_str_has_prefix(name, "KHR_texture_") &&
              !g_str_equal(name, "KHR_lights_punctual") && !g_str_has_prefix(name, "EXT_texture_")))
@@ -162,7 +162,7 @@ void gltf_clear(struct gltf *gltf) {
     g_clear_pointer(&gltf->buffers, g_ptr_array_unref);
 }
 
-/* Reads the bytes within a data URI, or of a file below the folder of the glTF file. */
+/* Reads the bytes in a data URI, or in a file below the folder of the glTF file. */
 static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error) {
     const char *comma = strchr(uri, ',');
     if (g_str_has_prefix(uri, "data:")) {
@@ -178,7 +178,8 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
     g_autofree char *folder = g_path_get_dirname(gltf->path);
     if (name == NULL || g_path_is_absolute(name) || strstr(name, "..") != NULL ||
         strstr(name, ":") != NULL) {
-        gltf_bad(gltf, error, "its %s is not a file beside it, and no other is opened", uri);
+        gltf_bad(gltf, error, "its %s is not a file in its folder, and no other file is opened",
+                 uri);
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -262,7 +263,8 @@ static gboolean find_bytes(struct gltf *gltf, gint64 k, JsonObject *accessor, st
 static gboolean find_numbers(struct gltf *gltf, gint64 k, int n_components, struct numbers *ret,
                              GError **error) {
     static const char *const shapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
-    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4}; /* from 5120: bytes, shorts, –, uint, float */
+    /* For the codes from 5120 on: bytes, shorts, –, uint, float. */
+    static const int sizes[] = {1, 1, 2, 2, 0, 4, 4};
     JsonObject *accessor = gltf_item(gltf, "accessors", k, error);
     if (accessor == NULL)
         return FALSE;

@@ -9,35 +9,35 @@ struct gltf {
     const char *path; /* for messages */
     JsonParser *parser;
     JsonObject *root;
-    GBytes *binary;     /* of a .glb, or NULL */
-    GPtrArray *buffers; /* of GBytes; NULL entries: not read yet */
+    GBytes *binary;     /* binary chunk of a .glb, or NULL */
+    GPtrArray *buffers; /* of GBytes; NULL entries are not read yet */
 };
 
-/* A sentence with the path before it. */
+/* Sets an error: the path, and then a sentence. */
 gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **error,
                    const char *format, ...) G_GNUC_PRINTF(4, 5);
 
 #define gltf_bad(gltf, error, ...) gltf_fail(gltf, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
 
-/* Call gltf_clear() also after an error. */
+/* Opens a file. Call gltf_clear() afterwards, even after an error. */
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
 void gltf_clear(struct gltf *gltf);
 
-/* Member k of the root's array of that name, or NULL with an error. */
+/* Returns element k of the root's array of that name, or NULL with an error. */
 JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
 
-/* A member that is a whole number; fallback if it is missing or something else. */
+/* Returns a member that is a whole number, or fallback if it is missing or has another type. */
 gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
 const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
 JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
 JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
 
 /* Returns the bytes of image k, from a buffer view, from the URI itself, or from a file below the
- * folder of the glTF file. NULL with an error. */
+ * folder of the glTF file. Returns NULL with an error. */
 GBytes *gltf_image(struct gltf *gltf, gint64 k, GError **error);
 
-/* The numbers of an accessor as an array of float, n_components per element: integers as they are,
- * or mapped to 0 … 1 or −1 … 1 where the accessor says normalized. */
+/* Returns the numbers of an accessor as an array of float, n_components per element. Integers are
+ * converted unchanged, or mapped to 0 … 1 or −1 … 1 if the accessor is normalized. */
 GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError **error);
 /* Reads an accessor of scalar unsigned integers into an array of guint32. */
 GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error);

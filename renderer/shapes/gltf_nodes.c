@@ -1,9 +1,9 @@
-/* The nodes of a glTF file's scene; skins and morphs are as they rest. */
+/* The nodes of a glTF file's scene. Skins and morph targets stay in their rest state. */
 #include "gltf_nodes.h"
 
 #include <math.h>
 
-#define MAX_NODES 100000 /* visited: a file's nodes may name each other in a circle */
+#define MAX_NODES 100000 /* a file's nodes may refer to each other in a circle */
 #define MAX_LEVEL 64
 
 struct walk {
@@ -39,7 +39,8 @@ gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint 
     return TRUE;
 }
 
-/* A node's matrix, in columns, or its translation, rotation and scale. */
+/* Returns a node's matrix, stored in columns, or the matrix of its translation, rotation and
+ * scale. */
 static struct gltf_transform gltf_nodes_transform(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
     struct gltf_transform p = identity;
@@ -107,7 +108,7 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
         const struct gltf_transform p = gltf_nodes_product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);
         if (mesh < 0 && json_object_has_member(node, "mesh"))
-            mesh = G_MAXINT; /* no file has so many: it is an error where it is used */
+            mesh = G_MAXINT; /* no file has so many meshes, so using it gives an error */
         if (!walk->visit(walk->gltf, &p, node, mesh, walk->data, error) ||
             !visit_nodes(walk, &p, gltf_array(node, "children"), level + 1, error))
             return FALSE;

@@ -8,18 +8,19 @@ struct gltf_transform {
     double m[4][4]; /* [row][column] */
 };
 
-/* w: 1 for a position, 0 for a direction. */
+/* Transforms a point (w = 1) or a direction (w = 0). */
 void gltf_move_point(const struct gltf_transform *p, const float v[3], double w, float ret[3]);
 /* Transforms by the cofactors, so that a normal stays perpendicular to the surface. */
 void gltf_move_normal(const struct gltf_transform *p, const float v[3], float ret[3]);
-/* Negative: it mirrors. */
+/* A negative determinant means that the transform mirrors. */
 double gltf_determinant(const struct gltf_transform *p);
 
-/* Reads a member that is an array of n numbers. FALSE: it is not; values are unchanged. */
+/* Reads a member that is an array of n numbers. Returns FALSE, and does not change values, if it is
+ * not. */
 gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint n);
 
-/* p: from the node to the world. node: NULL for meshes of a file without scenes. mesh: its index,
- * −1: none. */
+/* Called for a mesh. p transforms from the node to the world. node is NULL for meshes of a file
+ * without scenes. mesh is the index of the mesh, or −1 if the node has none. */
 typedef gboolean (*GltfVisit)(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                               gint64 mesh, gpointer data, GError **error);
 /* Calls visit for every node of the file's scene, or for every mesh if there is no scene, until a
@@ -32,10 +33,10 @@ typedef gboolean (*GltfUse)(struct gltf *gltf, JsonObject *primitive, gpointer d
 gboolean gltf_each_primitive(struct gltf *gltf, gint64 mesh, GltfUse use, gpointer data,
                              GError **error);
 
-/* Adds the triangles of a primitive, transformed by p; points and lines have none. bare: the
- * primitive may lack texture coordinates, which are 0 then. */
+/* Adds the triangles of a primitive, transformed by p. Points and lines have no triangles. If bare
+ * is TRUE, the primitive may lack texture coordinates, which are then 0. */
 gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
                             JsonObject *primitive, enum scene_up up, gboolean bare,
                             struct soup *soup, GError **error);
-/* FALSE: a position is not a finite number after its transform. */
+/* Returns FALSE with an error if a transformed position is not finite. */
 gboolean gltf_check_positions(const struct gltf *gltf, const struct soup *soup, GError **error);

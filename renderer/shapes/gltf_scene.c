@@ -9,11 +9,11 @@
 
 struct gltf_loading {
     struct gltf_scene *scene;
-    const struct gltf_transform *p; /* of the node that is read */
-    const char *name;               /* of its mesh, or "" */
+    const struct gltf_transform *p; /* transform of the node that is being read */
+    const char *name;               /* name of its mesh, or "" */
 };
 
-/* A number within a range; what is not one is the fallback. */
+/* Returns a number within a range, or the fallback if the member is not such a number. */
 static double gltf_number(JsonObject *object, const char *name, double fallback, double least,
                           double most) {
     JsonNode *node = object != NULL ? json_object_get_member(object, name) : NULL;
@@ -53,7 +53,7 @@ static struct gltf_material gltf_read_material(JsonObject *from) {
     return ret;
 }
 
-/* FALSE: the file names a texture that it does not have. */
+/* Reads a picture. Returns FALSE if the file names a texture that it does not have. */
 static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct gltf_material *ret,
                              GError **error) {
     static const char *const axes[2] = {"wrapS", "wrapT"};
@@ -64,7 +64,7 @@ static gboolean read_picture(struct gltf *gltf, JsonObject *material, struct glt
     JsonObject *texture = gltf_item(gltf, "textures", gltf_int(info, "index", -1), error);
     if (texture == NULL)
         return FALSE;
-    if (!json_object_has_member(texture, "source")) /* in an extension's format */
+    if (!json_object_has_member(texture, "source")) /* the texture has the format of an extension */
         return TRUE;
     JsonObject *sampler = NULL;
     if (json_object_has_member(texture, "sampler") &&
@@ -96,7 +96,7 @@ static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GErr
     return TRUE;
 }
 
-/* The world's direction of a node's axis; FALSE: it has none. */
+/* Computes the direction of a node's axis in the world. Returns FALSE if it has none. */
 static gboolean node_axis(const struct gltf_transform *p, int axis, double sign, double ret[3]) {
     float unit[3] = {0.0F, 0.0F, 0.0F}, moved[3];
     unit[axis] = (float)sign;
@@ -119,7 +119,7 @@ static void node_position(const struct gltf_transform *p, double ret[3]) {
         ret[c] = moved[c];
 }
 
-/* A camera's and a lamp's −z points at what they see or light. */
+/* Reads a camera. The −z of a camera or lamp points at the scene. */
 static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, gint64 k,
                             struct gltf_scene *scene, GError **error) {
     JsonObject *from = gltf_item(gltf, "cameras", k, error);
@@ -199,7 +199,7 @@ static gboolean part_add(struct gltf *gltf, JsonObject *primitive, gpointer data
     const gboolean good =
         gltf_add_primitive(gltf, loading->p, primitive, SCENE_Y_UP, TRUE, &soup, error) &&
         gltf_check_positions(gltf, &soup, error);
-    const gboolean empty = good && soup.polygons->len == 0; /* points and lines */
+    const gboolean empty = good && soup.polygons->len == 0; /* points and lines only */
     if (good && !empty)
         mesh = soup_mesh(&soup, loading->name, gltf->path, FALSE, error);
     soup_clear(&soup);

@@ -6,14 +6,15 @@
 
 #define LEAST_SCALE 1e-6f
 
-/* Sums over the triangles around a vertex. bend follows from the change of the normal along their
- * edges, by least squares: for an edge (a, b) and a change (p, q), L a + M b = p, M a + N b = q. */
+/* Sums over the triangles around a vertex. bend is computed from the change of the normal along
+ * their edges, by least squares. For an edge (a, b) and a change (p, q): L a + M b = p, M a + N b =
+ * q. */
 struct sums {
     float area, scale[2];
     double aa, ab, bb, pa, pb_qa, qb;
 };
 
-/* Lengths of dP/du and dP/dv, weighted by the triangle's area. */
+/* Adds the lengths of dP/du and dP/dv, weighted by the triangle's area. */
 static void add_scale(const struct vertex *const v[3], struct sums *const sums[3]) {
     float e1[3], e2[3], normal[3], du[3], dv[3];
     float3_minus(v[1]->position, v[0]->position, e1);

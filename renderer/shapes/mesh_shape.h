@@ -1,18 +1,19 @@
 /*
- * Local geometry of a mesh at each vertex: the scale of the texture coordinates and the curvature,
- * both estimated from the triangles around the vertex.
+ * Local geometry of a mesh at each vertex: the scale of the texture coordinates and the curvature.
+ * Both are estimated from the triangles around the vertex.
  */
 #pragma once
 
 #include "scene.h"
 
 struct vertex_shape {
-    float scale[2]; /* |dP/du| and |dP/dv|: the length that a step of 1 in u or v covers (s of Wang
-                       et al. 2005) */
-    /* Second fundamental form (L, M, N) along tangent and bitangent: the normal curvature along the
-     * unit direction (a, b) is L a² + 2 M a b + N b², positive where the surface bends away. */
+    /* |dP/du| and |dP/dv|: the length of a step of 1 in u or v (s of Wang et al. 2005). */
+    float scale[2];
+    /* Second fundamental form (L, M, N) along tangent and bitangent. The normal curvature along
+     * the unit direction (a, b) is L a² + 2 M a b + N b². It is positive where the surface bends
+     * away. */
     float bend[3];
 };
 
-/* Returns one element per vertex. g_free() */
+/* Returns one element per vertex. Free them with g_free(). */
 struct vertex_shape *mesh_shapes(const struct mesh *mesh);

@@ -1,4 +1,4 @@
-/* Wavefront OBJ. Files may come from anywhere: every number and index is checked. */
+/* Wavefront OBJ. A file may come from an untrusted source, so every number and index is checked. */
 #include "soup.h"
 
 #include "base/input_file.h"
@@ -30,7 +30,7 @@ static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **
 
 #define obj_bad(obj, error, ...) obj_fail(obj, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
 
-/* A backslash before the end of a line continues it. */
+/* Skips blanks. A backslash before the end of a line continues the line. */
 static void skip_blanks(const char **text) {
     for (;;) {
         if (**text == ' ' || **text == '\t' || **text == '\r')
@@ -42,7 +42,7 @@ static void skip_blanks(const char **text) {
     }
 }
 
-/* To the start of the next line, or the end. */
+/* Returns the start of the next line, or the end. */
 static const char *next_line(struct obj *obj, const char *start) {
     for (const char *at = start;; at++) {
         at += strcspn(at, "\n");
@@ -93,7 +93,7 @@ static gboolean parse_index(struct obj *obj, const char **text, const GArray *ar
     return TRUE;
 }
 
-/* v/vt or v/vt/vn */
+/* Parses v/vt or v/vt/vn. */
 static gboolean parse_corner(struct obj *obj, const char **text, struct soup_corner *ret,
                              GError **error) {
     ret->vn = -1;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FLOOR 4.0 /* half its width, in radii of the mesh */
+#define FLOOR 4.0 /* half the width of the floor, in radii of the mesh */
 
 G_DEFINE_QUARK(scene_error, scene_error)
 
@@ -49,7 +49,7 @@ static void cylinder_point(const struct grid_shape *shape, double u, double v, s
     set3(ret->tangent, -sin(a), cos(a), 0.0);
 }
 
-/* Point of the (2, 3) torus knot at parameter t. */
+/* Computes a point of the (2, 3) torus knot at parameter t. */
 static void knot_curve(double t, double ret[3]) {
     double r = 2.0 + cos(3.0 * t);
     ret[0] = r * cos(2.0 * t);
@@ -57,8 +57,8 @@ static void knot_curve(double t, double ret[3]) {
     ret[2] = sin(3.0 * t);
 }
 
-/* The normal of a tube is perpendicular to its centre line, which is nowhere vertical; b is the
- * angle around the tube, from its upper side. */
+/* Computes a point of the knot. The normal of the tube is perpendicular to its centre line, which
+ * is nowhere vertical. b is the angle around the tube, from its upper side. */
 static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
                     double ret_normal[3]) {
     double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
@@ -146,7 +146,8 @@ struct mesh *scene_sphere(void) {
     return grid("sphere", NULL, sphere_point, 128, 64, 6, 3);
 }
 
-/* A flat end at height z, facing up or down, with texels as large as those around. */
+/* Adds a flat end at height z that faces up or down. Its texels have the size of those around
+ * it. */
 static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, double side) {
     guint first = mesh->n_vertices, at = mesh->n_indices;
     mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += n + 1);
@@ -166,7 +167,7 @@ static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, do
     }
 }
 
-/* Around z, with flat ends. */
+/* Makes a cylinder around z, with flat ends. */
 static struct mesh *scene_cylinder(void) {
     struct grid_shape shape = {.radius = 0.6, .height = 1.6};
     struct mesh *mesh = grid("cylinder", &shape, cylinder_point, 128, 1, 5, 2);
@@ -175,7 +176,7 @@ static struct mesh *scene_cylinder(void) {
     return mesh;
 }
 
-/* (2, 3), around z; u runs along the tube, v around it. */
+/* Makes a (2, 3) torus knot around z. u increases along the tube, v around it. */
 static struct mesh *scene_torus_knot(void) {
     struct grid_shape shape = {.radius = 0.42, .tube_radius = 0.18};
     return grid("torus-knot", &shape, knot_point, 768, 48, 24, 2);
@@ -191,11 +192,12 @@ static double twice_area(const double a[3], const double b[3]) {
                 pow(a[0] * b[1] - a[1] * b[0], 2));
 }
 
-/* Lays a plane of half_width radii under the mesh, where it is lowest. If the mesh has tiles_u ×
- * tiles_v tiles, the floor's tiles are square and on average as large as the mesh's. */
+/* Lays a plane of half_width radii below the lowest point of the mesh. If the mesh has tiles_u ×
+ * tiles_v tiles, the tiles of the floor are square, and their mean size is that of the mesh's
+ * tiles. */
 static void scene_add_floor(struct mesh *mesh, double half_width) {
     static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
-    double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums on the mesh, and in u and v */
+    double area = 0.0, flat = 0.0, e1[3], e2[3]; /* sums of areas on the mesh, and in u and v */
     for (guint k = 0; k + 2 < mesh->n_indices; k += 3) {
         const struct vertex *v[3];
         for (int c = 0; c < 3; c++)
@@ -223,7 +225,7 @@ static void scene_add_floor(struct mesh *mesh, double half_width) {
         double x = k & 1 ? half : -half, y = k & 2 ? half : -half;
         *v = (struct vertex){.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}};
         set3(v->position, x, y, low);
-        /* tiles_u and tiles_v multiply the floor's coordinates too. */
+        /* tiles_u and tiles_v also multiply the coordinates of the floor. */
         v->uv[0] = x / tile / mesh->tiles_u;
         v->uv[1] = y / tile / mesh->tiles_v;
     }

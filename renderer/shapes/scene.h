@@ -1,9 +1,9 @@
 /*
- * The shapes that a material is drawn on: meshes with texture coordinates and tangent frames.
+ * The shapes on which a material is drawn: meshes with texture coordinates and tangent frames.
  *
- * u runs along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so that
- * row 0 of a texture lies at v = 1), b = tangent[3] · n × t. Coordinates are z-up; one tile covers
- * u or v from 0 to 1, and a renderer multiplies them by the number of tiles.
+ * u increases along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so
+ * that row 0 of a texture lies at v = 1), with b = tangent[3] · n × t. Coordinates are z-up. One
+ * tile covers u or v from 0 to 1. A renderer multiplies them by the number of tiles.
  */
 #pragma once
 
@@ -14,9 +14,9 @@ GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
     SCENE_ERROR_FORMAT,     /* neither OBJ nor glTF, or damaged; the message says where */
-    SCENE_ERROR_NO_TEXTURE, /* without texture coordinates */
+    SCENE_ERROR_NO_TEXTURE, /* no texture coordinates */
     SCENE_ERROR_TOO_LARGE,
-    SCENE_ERROR_NO_SHAPE, /* neither a shape's name nor such a file */
+    SCENE_ERROR_NO_SHAPE, /* neither the name of a shape nor an existing file */
 };
 
 #define SCENE_MAX_FILE     (256 << 20) /* bytes */
@@ -25,29 +25,30 @@ enum scene_error {
 struct vertex {
     float position[3];
     float normal[3];  /* unit */
-    float tangent[4]; /* unit, at right angles to normal; [3] is 1 or, mirrored, −1 */
+    float tangent[4]; /* unit vector perpendicular to normal; [3] is 1, or −1 if mirrored */
     float uv[2];
 };
 
-/* Indices of one material, see mesh.parts. */
+/* The indices of one material; see mesh.parts. */
 struct mesh_part {
     guint first_index, n_indices;
-    int material; /* number of the renderer's, from 0 */
+    int material; /* number of the material in the renderer, from 0 */
 };
 
 struct mesh {
     char *name;
     struct vertex *vertices;
     guint n_vertices;
-    guint32 *indices; /* three a triangle, counter-clockwise from outside */
+    guint32 *indices; /* three for each triangle, counter-clockwise seen from outside */
     guint n_indices;
-    float radius;            /* of the sphere around the origin that holds it */
+    float radius;            /* radius of the sphere around the origin that contains it */
     double tiles_u, tiles_v; /* suggested number of tiles */
-    /* The last vertices and indices belong to a floor, which receives shadows and casts none. It
-     * need not lie within the radius nor fit into the picture. */
+    /* The last vertices and indices belong to a floor. It receives shadows and casts none. It need
+     * not lie within the radius nor fit into the picture. */
     guint n_floor_vertices, n_floor_indices;
-    /* In the order of the indices; each index belongs to exactly one part. A part lies wholly in
-     * the floor or wholly outside it. n_parts 0: the whole mesh has material 0. */
+    /* The parts are in the order of the indices, and each index belongs to exactly one part. A part
+     * lies wholly in the floor or wholly outside it. If n_parts is 0, the whole mesh has material
+     * 0. */
     struct mesh_part *parts;
     guint n_parts;
 };
@@ -62,32 +63,33 @@ enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 /* "plane", "torus", "sphere", "cylinder", "torus-knot" */
 extern const char *const scene_shape_names[SCENE_SHAPES];
 
-/* One of these names, or the path of an .obj, .gltf or .glb file. */
+/* Returns a shape. name is one of these names, or the path of an .obj, .gltf or .glb file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {
-    double tiles_u, tiles_v; /* 0: as the shape has it */
+    double tiles_u, tiles_v; /* 0 keeps the numbers of the shape */
     enum scene_up up;
     gboolean floor;
 };
 struct mesh *scene_make(const char *name, const struct scene_options *options, GError **error);
 
-/* plane: −1 … 1 in x and y, normal +z. */
+/* Makes a plane: −1 … 1 in x and y, normal +z. */
 struct mesh *scene_plane(void);
-/* Around z; u runs around the axis, v around the tube from its outermost circle upwards. */
+/* Makes a torus around z. u increases around the axis, v around the tube from its outermost circle
+ * upwards. */
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
 struct mesh *scene_sphere(void); /* radius 1 */
 
-/* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; other
- * statements are ignored. Missing normals are computed. The mesh is centred and scaled to radius 1.
- */
+/* Reads a Wavefront OBJ: v, vt, vn and f with any number of corners (convex polygons). Negative
+ * indices are allowed. Other statements are ignored. Missing normals are computed. The mesh is
+ * centred and scaled to radius 1. */
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
 
-/* glTF 2.0, text or binary: triangles of its scene, with tangents of the file where there are any.
- * up is that of the file, y by its standard. Buffers are within the file, or files beside it.
- * Everything else in the file is ignored; a file that requires an extension (compression) is
- * refused. */
+/* Reads a glTF 2.0 file, text or binary: the triangles of its scene, with the tangents of the file
+ * if it has them. up is the vertical axis of the file, which is y by the standard. Buffers are
+ * within the file, or in files in its folder. Everything else in the file is ignored. A file that
+ * requires an extension (compression) is refused. */
 struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error);
 
-/* text is ended by NUL; name is for messages. */
+/* The same as scene_read_obj(), from memory. text ends with NUL. name is for messages. */
 struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error);

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FLAT 1e-4 /* of the scene's width: how even a floor is */
+#define FLAT 1e-4 /* flatness of a floor, as a share of the scene's width */
 
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error) {
     const char *equals = strchr(text, '=');
@@ -35,7 +35,7 @@ struct parts {
     const struct gltf_scene *scene;
     const struct scene_binding *bindings;
     guint n_bindings;
-    gboolean *floor; /* of each part of the scene */
+    gboolean *floor; /* for each part of the scene */
     float low[3], high[3];
 };
 
@@ -64,7 +64,8 @@ static char *parts_names(const struct parts *p) {
     return g_string_free(names, FALSE);
 }
 
-/* Each binding must be of a mesh, and each of its meshes have texture coordinates. */
+/* Checks that each binding names a material of a mesh, and that all these meshes have texture
+ * coordinates. */
 static gboolean parts_check(const struct parts *p, const char *path, GError **error) {
     for (guint b = 0; b < p->n_bindings; b++) {
         gboolean found = FALSE;
@@ -83,7 +84,7 @@ static gboolean parts_check(const struct parts *p, const char *path, GError **er
         if (!found) {
             g_autofree char *names = parts_names(p);
             g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT,
-                        "%s: no mesh is of the material “%s”, or --material names it twice; its "
+                        "%s: no mesh has the material “%s”, or --material names it twice; the "
                         "materials are %s",
                         path, p->bindings[b].name, *names ? names : "none");
             return FALSE;
@@ -107,7 +108,8 @@ static void parts_box(struct parts *p, gboolean with_floor) {
     }
 }
 
-/* Whether a mesh is flat, faces up, and reaches to the sides of the bounding box of all meshes. */
+/* Returns whether a mesh is flat, faces up, and reaches to the sides of the bounding box of all
+ * meshes. */
 static gboolean part_is_floor(const struct parts *p, const struct mesh *mesh) {
     const float even = (float)FLAT * hypotf(p->high[0] - p->low[0], p->high[1] - p->low[1]);
     float low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -137,7 +139,7 @@ static void parts_find_floor(struct parts *p) {
     parts_box(p, FALSE);
 }
 
-/* Appends all meshes of a material that are, or are not, of the floor. */
+/* Appends all meshes of a material that belong to the floor, or all that do not. */
 static void parts_append(const struct parts *p, int material, gboolean of_floor, struct mesh *to) {
     const guint first = to->n_indices;
     for (guint k = 0; k < p->scene->parts->len; k++) {

@@ -1,11 +1,11 @@
 /*
- * A glTF scene of several materials as one mesh: materials are bound by their names in the file.
- * The first binding has material 1, the second 2, and so on; parts that no binding names have
+ * A glTF scene of several materials as one mesh. Materials are bound by their names in the file.
+ * The first binding has material 1, the second 2, and so on. Parts that no binding names have
  * material 0.
  *
- * Lengths stay those of the file; z is up, and the middle of the box around the objects becomes the
- * origin. A mesh in the lower half that is flat, faces up and reaches as far as everything else on
- * all sides is the mesh's floor, unless there is nothing else.
+ * Lengths stay those of the file. z is up, and the middle of the box around the objects becomes the
+ * origin. A mesh is the floor if it is flat, lies in the lower half, faces up and reaches as far as
+ * everything else on all sides, unless there is no other mesh.
  */
 #pragma once
 
@@ -13,14 +13,15 @@
 
 struct scene_binding {
     char *name, *path;
-    double tiles; /* for one unit of the texture coordinates */
+    double tiles; /* number in one unit of the texture coordinates */
 };
 
-/* NAME=PATH or NAME=PATH,TILES; if the text after the last comma is no number, it belongs to the
- * path. Without TILES: 1. */
+/* Parses NAME=PATH or NAME=PATH,TILES. If the text after the last comma is not a number, it belongs
+ * to the path. The default of TILES is 1. */
 gboolean scene_binding_parse(const char *text, struct scene_binding *ret, GError **error);
 void scene_binding_clear(struct scene_binding *binding);
 
-/* Fails if a name is not in the scene, or a mesh of it has no texture coordinates. */
+/* Reads a scene. Fails if a name is not in the scene, or if a mesh with that material has no
+ * texture coordinates. */
 struct mesh *scene_read_parts(const char *path, const struct scene_binding *bindings, guint n,
                               GError **error);

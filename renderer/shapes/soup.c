@@ -7,7 +7,7 @@
 
 struct builder {
     GArray *vertices, *indices, *corners, *next;
-    gint32 *first; /* vertices made of a position, as chains */
+    gint32 *first; /* chains of the vertices that were made from a position */
 };
 
 void soup_init(struct soup *soup) {
@@ -81,7 +81,7 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
     return TRUE;
 }
 
-/* Twice the polygon's area along its normal. */
+/* Computes a vector along the polygon's normal, with twice its area as length. */
 static void polygon_normal(const struct soup *soup, const struct soup_corner *corners, int n,
                            float ret[3]) {
     memset(ret, 0, 3 * sizeof(float));
@@ -105,7 +105,8 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
-/* Files whose windings disagree with their normals exist; the normals are taken as correct. */
+/* Returns whether the winding disagrees with the normals. In such files, the normals are taken as
+ * correct. */
 static gboolean wound_backwards(const struct soup *soup, const struct soup_corner *corners, int n) {
     float face[3], sum = 0.0f;
     polygon_normal(soup, corners, n, face);
@@ -117,7 +118,7 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
     return sum < 0.0f;
 }
 
-/* Corners that agree in everything, the sense of the texture included, share a vertex. */
+/* Corners that agree in everything share a vertex. This includes the handedness of the texture. */
 static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
                                const struct soup_corner *corner, float sense) {
     for (gint32 at = b->first[corner->v]; at >= 0; at = g_array_index(b->next, gint32, at)) {
@@ -138,8 +139,8 @@ static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
     return index;
 }
 
-/* The unit vector of v's component perpendicular to the vertex's normal; FALSE: that component is
- * 0. */
+/* Computes the unit vector of v's component perpendicular to the vertex's normal. Returns FALSE if
+ * that component is 0. */
 static gboolean along_surface(const struct vertex *vertex, const float v[3], float ret[3]) {
     float off = float3_dot(v, vertex->normal);
     for (int k = 0; k < 3; k++)
@@ -147,7 +148,7 @@ static gboolean along_surface(const struct vertex *vertex, const float v[3], flo
     return soup_normalise(ret);
 }
 
-/* A triangle's angle at its corner v[c], seen along that vertex's normal. */
+/* Returns the angle of a triangle at its corner v[c], seen along the normal of that vertex. */
 static float corner_angle(struct vertex *const v[3], int c) {
     float edges[2][3];
     for (int e = 0; e < 2; e++) {
@@ -160,7 +161,7 @@ static float corner_angle(struct vertex *const v[3], int c) {
 }
 
 /* Adds dP/du of the triangle to its corners as MikkTSpace does, so that normal maps and fibres made
- * by other programs fit: projected onto the surface at each corner, and weighted by the angle
+ * by other programs fit. It is projected onto the surface at each corner, and weighted by the angle
  * there. */
 static void add_tangent(struct builder *b, const guint32 index[3]) {
     struct vertex *v[3];
@@ -198,7 +199,8 @@ static void add_polygon(const struct soup *soup, struct builder *b,
     }
 }
 
-/* own: that of the file, which takes precedence over one made from uv; NULL: none. */
+/* Completes a tangent. own is that of the file, which takes precedence over a computed one. It is
+ * NULL if the file has none. */
 static void finish_tangent(struct vertex *vertex, const float *own) {
     float *t = vertex->tangent, sum[3], axis[3] = {0.0f, 0.0f, 0.0f}, side[3];
     memcpy(sum, t, sizeof sum);

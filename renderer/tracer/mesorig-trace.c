@@ -1,4 +1,4 @@
-/* mesorig-trace: a picture of a scene with captured materials, by path tracing. */
+/* mesorig-trace: makes a picture of a scene with captured materials, by path tracing. */
 #include "trace_output.h"
 
 #include "base/help_text.h"
@@ -27,35 +27,36 @@ static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &png_path, "The picture, exposed", "FILE.png"},
     {"exr", 0, 0, G_OPTION_ARG_FILENAME, &exr_path, "The picture's radiance", "FILE.exr"},
     {"material", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &materials,
-     "The scene's material NAME is this captured one: a session, or a compressed file; so many "
-     "tiles of it in one unit of the texture coordinates, default 1",
+     "Replace the scene's material NAME by a captured one, which is a session or a compressed "
+     "file; TILES is the number of its tiles in one unit of the texture coordinates, default 1",
      "NAME=PATH[,TILES]"},
     {"relief", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &reliefs,
-     "Outlines and shadows of the captured material NAME are those of its relief: of the distances "
-     "(MDF) in its session, or in a file",
+     "Give the captured material NAME the outlines and shadows of its relief, from the distances "
+     "(MDF) in its session or in a file",
      "NAME[=FILE.exr]"},
     {"environment", 0, 0, G_OPTION_ARG_FILENAME, &environment_name,
-     "Light from all around: studio, overcast, white, or a map as an EXR", "NAME|FILE.exr"},
+     "Light from all directions: studio, overcast, white, or a map as an EXR", "NAME|FILE.exr"},
     {"turn", 0, 0, G_OPTION_ARG_DOUBLE, &turn_deg,
      "Turn the environment about the vertical axis, counter-clockwise seen from above", "DEG"},
     {"lamp", 0, 0, G_OPTION_ARG_STRING_ARRAY, &lamps,
      "A lamp far away, from the zenith and from +x; brightness 1 if not given",
      "THETA,PHI[,BRIGHTNESS]"},
     {"camera", 0, 0, G_OPTION_ARG_STRING, &camera,
-     "A camera that sees all of the scene, in place of the file's; field of view 40",
+     "A camera that sees the whole scene, instead of that of the file; field of view 40",
      "AZIMUTH,ELEVATION[,FOV]"},
     {"size", 0, 0, G_OPTION_ARG_STRING, &size, "Size in pixels, default 640x480", "WxH"},
-    {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Samples of a pixel, default 64", "N"},
-    {"depth", 0, 0, G_OPTION_ARG_INT, &depth, "Reflections at most, default 16", "N"},
-    {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &exposure_ev, "Of the PNG, default 0", "EV"},
+    {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Samples per pixel, default 64", "N"},
+    {"depth", 0, 0, G_OPTION_ARG_INT, &depth, "Largest number of reflections, default 16", "N"},
+    {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &exposure_ev, "Exposure of the PNG, default 0", "EV"},
     {"seed", 0, 0, G_OPTION_ARG_INT64, &seed,
-     "Of the random numbers, default 1: the same seed gives the same picture", "N"},
-    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Default: one a processor", "N"},
+     "Seed of the random numbers, default 1: the same seed gives the same picture", "N"},
+    {"threads", 0, 0, G_OPTION_ARG_INT, &threads, "Number of threads, default: one per processor",
+     "N"},
     {"even", 0, 0, G_OPTION_ARG_NONE, &evenly,
-     "Draw directions evenly instead of by what the materials reflect, to compare noise", NULL},
-    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
+     "Draw directions evenly instead of in proportion to the reflectance, for comparing noise",
      NULL},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what was made", NULL},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print the result as JSON", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
@@ -66,7 +67,7 @@ static void on_signal(int number) {
     stopped = 1;
 }
 
-/* On a terminal a line that is written over, and else none. */
+/* Shows progress on a terminal, in a line that is overwritten. Otherwise prints nothing. */
 static void trace_main_tell(const struct work_progress *progress, gpointer cancellable) {
     if (stopped)
         g_cancellable_cancel(cancellable);
@@ -79,7 +80,8 @@ static void trace_main_tell(const struct work_progress *progress, gpointer cance
         g_printerr("\r\033[K");
 }
 
-/* n_least to 3 numbers with commas between them; what is not given stays. */
+/* Parses n_least to 3 numbers, separated by commas. Numbers that are not given keep their
+ * values. */
 static gboolean trace_main_numbers(const char *option, const char *text, int n_least, double ret[3],
                                    GError **error) {
     g_auto(GStrv) parts = g_strsplit(text, ",", -1);
@@ -150,7 +152,7 @@ static gboolean trace_main_set_sky(TraceScene *scene, GError **error) {
     TraceSky *sky = trace_sky_new(environment, turn_deg);
     environment_free(environment);
     if (sky == NULL)
-        return trace_main_fail(error, "%s: the environment map is black everywhere: give another",
+        return trace_main_fail(error, "%s: the environment map is black everywhere: choose another",
                                environment_name);
     trace_scene_set_sky(scene, sky);
     return TRUE;
@@ -172,8 +174,7 @@ static gboolean trace_main_set_lamps(TraceScene *scene, GError **error) {
         return trace_main_fail(error, "%u lamps are too many: at most %d", scene->lamps->len,
                                MAX_LAMPS);
     if (scene->lamps->len == 0 && scene->sky == NULL && scene->lit.n == 0)
-        return trace_main_fail(error,
-                               "nothing gives light in this scene: give --environment or --lamp");
+        return trace_main_fail(error, "the scene has no light: give --environment or --lamp");
     return TRUE;
 }
 
@@ -200,7 +201,7 @@ static gboolean trace_main_options(struct trace_options *ret, GError **error) {
     ret->drawing = evenly ? TRACE_DRAW_EVENLY : TRACE_DRAW_BY_IMPORTANCE;
     char end;
     if (size != NULL && sscanf(size, "%dx%d%c", &ret->width, &ret->height, &end) != 2)
-        return trace_main_fail(error, "--size %s: WIDTHxHEIGHT is expected, as 640x480", size);
+        return trace_main_fail(error, "--size %s: WIDTHxHEIGHT is expected, such as 640x480", size);
     if (threads < 0 || threads > 1024)
         return trace_main_fail(error, "--threads: %d is out of range: 0 to 1024", threads);
     if (!isfinite(exposure_ev) || fabs(exposure_ev) > 50.0)
@@ -234,7 +235,7 @@ static void trace_main_say(const TraceScene *scene, const TracePicture *picture,
                 sqrt(variance / options->samples));
 }
 
-/* Warns about contents of the file that the picture does not show. */
+/* Warns about contents of the file that are not visible in the picture. */
 static void trace_main_warn(const char *path, const TraceScene *scene) {
     for (guint k = 0; k < scene->surfaces->len; k++) {
         const struct trace_surface *surface =
@@ -244,7 +245,7 @@ static void trace_main_warn(const char *path, const TraceScene *scene) {
     }
 }
 
-/* An EXR if options are given, else a PNG. */
+/* Writes an EXR if options are given, and a PNG otherwise. */
 static gboolean trace_main_write(OutputFile *to, const TracePicture *picture,
                                  const struct trace_options *options, GError **error) {
     const char *path = output_file_path(to, error);
@@ -263,7 +264,7 @@ static gboolean trace_main_run(const char *path, GError **error) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const struct work work = {threads, trace_main_tell, cancellable, cancellable};
     const gint64 begun_us = g_get_monotonic_time();
-    g_autoptr(OutputFile) png = NULL, exr = NULL; /* refused before hours of work */
+    g_autoptr(OutputFile) png = NULL, exr = NULL; /* decided now, before hours of work */
     if (!trace_main_options(&options, error) ||
         (png_path != NULL && !(png = output_file_new(png_path, "trace", force, error))) ||
         (exr_path != NULL && !(exr = output_file_new(exr_path, "trace", force, error))))
@@ -308,11 +309,11 @@ int main(int argc, char **argv) {
         return 0;
     }
     if (argc != 2 || (png_path == NULL && exr_path == NULL)) {
-        g_printerr("usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n"
-                   "       [--material NAME=PATH[,TILES]…] [--relief NAME[=FILE.exr]…]\n"
-                   "       [--environment NAME|FILE.exr]\n"
-                   "       [--lamp THETA,PHI[,BRIGHTNESS]…]\n"
-                   "--output, --exr or both are needed; --help tells all options\n");
+        g_printerr(
+            "usage: mesorig-trace SCENE.gltf -o FILE.png [--exr FILE.exr]\n       [--material "
+            "NAME=PATH[,TILES]…] [--relief NAME[=FILE.exr]…]\n       [--environment "
+            "NAME|FILE.exr]\n       [--lamp THETA,PHI[,BRIGHTNESS]…]\n--output, --exr or both are "
+            "needed; --help lists all options\n");
         return 2;
     }
     const struct sigaction stop = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};

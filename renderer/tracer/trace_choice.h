@@ -1,18 +1,19 @@
-/* One of n things, with a probability in proportion to a weight. Plain data; const calls by any
- * thread. */
+/* Chooses one of n items, with a probability proportional to a weight. The struct is plain data.
+ * Any thread may call the functions that take a const pointer. */
 #pragma once
 
 #include <glib.h>
 
 struct trace_choice {
     gsize n;
-    double *sums; /* n + 1: cumulated, from 0 to 1 */
+    double *sums; /* n + 1 cumulated weights, from 0 to 1 */
 };
 
-/* TRUE, unless all weights are 0; weights are finite and not negative. */
+/* Initializes a choice. Returns FALSE if all weights are 0. Weights must be finite and not
+ * negative. */
 gboolean trace_choice_init(struct trace_choice *choice, const double *weights, gsize n);
 void trace_choice_clear(struct trace_choice *choice);
 
-/* The thing at random (in [0, 1)). */
+/* Returns the item for a random number in [0, 1). */
 gsize trace_choice_draw(const struct trace_choice *choice, double random);
 double trace_choice_share(const struct trace_choice *choice, gsize k);

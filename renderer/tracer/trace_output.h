@@ -1,13 +1,14 @@
-/* Pictures as files: EXR (radiance) and PNG (exposed, toned, sRGB). A file is whole or, as after an
- * error, what it was before. */
+/* Writes pictures as files: EXR (radiance) and PNG (exposed, with a tone curve, sRGB). If writing
+ * fails, an existing file is not changed. */
 #pragma once
 
 #include "trace_path.h"
 
-/* Parts: "picture" with channels R, G, B and attributes of the options; "variance" with Y
- * (trace_path.h). */
+/* Writes an EXR with the parts "picture", which has channels R, G, B and the options as attributes,
+ * and "variance", which has a channel Y (trace_path.h). */
 gboolean trace_write_exr(const TracePicture *picture, const struct trace_options *options,
                          const char *path, GError **error);
-/* As mesorig-view shows radiance: times 0.8 · 2^EV, then the tone curve of shaders/resolve.frag. */
+/* Writes a PNG as mesorig-view shows radiance: times 0.8 · 2^EV, then the tone curve of
+ * shaders/resolve.frag. */
 gboolean trace_write_png(const TracePicture *picture, double exposure_ev, const char *path,
                          GError **error);

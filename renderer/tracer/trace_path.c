@@ -2,19 +2,19 @@
 
 #include "base/direction.h"
 
-#define BLOCK    16 /* pixels each way that a thread takes at once */
-#define ROULETTE 4  /* reflections before a path may end at random */
+#define BLOCK    16 /* width and height of a block of pixels that a thread takes */
+#define ROULETTE 4  /* number of reflections before a path may end at random */
 
 const struct trace_options trace_options_default = {
     .width = 640, .height = 480, .samples = 64, .depth = 16, .seed = 1, .lamps_too = TRUE};
 
-/* A path on its way. */
+/* A path that is being followed. */
 struct path {
     const TraceScene *scene;
     const struct trace_options *options;
     struct trace_random random;
-    double share[3]; /* of light that reaches the camera from where the path is */
-    double light[3]; /* found so far */
+    double share[3]; /* share of the light at the end of the path that reaches the camera */
+    double light[3]; /* light found so far */
 };
 
 struct render {
@@ -33,7 +33,7 @@ static struct vec3 path_local(const struct trace_hit *hit, struct vec3 d) {
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
-/* Power heuristic, β = 2. */
+/* Computes the power heuristic, β = 2. */
 static double path_weight(double own, double other) {
     return own * own / (own * own + other * other);
 }
@@ -44,8 +44,8 @@ static void path_add(struct path *path, const double reflected[3], const double 
         path->light[c] += path->share[c] * reflected[c] * radiance[c] * factor;
 }
 
-/* What a direction towards a light reflects, and whether it lies on the triangle's own side: an
- * interpolated normal may say otherwise. */
+/* Returns whether a surface reflects light from a direction. The direction must also be on the
+ * triangle's own side, which an interpolated normal may contradict. */
 static gboolean path_reflects(const struct trace_hit *hit, struct vec3 view, struct vec3 towards,
                               double ret_rgb[3]) {
     if (vec3_dot(towards, hit->facet) <= 0.0)
@@ -68,7 +68,7 @@ static void path_look_for_sky(struct path *path, const struct trace_hit *hit, st
     path_add(path, reflected, radiance, path_weight(density, other) / density);
 }
 
-/* Of a point on an area, per solid angle seen from where the path is. */
+/* Returns the density of a point on an area, per solid angle seen from the end of the path. */
 static double area_density(const TraceScene *scene, gsize k, struct vec3 towards, double distance) {
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
     const double cos_area = -vec3_dot(area->normal, towards);
@@ -81,7 +81,7 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
     const TraceScene *scene = path->scene;
     const gsize k = trace_choice_draw(&scene->lit, trace_random_next(&path->random));
     const struct trace_area *area = &g_array_index(scene->areas, struct trace_area, k);
-    /* Even in a triangle: (1 − √a, b √a). */
+    /* An even distribution in a triangle: (1 − √a, b √a). */
     const double root = sqrt(trace_random_next(&path->random));
     const double b = trace_random_next(&path->random) * root;
     const struct vec3 at = vec3_add(area->corner, vec3_add(vec3_scale(area->edges[0], 1.0 - root),
@@ -101,7 +101,8 @@ static void path_look_for_area(struct path *path, const struct trace_hit *hit, s
     path_add(path, reflected, area->emission, path_weight(density, other) / density);
 }
 
-/* glTF's spot: from full light to none between the cones' cosines, squared. */
+/* Returns the intensity of glTF's spot lamp: full light at the inner cone's cosine, none at the
+ * outer one's, with a squared transition. */
 static double lamp_cone(const struct gltf_lamp *lamp, double cos_off) {
     const double range = fmax(lamp->inner_cos - lamp->outer_cos, 1e-3);
     const double inside = CLAMP((cos_off - lamp->outer_cos) / range, 0.0, 1.0);
@@ -140,15 +141,15 @@ static void path_look_for_lights(struct path *path, const struct trace_hit *hit,
         path_look_for_lamp(path, hit, view, &g_array_index(scene->lamps, struct gltf_lamp, k));
 }
 
-/* The light that a path runs into by itself; drawn: the density with which its direction was drawn,
- * 0: by the camera, so that it could not be found otherwise. */
+/* Takes the light that a path meets. drawn is the density with which its direction was drawn. It is
+ * 0 for a ray of the camera, because its light could not be found in another way. */
 static void path_take(struct path *path, const double radiance[3], double drawn, double other) {
     const double all[3] = {1.0, 1.0, 1.0};
     path_add(path, all, radiance,
              drawn > 0.0 && path->options->lamps_too ? path_weight(drawn, other) : 1.0);
 }
 
-/* FALSE: the path ends. */
+/* Ends the path at random. Returns FALSE if the path ends. */
 static gboolean path_survives(struct path *path, int depth) {
     const double most = fmax(path->share[0], fmax(path->share[1], path->share[2]));
     if (!(most > 0.0))

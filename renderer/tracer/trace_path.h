@@ -1,8 +1,8 @@
 /*
  * Path tracing (Kajiya 1986): the light that a camera sees, with any number of reflections. At each
- * point the sky, one area and every point-like lamp are looked for, and a direction is drawn from
- * the surface; the two ways to find sky and areas are weighted by the power heuristic (Veach &
- * Guibas 1995). Paths end at random where little light is left, which changes no mean.
+ * point, the sky, one area and every point-like lamp are sampled, and a further direction is drawn
+ * from the surface. The two ways to find sky and areas are weighted by the power heuristic (Veach &
+ * Guibas 1995). Paths end at random where little light is left, which does not change any mean.
  *
  * The same scene and options give the same picture with any number of threads.
  */
@@ -17,27 +17,29 @@
 
 struct trace_options {
     int width, height;
-    int samples; /* of a pixel */
-    int depth;   /* reflections, at most */
+    int samples; /* samples per pixel */
+    int depth;   /* largest number of reflections */
     guint64 seed;
     enum trace_drawing drawing;
-    gboolean lamps_too; /* FALSE: light is found by following the surfaces alone; then lamps that
-                           are points are not seen. To compare with */
+    /* If FALSE, light is only found by following the surfaces. Point-like lamps are then not seen.
+     * For comparisons. */
+    gboolean lamps_too;
 };
 
 extern const struct trace_options trace_options_default;
-/* The error names the option, its value and the range. */
+/* Checks options. The error names the option, its value and the range. */
 gboolean trace_options_check(const struct trace_options *options, GError **error);
 
 typedef struct trace_picture {
     int width, height;
-    float *rgb;      /* height × width × 3, radiance, top row first */
-    float *variance; /* height × width: of a sample's luminance, estimated from all of the pixel's;
-                        that of the pixel is it / samples. 0 with 1 sample */
+    float *rgb; /* height × width × 3, radiance, top row first */
+    /* height × width: variance of the luminance of a sample, estimated from all samples of the
+     * pixel. The variance of the pixel is this value / samples. It is 0 with 1 sample. */
+    float *variance;
 } TracePicture;
 void trace_picture_free(TracePicture *picture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TracePicture, trace_picture_free)
 
-/* Reports the stage "trace" and can be cancelled. */
+/* Renders a picture. Reports the stage "trace" and can be cancelled. */
 TracePicture *trace_render(const TraceScene *scene, const struct trace_options *options,
                            const struct work *work, GError **error);

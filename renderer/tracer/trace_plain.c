@@ -2,8 +2,8 @@
 
 #include <glib.h>
 
-#define LEAST_ALPHA 1e-3 /* narrower highlights are found by no other light than a point */
-#define DIELECTRIC  0.04 /* F0, of refractive index 1.5 */
+#define LEAST_ALPHA 1e-3 /* narrower highlights are only found by sampling the lamps */
+#define DIELECTRIC  0.04 /* F0 for a refractive index of 1.5 */
 
 static double plain_alpha(const struct trace_plain *p) {
     return fmax(p->roughness * p->roughness, LEAST_ALPHA);
@@ -14,7 +14,7 @@ static double plain_fresnel(double f0, double f90, double cos_half) {
     return f0 + (f90 - f0) * left * left * left * left * left;
 }
 
-/* Smith's Λ of a direction. */
+/* Computes Smith's Λ of a direction. */
 static double plain_lambda(double alpha, struct vec3 d) {
     const double z2 = d.z * d.z;
     return 0.5 * (sqrt(1.0 + alpha * alpha * (1.0 - z2) / z2) - 1.0);
@@ -25,7 +25,7 @@ static double plain_facets(double alpha, struct vec3 half) {
     return a2 / (G_PI * s * s);
 }
 
-/* How often the highlight is drawn from. */
+/* Returns the probability with which the highlight is sampled. */
 static double plain_share(const struct trace_plain *p, struct vec3 view) {
     const double m = p->metallic, brightest = fmax(p->base[0], fmax(p->base[1], p->base[2]));
     const double highlight = plain_fresnel(DIELECTRIC * p->specular * (1.0 - m) + brightest * m,
@@ -60,7 +60,7 @@ double trace_plain_density(const struct trace_plain *p, struct vec3 view, struct
         return 0.0;
     const struct vec3 half = vec3_unit(vec3_add(view, light));
     const double alpha = plain_alpha(p), share = plain_share(p, view);
-    /* Density of visible normals G1 D v·h / v·n, times dh / dl = 1 / (4 v·h). */
+    /* The density of visible normals G1 D v·h / v·n, times dh / dl = 1 / (4 v·h). */
     const double visible =
         plain_facets(alpha, half) / (1.0 + plain_lambda(alpha, view)) / (4.0 * view.z);
     return share * visible + (1.0 - share) * light.z / G_PI;
@@ -71,7 +71,8 @@ static struct vec3 plain_cosine(double a, double b) {
     return vec3(r * cos(2.0 * G_PI * b), r * sin(2.0 * G_PI * b), sqrt(fmax(1.0 - a, 0.0)));
 }
 
-/* A visible normal: a point of the hemisphere above the stretched view's disc. (Heitz 2018) */
+/* Draws a visible normal: a point of the hemisphere above the disc of the stretched view. (Heitz
+ * 2018) */
 static struct vec3 plain_visible_normal(double alpha, struct vec3 view, double a, double b) {
     const struct vec3 v = vec3_unit(vec3(alpha * view.x, alpha * view.y, view.z));
     const double flat = hypot(v.x, v.y);

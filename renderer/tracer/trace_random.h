@@ -1,4 +1,4 @@
-/* Random numbers that depend on a seed, a pixel and a sample alone, and so on no thread. */
+/* Random numbers that depend only on a seed, a pixel and a sample, and not on the thread. */
 #pragma once
 
 #include <glib.h>
@@ -22,7 +22,7 @@ static inline struct trace_random trace_random_new(guint64 seed, guint64 pixel, 
     return random;
 }
 
-/* [0, 1), of 24 bits, so that it is a float below 1, too. */
+/* Returns a number in [0, 1) of 24 bits. It stays below 1 when it is converted to float. */
 static inline double trace_random_next(struct trace_random *random) {
     return (double)(trace_random_bits(random) >> 40) * 0x1p-24;
 }

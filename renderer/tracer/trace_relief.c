@@ -3,15 +3,16 @@
 #include <math.h>
 
 #define CHORDS      3
-#define LEAST_SLOPE 0.01 /* of rays, as the library has it */
+#define LEAST_SLOPE 0.01 /* smallest slope of rays, as in the library */
 
-/* From one end; v: towards where the ray comes from there, in the end's frame, and w the way to the
- * other. A chord lies below the parabola's arc, so that what it meets before its end the ray meets,
- * too; where the ray goes deeper than all of the relief it meets it in any case. */
+/* Tests the ray from one end. v points towards the origin of the ray there, in the frame of that
+ * end. w is the distance to the other end. A chord lies below the parabola's arc, so a hit of the
+ * chord before its end is also a hit of the ray. If the ray goes deeper than the whole relief, it
+ * meets the relief in any case. */
 static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3 v, double way) {
     const struct trace_surface *s = end->surface;
     const double slope = fmax(v.z, LEAST_SLOPE), bend = 2.0 * slope / way;
-    /* Lengths of the scene that a mm of the sample has along x, y and z. */
+    /* Lengths in the scene of one mm of the sample along x, y and z. */
     const double x_mm = end->unit[0] / s->tiles / s->relief.tile_mm[0];
     const double y_mm = end->unit[1] / s->tiles / s->relief.tile_mm[1];
     const double z_mm = sqrt(x_mm * y_mm), deepest = s->relief.deepest_mm * z_mm;
@@ -38,7 +39,8 @@ static struct vec3 trace_relief_local(const struct trace_hit *hit, struct vec3 d
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
-/* The frame of back faces the inside, where the ray came from: its z is turned outwards. */
+/* The frame of a back face points to the inside, from which the ray comes. Its z is turned
+ * outwards. */
 gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
                             struct vec3 direction) {
     const double way = vec3_length(vec3_sub(back->position, front->position));

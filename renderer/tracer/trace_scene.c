@@ -5,8 +5,8 @@
 #include <embree3/rtcore.h>
 #include <string.h>
 
-#define LIFT        2e-5 /* of the scene's reach: how far off a surface rays begin */
-#define MOST_PASSES 64   /* outlines that a ray passes above */
+#define LIFT        2e-5 /* height of a ray's origin above the surface, as a share of reach */
+#define MOST_PASSES 64   /* largest number of outlines that a ray passes above */
 
 G_DEFINE_QUARK(trace_error, trace_error)
 
@@ -51,8 +51,8 @@ static void scene_take_materials(TraceScene *scene) {
         if (m->picture != NULL)
             to.texture = trace_texture_new(m->picture, m->wrap, &why);
         if (m->unread != NULL || why != NULL)
-            to.warning = g_strdup_printf("material “%s” has its colour without its texture: %s",
-                                         m->name, why != NULL ? why->message : m->unread);
+            to.warning = g_strdup_printf("material “%s” is shown without its texture: %s", m->name,
+                                         why != NULL ? why->message : m->unread);
         g_array_append_val(scene->surfaces, to);
     }
 }
@@ -61,7 +61,7 @@ static struct vec3 of_floats(const float a[3]) {
     return vec3((double)a[0], (double)a[1], (double)a[2]);
 }
 
-/* The middle of all corners' box, and the radius around it. */
+/* Computes the middle of the bounding box, and the radius around it. */
 static void scene_measure(TraceScene *scene) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint k = 0; k < scene->gltf->parts->len; k++) {
@@ -104,7 +104,7 @@ static gboolean scene_build(TraceScene *scene, GError **error) {
     const enum RTCError code = rtcGetDeviceError(scene->device);
     if (code != RTC_ERROR_NONE)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "Embree cannot take the scene's triangles in (error %d)%s", (int)code,
+                    "Embree cannot read the scene's triangles (error %d)%s", (int)code,
                     code == RTC_ERROR_OUT_OF_MEMORY ? ": there is no memory left" : "");
     return code == RTC_ERROR_NONE;
 }
@@ -123,7 +123,7 @@ static void scene_add_area(TraceScene *scene, const struct mesh *mesh, guint tri
     g_array_append_val(scene->areas, area);
 }
 
-/* Every triangle whose surface gives light, and how likely each is drawn. */
+/* Finds every triangle that emits light, and the probability with which it is drawn. */
 static void scene_find_areas(TraceScene *scene) {
     trace_choice_clear(&scene->lit);
     g_array_set_size(scene->areas, 0);
@@ -209,7 +209,7 @@ static char *scene_names(const TraceScene *scene) {
     return g_string_free(names, FALSE);
 }
 
-/* Which surfaces have this name; each needs texture coordinates wherever it is. */
+/* Checks that a surface has this name, and that it has texture coordinates everywhere. */
 static gboolean scene_check_name(const TraceScene *scene, const char *name, GError **error) {
     gboolean found = FALSE;
     for (guint k = 0; k + 1 < scene->surfaces->len; k++)
@@ -264,7 +264,7 @@ gboolean trace_scene_set_material(TraceScene *scene, const char *name, const cha
     return TRUE;
 }
 
-/* Of a surface that has a captured material. */
+/* Reads the relief of a surface with a captured material. */
 static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf, GError **error) {
     struct mesorig_material_info info = {.size = sizeof info};
     if (mdf != NULL) {
@@ -280,8 +280,8 @@ static gboolean scene_take_relief(struct trace_surface *surface, const char *mdf
     mesorig_material_info(surface->material, &info);
     if (!info.has_relief || !(info.texel_mm > 0.0)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_MATERIAL,
-                    "%s: it has no %s, so that material “%s” can have no relief; give the file of "
-                    "its distances, as products/mdf.exr of its session",
+                    "%s: it has no %s, so material “%s” cannot have a relief; give the file of its "
+                    "distances, such as products/mdf.exr of its session",
                     surface->path, info.has_relief ? "size in mm" : "distances (MDF)",
                     surface->name);
         return FALSE;
@@ -304,8 +304,8 @@ gboolean trace_scene_set_relief(TraceScene *scene, const char *name, const char 
     }
     if (!found)
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
-                    "relief “%s”: no captured material of that name is in the scene; give it with "
-                    "--material, too",
+                    "relief “%s”: no captured material of that name is in the scene; also give it "
+                    "with --material",
                     name);
     scene->has_relief |= found;
     return found;
@@ -351,7 +351,8 @@ static struct RTCRay scene_ray(struct vec3 from, struct vec3 direction, double f
                            .mask = G_MAXUINT32};
 }
 
-/* |∂P/∂u| and |∂P/∂v| of a triangle, from its edges e and their texture coordinates (a, b):
+/* Computes |∂P/∂u| and |∂P/∂v| of a triangle, from its edges e and their texture coordinates (a,
+ * b):
  *   e_k = ∂P/∂u a_k + ∂P/∂v b_k */
 static void scene_fill_unit(const struct mesh *mesh, const guint32 corners[3], double ret[2]) {
     const struct vertex *p = &mesh->vertices[corners[0]];
@@ -371,9 +372,9 @@ static void scene_fill_unit(const struct mesh *mesh, const guint32 corners[3], d
         vec3_length(vec3_scale(vec3_sub(vec3_scale(e[1], a[0]), vec3_scale(e[0], a[1])), over));
 }
 
-/* The vertices' values at a point of a triangle, and the frame that they give. The frame's z is the
- * interpolated normal, on the facet's side; where the ray would be below its horizon, the facet's.
- */
+/* Interpolates the values of the vertices at a point of a triangle, and computes the frame there. z
+ * of the frame is the interpolated normal, on the side of the facet. If the ray would be below the
+ * horizon of that normal, z is the normal of the facet. */
 static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray, struct vec3 from,
                            struct vec3 direction, struct trace_hit *ret) {
     const struct gltf_part *part = scene_part(scene, ray->hit.geomID);
@@ -411,7 +412,7 @@ static void scene_fill_hit(const TraceScene *scene, const struct RTCRayHit *ray,
     ret->facet = facet;
     ret->z = vec3_unit(normal);
     tangent = vec3_sub(tangent, vec3_scale(ret->z, vec3_dot(tangent, ret->z)));
-    if (!(vec3_length(tangent) > 1e-6)) /* any at right angles */
+    if (!(vec3_length(tangent) > 1e-6)) /* any tangent perpendicular to the normal */
         tangent = vec3_cross(ret->z, fabs(ret->z.x) < 0.7 ? vec3(1, 0, 0) : vec3(0, 1, 0));
     ret->x = vec3_unit(tangent);
     ret->y = vec3_scale(vec3_cross(ret->z, ret->x), sense * (front ? 1.0 : -1.0));
@@ -432,8 +433,8 @@ static gboolean scene_nearest(const TraceScene *scene, struct vec3 from, struct 
     return TRUE;
 }
 
-/* Whether the ray goes below the mesh and out again without meeting the relief; then ret_from is
- * where it goes on. */
+/* Returns whether the ray goes below the mesh and out again without meeting the relief. ret_from is
+ * then the point where it continues. */
 static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hit,
                              struct vec3 direction, struct vec3 *ret_from) {
     struct trace_hit back;
@@ -460,7 +461,7 @@ gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 
 
 gboolean trace_scene_is_free(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                              double distance) {
-    /* The end lies on a surface itself. */
+    /* The end of the ray lies on a surface. */
     const double far = isfinite(distance) ? distance - 2.0 * LIFT * scene->reach : INFINITY;
     struct RTCIntersectContext context;
     struct RTCRay ray = scene_ray(from, direction, far);

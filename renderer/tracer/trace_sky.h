@@ -1,6 +1,6 @@
 /*
  * Light from infinitely far away on all sides: an environment map (scene/environment.h) whose
- * pixels are of even radiance each. Directions are drawn in proportion to the pixels' light.
+ * pixels have even radiance. Directions are drawn in proportion to the light of the pixels.
  */
 #pragma once
 
@@ -9,15 +9,17 @@
 
 typedef struct TraceSky TraceSky;
 
-/* Copies. turn_deg: about z, counter-clockwise seen from above. NULL: it is black. */
+/* Makes a sky and copies the environment. turn_deg is a rotation about z, counter-clockwise seen
+ * from above. Returns NULL if the environment is black. */
 TraceSky *trace_sky_new(const struct environment *environment, double turn_deg);
 void trace_sky_free(TraceSky *sky); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(TraceSky, trace_sky_free)
 
-/* Any thread. towards: unit, towards the sky. */
+/* Computes the radiance. towards is a unit vector towards the sky. Any thread may call this
+ * function and the next two. */
 void trace_sky_radiance(const TraceSky *sky, struct vec3 towards, double ret_rgb[3]);
-/* Per solid angle. */
+/* Returns the density per solid angle with which trace_sky_draw() draws a direction. */
 double trace_sky_density(const TraceSky *sky, struct vec3 towards);
-/* Returns the density. */
+/* Draws a direction and returns its density. */
 double trace_sky_draw(const TraceSky *sky, const double random[2], struct vec3 *ret_towards,
                       double ret_rgb[3]);

@@ -1,6 +1,6 @@
 #include "trace_surface.h"
 
-/* What the library takes. Its v runs along the texture's rows, downwards. */
+/* Coordinates for the library. Its v increases along the texture's rows, downwards. */
 struct query {
     float uv[2], view[3], light[3];
 };
@@ -14,7 +14,7 @@ static void query_direction(struct vec3 d, float ret[3]) {
 static struct query query_of(const struct trace_surface *s, struct trace_texel at, struct vec3 view,
                              struct vec3 light) {
     const double u = at.u * s->tiles, v = -at.v * s->tiles;
-    /* Within one tile, so that the float keeps its digits. */
+    /* Within one tile, so that the float keeps its precision. */
     struct query q = {.uv = {(float)(u - floor(u)), (float)(v - floor(v))}};
     query_direction(view, q.view);
     query_direction(light, q.light);
@@ -25,11 +25,11 @@ static void surface_measured(const struct trace_surface *s, const struct query *
                              double ret_rgb[3]) {
     float rgb[3] = {0.0F, 0.0F, 0.0F};
     mesorig_material_evaluate(s->material, 1, q->uv, q->view, q->light, NULL, rgb);
-    for (int c = 0; c < 3; c++) /* f cos θ_l = value / π; what a codec makes may be negative */
+    for (int c = 0; c < 3; c++) /* f cos θ_l = value / π; a codec may produce negative values */
         ret_rgb[c] = rgb[c] > 0.0F ? (double)rgb[c] / G_PI : 0.0;
 }
 
-/* What a surface without a captured material is at a point. */
+/* Returns the properties of a surface without a captured material at a point. */
 static struct trace_plain surface_plain(const struct trace_surface *s, struct trace_texel at) {
     struct trace_plain ret = s->plain;
     double rgb[3];

@@ -1,7 +1,8 @@
 /*
- * What the surfaces of a scene are made of: a captured material or a plain one; how they reflect
- * light from one direction, and directions to follow. Directions are in the surface's frame: x
- * along the texture's u, y along its v upwards, z along the normal. Any thread.
+ * The materials of the surfaces of a scene, captured or plain. The functions compute the light that
+ * a surface reflects from one direction, and draw directions to follow. Directions are in the frame
+ * of the surface: x along the texture's u, y along its v upwards, z along the normal. Any thread
+ * may call these functions.
  */
 #pragma once
 
@@ -12,34 +13,36 @@
 #include "material/material.h"
 
 struct trace_surface {
-    char *name; /* of glTF; owned */
+    char *name; /* name in glTF; owned */
     struct trace_plain plain;
-    TraceTexture *texture; /* multiplies plain's base; owned; NULL: none */
-    char *warning;         /* why there is no texture although the file has one; owned, or NULL */
-    double emission[3];    /* radiance of its front */
-    mesorig_material *material; /* owned; NULL: plain */
-    char *path;                 /* of material; owned */
-    double tiles;               /* of material for one unit of the texture coordinates */
+    TraceTexture *texture;      /* multiplies plain's base; owned; NULL if there is none */
+    char *warning;              /* reason why a texture of the file is not used; owned, or NULL */
+    double emission[3];         /* radiance of its front side */
+    mesorig_material *material; /* owned; NULL if the surface is plain */
+    char *path;                 /* path of material; owned */
+    /* Number of tiles of material in one unit of the texture coordinates. */
+    double tiles;
     struct trace_relief {
-        double deepest_mm; /* 0: rays end on the mesh */
+        double deepest_mm; /* 0 if rays end on the mesh */
         double tile_mm[2];
     } relief;
 };
 
-/* Where a surface is hit. uv: the mesh's, v upwards. */
+/* The texture coordinates of a hit, those of the mesh, with v upwards. */
 struct trace_texel {
     double u, v;
 };
 
-/* How directions are drawn: by the material's own distribution, or evenly over the hemisphere, to
- * compare with. */
+/* The distribution of drawn directions: that of the material, or an even one over the hemisphere,
+ * for comparison. */
 enum trace_drawing { TRACE_DRAW_BY_IMPORTANCE, TRACE_DRAW_EVENLY };
 
-/* f cos θ_l: what is reflected towards view of a radiance from light, per solid angle. */
+/* Computes f cos θ_l: the radiance reflected towards view for a radiance from light, per solid
+ * angle. */
 void trace_surface_evaluate(const struct trace_surface *surface, struct trace_texel at,
                             struct vec3 view, struct vec3 light, double ret_rgb[3]);
-/* Returns the density per solid angle of *ret_light, 0: there is none, light is absorbed. ret_rgb:
- * f cos θ_l. */
+/* Draws a light direction. Returns the density per solid angle of *ret_light, or 0 if the light is
+ * absorbed. ret_rgb is f cos θ_l. */
 double trace_surface_draw(const struct trace_surface *surface, struct trace_texel at,
                           struct vec3 view, enum trace_drawing drawing, struct trace_random *random,
                           struct vec3 *ret_light, double ret_rgb[3]);

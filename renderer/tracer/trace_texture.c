@@ -14,22 +14,22 @@ struct trace_texture {
     int size[2];
     enum gltf_wrap wrap[2];
     guint8 *rgb;       /* rows from the top, sRGB */
-    float linear[256]; /* of a byte */
+    float linear[256]; /* linear value of each byte */
 };
 
-/* g_free() it. NULL: error. */
+/* Decodes a PNG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[2],
                                  GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
     if (!png_image_begin_read_from_memory(&image, data, length) ||
         image.width > TRACE_TEXTURE_MAX_SIDE || image.height > TRACE_TEXTURE_MAX_SIDE) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "%s; save it as PNG or JPEG of at most %d pixels each way",
+                    "%s; save it as PNG or JPEG of at most %d pixels in each direction",
                     *image.message ? image.message : "it is too large", TRACE_TEXTURE_MAX_SIDE);
         png_image_free(&image);
         return NULL;
     }
-    image.format = PNG_FORMAT_RGBA; /* without alpha the reader would put it on a background */
+    image.format = PNG_FORMAT_RGBA; /* without alpha, the reader would blend it with a background */
     const gsize n = (gsize)image.width * image.height;
     guint8 *ret = g_try_malloc(4 * n);
     if (ret == NULL || !png_image_finish_read(&image, NULL, ret, 0, NULL)) {
@@ -46,7 +46,8 @@ static guint8 *trace_texture_png(gconstpointer data, gsize length, int ret_size[
     return ret;
 }
 
-/* What libjpeg calls with errors; manager comes first, so that its address is this one's. */
+/* State for libjpeg's error functions. manager comes first, so that its address is that of the
+ * struct. */
 struct trace_texture_trouble {
     struct jpeg_error_mgr manager;
     jmp_buf back;
@@ -59,13 +60,13 @@ G_NORETURN static void trace_texture_jpeg_error(j_common_ptr codec) {
     longjmp(trouble->back, 1);
 }
 
-/* Warnings, for example that the file ends early, are errors, too. */
+/* Treats warnings as errors, for example that the file ends early. */
 static void trace_texture_jpeg_message(j_common_ptr codec, int level) {
     if (level < 0)
         trace_texture_jpeg_error(codec);
 }
 
-/* g_free() it. NULL: error. */
+/* Decodes a JPEG. Returns NULL with an error on failure. Free the result with g_free(). */
 static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size[2],
                                   GError **error) {
     struct jpeg_decompress_struct codec;
@@ -86,9 +87,10 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     const gsize width = codec.image_width, height = codec.image_height;
     if (width > TRACE_TEXTURE_MAX_SIDE || height > TRACE_TEXTURE_MAX_SIDE ||
         (ret = g_try_malloc(3 * width * height)) == NULL) {
-        g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE,
-                    "it is too large; save it as PNG or JPEG of at most %d pixels each way",
-                    TRACE_TEXTURE_MAX_SIDE);
+        g_set_error(
+            error, TRACE_ERROR, TRACE_ERROR_SCENE,
+            "it is too large; save it as PNG or JPEG of at most %d pixels in each direction",
+            TRACE_TEXTURE_MAX_SIDE);
         jpeg_destroy_decompress(&codec);
         return NULL;
     }
@@ -135,7 +137,7 @@ void trace_texture_free(TraceTexture *texture) {
     g_free(texture);
 }
 
-/* The pixel that stands for number k of a row or column of n. */
+/* Returns the pixel that represents number k of a row or column of n. */
 static int texture_wrapped(double k, int n, enum gltf_wrap wrap) {
     if (wrap == GLTF_WRAP_CLAMP)
         return (int)CLAMP(k, 0.0, n - 1.0);

@@ -1,6 +1,7 @@
 /*
- * A picture on a surface: PNG or JPEG, decoded to linear light, bilinear between its pixels,
- * repeated, mirrored or held beyond its edges as glTF's samplers say. Any thread, once it is made.
+ * A picture on a surface: a PNG or JPEG, decoded to linear light. It is interpolated bilinearly.
+ * Beyond its edges it is repeated, mirrored or clamped as glTF's samplers say. Any thread may read
+ * it after it was made.
  */
 #pragma once
 
@@ -12,11 +13,12 @@
 
 typedef struct trace_texture TraceTexture;
 
-/* bytes: a PNG of any kind, whose alpha is left out, or a JPEG, grey or in colour.
- * TRACE_ERROR_SCENE: it is another format, damaged, or larger than TRACE_TEXTURE_MAX_SIDE each way.
- */
+/* Makes a texture. bytes is a PNG of any kind, whose alpha is ignored, or a JPEG in grey or colour.
+ * The error is TRACE_ERROR_SCENE if the format is another one, if it is damaged, or if it is larger
+ * than TRACE_TEXTURE_MAX_SIDE in a direction. */
 TraceTexture *trace_texture_new(GBytes *bytes, const enum gltf_wrap wrap[2], GError **error);
 void trace_texture_free(TraceTexture *texture); /* NULL is ignored */
 
-/* At texture coordinates of which v runs upwards from the lowest row, as the tracer's do. */
+/* Reads the texture at coordinates whose v increases upwards from the lowest row, as in the
+ * tracer. */
 void trace_texture_colour(const TraceTexture *texture, double u, double v, double ret_rgb[3]);

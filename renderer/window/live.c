@@ -60,10 +60,10 @@ GArray *live_views(const char *session, GError **error) {
 
 struct Live {
     char *session;
-    GThread *thread; /* NULL: none is at work */
+    GThread *thread; /* NULL if no thread is running */
     gint done;       /* atomic */
     gint cancelled;  /* atomic */
-    int n_views;     /* number of views of the last result, or of the one being computed */
+    int n_views;     /* number of views of the last result, or of the one that is being computed */
     struct eigenmaps *maps;
     GError *error;
 };

@@ -1,4 +1,5 @@
-/* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+/* Shows a material on a shape, in a window or as PNG files without a window. See
+ * mesorig-view(1). */
 #include "base/help_text.h"
 #include "base/json.h"
 #include "base/nearest.h"
@@ -21,7 +22,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* What is needed to make pictures, and the results. */
+/* Everything that is needed to make pictures, and the results. */
 struct studio {
     const struct viewer_options *o;
     const char *material; /* path */
@@ -29,20 +30,21 @@ struct studio {
     struct environment *environment; /* or NULL */
     Viewer *viewer, *second;
     Compose *compose;
-    /* References for the viewer's materials; that of the main one may be NULL. n_references 0: the
-     * pictures come from what the methods open. */
+    /* References for the materials of the viewer. That of the main material may be NULL. If
+     * n_references is 0, the methods draw the pictures. */
     Reference *references[VIEWER_MAX_MATERIALS];
     int n_references;
-    guint8 *sheet; /* of o->sheet columns; NULL: a file per frame */
+    guint8 *sheet; /* sheet of o->sheet columns; NULL for one file per frame */
     struct window_result drawn;
-    GPtrArray *files;       /* paths that were written */
-    int n_replaced;         /* of them, files that existed */
-    double error;           /* of the last frame against its reference */
+    GPtrArray *files;       /* paths of written files */
+    int n_replaced;         /* number of these files that replaced an existing one */
+    double error;           /* error of the last frame against its reference */
     int n_views, n_planned; /* of a live session */
     struct measured measured;
 };
 
-/* OUT.png becomes OUT_0000.png, … if there are more than one; of a series OUT_020.png, … */
+/* Returns the path of a frame. OUT.png becomes OUT_0000.png and so on if there are several frames,
+ * and OUT_020.png and so on for a series. */
 static char *frame_path(const struct viewer_options *o, int frame) {
     if ((o->frames == 0 && o->n_series == 0) || o->sheet > 0)
         return g_strdup(o->render);
@@ -59,7 +61,7 @@ static void studio_add(struct studio *studio, const char *path, const OutputFile
     studio->n_replaced += output_file_note(to) != NULL;
 }
 
-/* Refuses pictures that may not be replaced before any is drawn. */
+/* Fails if a picture may not be replaced, before any picture is drawn. */
 static gboolean viewer_main_check_outputs(const struct viewer_options *o, GError **error) {
     const int n = o->sheet > 0 ? 1 : MAX(1, o->n_series > 0 ? o->n_series : o->frames);
     for (int k = 0; o->render != NULL && k < n; k++) {
@@ -70,7 +72,7 @@ static gboolean viewer_main_check_outputs(const struct viewer_options *o, GError
     return o->screenshot == NULL || output_file_check(o->screenshot, PICTURE_KIND, o->force, error);
 }
 
-/* rgb, or light: the other is NULL. */
+/* Writes a picture. Either rgb or light is given; the other is NULL. */
 static gboolean studio_write(struct studio *studio, const char *path,
                              const struct viewer_settings *s, const guint8 *rgb, const float *light,
                              int width, int height, GError **error) {
@@ -124,14 +126,15 @@ static gboolean render_frame(struct studio *studio, int frame, const struct view
     return TRUE;
 }
 
-/* Eigen-maps of the views of a session so far, and stripes where views are missing. */
+/* Opens eigen-maps of the present views of a session, and sets the stripes where views are
+ * missing. */
 static gboolean open_live(struct studio *studio, Viewer *viewer, GError **error) {
     const char *session = studio->o->argument;
     struct eigenmaps *maps = live_eigenmaps(session, &studio->n_views, error);
     const gboolean good = maps != NULL && viewer_set_material(viewer, maps, error);
     eigenmaps_free(maps);
     g_autoptr(GArray) planned = good ? live_views(session, NULL) : NULL;
-    if (planned != NULL) { /* else it has a BTF and no plan */
+    if (planned != NULL) { /* otherwise it has a BTF and no plan */
         viewer_set_planned(viewer, (const struct planned_view *)(const void *)planned->data,
                            planned->len);
         studio->n_planned = (int)planned->len;
@@ -201,7 +204,7 @@ static Viewer *open_viewer(struct studio *studio, const struct method *method, G
     g_autoptr(Viewer) viewer = viewer_new(NULL, error);
     if (viewer == NULL)
         return NULL;
-    if (o->n_series > 0) { /* the viewer needs a material at the start */
+    if (o->n_series > 0) { /* the viewer needs a material from the start */
         g_autoptr(GArray) views = series_wait(o->argument, o->series[0], o->wait_s, error);
         if (views == NULL)
             return NULL;
@@ -258,7 +261,7 @@ static gboolean viewer_main_render(struct studio *studio, GError **error) {
     return o->measured ? render_measured(studio, error) : render_frames(studio, error);
 }
 
-/* format: of printf(), for the value. */
+/* Adds a number to the report. format is a printf() format for the value. */
 static void report_number(GString *json, const char *name, const char *format, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     g_ascii_formatd(text, sizeof text, format, value);
@@ -303,7 +306,7 @@ static void viewer_main_report(const struct studio *studio) {
     g_print("%s}\n", json->str);
 }
 
-/* The files that were written, and which frame a picture compares with. */
+/* Prints the written files, and the frame with which a picture is compared. */
 static void viewer_main_tell(const struct studio *studio) {
     const GPtrArray *files = studio->files;
     const struct measured *m = &studio->measured;
@@ -314,8 +317,8 @@ static void viewer_main_tell(const struct studio *studio) {
         g_print("%s: %s on %s\n", (const char *)files->pdata[0], studio->material,
                 studio->o->shape);
     else if (files->len == 1)
-        g_print("%s: from the left measured, drawn, four times their difference; view %d at %.1f° "
-                "%.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
+        g_print("%s: from left to right measured, drawn, four times their difference; view %d at "
+                "%.1f° %.1f°, light %d at %.1f° %.1f°, relative error %.2f %%\n",
                 (const char *)files->pdata[0], m->view, m->view_theta_deg, m->view_phi_deg,
                 m->light, m->light_theta_deg, m->light_phi_deg, 100 * studio->error);
     if (studio->n_replaced > 0)
@@ -335,7 +338,7 @@ static int viewer_main_run(struct viewer_options *o) {
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
     good = viewer_main_check_outputs(o, &error);
-    /* The MDF of a material lies beside it. */
+    /* The MDF of a material is in the same folder. */
     o->mdf_path = o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
     o->index_path = viewer_options_index(o);
     if (good && o->render != NULL && o->environment != NULL)
@@ -353,7 +356,8 @@ static int viewer_main_run(struct viewer_options *o) {
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);
     if (!good && o->render == NULL && o->close_after == 0 && !isatty(STDERR_FILENO))
-        notice_show("The viewer opens no window", error->message); /* nobody would see stderr */
+        /* Without a terminal, nobody sees stderr. */
+        notice_show("The viewer opens no window", error->message);
     if (good && o->json)
         viewer_main_report(&studio);
     else if (o->render != NULL)

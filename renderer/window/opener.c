@@ -7,17 +7,17 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
-#define PUT 1000 /* share of a job, in thousandths, once its file is read */
+#define PUT 1000 /* share of a job, in thousandths, that is done when its file has been read */
 
 struct Opener {
     GLFWwindow *context;
     GThreadPool *thread;
     GAsyncQueue *finished;      /* of struct opened */
-    gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0: none */
+    gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0 if there is none */
     gint asked;
-    int under_way;                /* jobs asked for and not polled */
+    int under_way;                /* number of requested jobs that were not polled yet */
     gint share;                   /* atomic, in thousandths */
-    const struct opened *working; /* atomic: the job at work, or NULL; lives until it is polled */
+    const struct opened *working; /* atomic: the running job, or NULL; exists until it is polled */
 };
 
 static gboolean opener_is_wanted(const Opener *opener, const struct opened *o) {
@@ -44,7 +44,7 @@ static void opener_work(gpointer data, gpointer user_data) {
         glfwMakeContextCurrent(opener->context);
         gpu_watch();
         o->material = method_open(o->method, o->path, &o->error);
-        glFinish(); /* another context may only then read what was made */
+        glFinish(); /* another context may read the new objects only after this */
         glfwMakeContextCurrent(NULL);
     }
     exr_watch(NULL, NULL);
@@ -53,15 +53,15 @@ static void opener_work(gpointer data, gpointer user_data) {
     glfwPostEmptyEvent();
 }
 
-/* A window that is never shown is how GLFW makes a context. */
+/* GLFW makes a context together with a window. This window is never shown. */
 Opener *opener_new(struct GLFWwindow *window, GError **error) {
     glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
     GLFWwindow *context = glfwCreateWindow(16, 16, "mesorig-view", NULL, window);
     glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
     if (context == NULL) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "no second OpenGL context could be made to load materials in; try --render "
-                    "FILE.png");
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_NONE,
+            "no second OpenGL context could be made for loading materials; try --render FILE.png");
         return NULL;
     }
     Opener *opener = g_new0(Opener, 1);
@@ -83,7 +83,7 @@ void opened_free(struct opened *opened) {
     g_free(opened);
 }
 
-/* The job at work ends at its next read; waiting jobs end at once. */
+/* The running job ends at its next read. Waiting jobs end immediately. */
 void opener_free(Opener *opener) {
     if (opener == NULL)
         return;
@@ -134,5 +134,5 @@ char *opener_progress(const Opener *opener) {
         return opener_is_busy(opener) ? g_strdup("opening …") : NULL;
     g_autofree char *name = g_path_get_basename(working->path);
     return share < PUT ? g_strdup_printf("opening %s: %d %%", name, share / (PUT / 100))
-                       : g_strdup_printf("putting %s on the card", name);
+                       : g_strdup_printf("uploading %s to the card", name);
 }

@@ -1,7 +1,7 @@
 /*
- * Opens materials in the background of a window: a thread reads the file and uploads it in a GL
- * context of its own, which shares textures with the window's, while the window goes on drawing.
- * Jobs run one after the other, in the order of opener_ask().
+ * Opens materials in the background of a window. A thread reads the file and uploads it in a second
+ * GL context, which shares textures with the window's. Meanwhile the window continues to draw. Jobs
+ * run one after the other, in the order of opener_ask().
  */
 #pragma once
 
@@ -11,12 +11,12 @@
 
 enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_ENVIRONMENT, OPENER_PLACES };
 
-/* The result of opening a material for a place, or the error. */
+/* The result of opening a file for a place, or the error. */
 struct opened {
     enum opener_place place;
-    const struct method *method; /* of OPENER_FIRST and OPENER_SECOND */
+    const struct method *method; /* only for OPENER_FIRST and OPENER_SECOND */
     char *path;
-    gpointer material; /* of the method; NULL with an error */
+    gpointer material; /* material of the method; NULL with an error */
     struct mdf_source *mdf;
     struct environment *environment;
     GError *error;
@@ -26,25 +26,27 @@ struct opened {
 typedef struct Opener Opener; /* belongs to the thread of the window */
 struct GLFWwindow;
 
-/* The window's context is current before and after. */
+/* Makes an opener. The context of the window is current before and after the call. */
 Opener *opener_new(struct GLFWwindow *window, GError **error);
-/* Ends the job under way as soon as the next piece of its file is read; NULL is ignored. */
+/* Frees the opener. A job under way ends as soon as the next piece of its file is read. NULL is
+ * ignored. */
 void opener_free(Opener *opener);
 
-/* Cancels and replaces an earlier request for this place. method: NULL for places other than
- * OPENER_FIRST and OPENER_SECOND. */
+/* Requests to open a file for a place. Cancels and replaces an earlier request for this place.
+ * method is NULL for places other than OPENER_FIRST and OPENER_SECOND. */
 void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
                 const char *path);
 
 /* Cancels the request for this place. */
 void opener_cancel(Opener *opener, enum opener_place place);
 
-/* Returns at once: NULL, or the next finished job, owned by the caller, who sets to NULL each
- * member that it takes out of it. A finished job wakes the window's loop. */
+/* Returns immediately. Returns the next finished job, or NULL. The caller owns the job, and sets
+ * each member to NULL that it takes out of it. A finished job wakes the window's loop. */
 struct opened *opener_poll(Opener *opener);
 void opened_free(struct opened *opened); /* NULL is ignored */
 
 gboolean opener_is_busy(const Opener *opener);
 
-/* Progress of the job under way as text for the user, g_free(); NULL if there is none. */
+/* Returns the progress of the job under way as text for the user, or NULL if there is none. Free it
+ * with g_free(). */
 char *opener_progress(const Opener *opener);

@@ -14,7 +14,7 @@ struct mesh *scene_files_mesh(const struct viewer_options *o, const char *shape,
     return mesh;
 }
 
-/* For a session the given method, for a file the method that draws it. */
+/* Returns the given method for a session, and for a file the method that draws it. */
 static const struct method *scene_files_method(const struct method *method, const char *path,
                                                GError **error) {
     struct file_opened file;

@@ -4,14 +4,14 @@
 #include "scene/reference.h"
 #include "viewer_options.h"
 
-/* As scene_make(); with --material the options' own shape is read by scene_read_parts(). */
+/* Makes the mesh like scene_make(). With --material, scene_read_parts() reads the shape. */
 struct mesh *scene_files_mesh(const struct viewer_options *options, const char *shape,
                               const struct scene_options *how, GError **error);
 
-/* Adds the materials of --material to a viewer; a session is drawn by the method, if it can draw
- * sessions. relief: adds the materials' MDFs, too, if they have any. */
+/* Adds the materials of --material to a viewer. A session is drawn by the method if the method can
+ * draw sessions. If relief is TRUE, the MDFs of the materials are also added if they exist. */
 gboolean scene_files_open(const struct viewer_options *options, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error);
 
-/* The whole BTF of a session, or a compressed file. */
+/* Opens the whole BTF of a session, or a compressed file. */
 Reference *scene_files_reference(const char *path, GError **error);

@@ -29,7 +29,7 @@ int series_count(const GArray *views) {
     return n;
 }
 
-/* Whether no more views will come: processing makes eigen-maps last. */
+/* Returns whether no more views will come. Processing makes the eigen-maps last. */
 static gboolean has_ended(const char *session) {
     g_autoptr(Session) opened = session_open(session, SESSION_READ, NULL);
     g_autofree char *state = opened != NULL ? session_value(opened, "state") : NULL;
@@ -62,7 +62,7 @@ GArray *series_wait(const char *session, int percent, double wait_s, GError **er
     int before = -1;
     for (;;) {
         g_autoptr(GError) why = NULL;
-        /* Read before the views, so that none is missed. */
+        /* Check this before reading the views, so that no view is missed. */
         const gboolean ended = has_ended(session);
         GArray *views = live_views(session, &why);
         const int n = views != NULL ? series_count(views) : 0;

@@ -1,4 +1,5 @@
-/* A series of pictures of a session while it is captured, each from more views than the last. */
+/* A series of pictures of a session while it is captured. Each picture is made from more views than
+ * the one before. */
 #pragma once
 
 #include "live.h"
@@ -6,18 +7,18 @@
 #define SERIES_ERROR series_error_quark()
 GQuark series_error_quark(void);
 enum series_error {
-    SERIES_ERROR_ENDED,   /* the capture ended and is processed, and views are still missing */
-    SERIES_ERROR_TIMEOUT, /* nothing new for too long */
+    SERIES_ERROR_ENDED,   /* the capture has ended and was processed, and views are still missing */
+    SERIES_ERROR_TIMEOUT, /* no new view for too long */
 };
 
 #define SERIES_MAX 100
 
-/* "20,40,100": rising percentages, 1 … 100. Returns their number; 0 if text is not such a list. */
+/* Parses rising percentages from 1 to 100, such as "20,40,100". Returns their number, or 0 if text
+ * is not such a list. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Waits until this share of the planned views is there; returns struct planned_view for all of
- * them. The session need not exist at first. wait_s: time without a new view after which it is an
- * error. */
+/* Waits until this share of the planned views exists. Returns struct planned_view for all of them.
+ * The session need not exist at first. Fails after wait_s seconds without a new view. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* number of measured views */

@@ -16,84 +16,89 @@ const struct setting settings_table[SETTINGS] = {
     [SETTING_METHOD] = OTHER("method", "method"),
     [SETTING_SPLIT] = OTHER("split", "compare"),
     [SETTING_SPLIT_AT] = {"split-at", "at", SETTING_NUMBER, AT(compose.at), 0.0, 1.0, "%.2f",
-                          "SHARE", "With --split: where, 0 (left) … 1, default 0.5"},
+                          "SHARE",
+                          "With --split: position of the border, 0 (left) … 1, default 0.5"},
     [SETTING_DIFFERENCE] = OTHER("difference", "with"),
     [SETTING_DIFFERENCE_GAIN] = {"difference-gain", "times", SETTING_NUMBER, AT(compose.gain), 1.0,
                                  32.0, "%.0f", "FACTOR",
-                                 "With --difference: how much it is amplified, default 4"},
+                                 "With --difference: factor of amplification, default 4"},
     [SETTING_ROTATION] = OTHER("rotation", "microfacets turn"),
     [SETTING_PLAIN] = FLAG("plain", "one texture × cosine", settings.plain,
-                           "One texture times n·l instead of the BTF, to compare"),
+                           "Draws one texture times n·l instead of the BTF, for comparison"),
     [SETTING_NEAREST] = FLAG("nearest", "texels not filtered", settings.style.nearest,
                              "Do not filter between texels"),
     [SETTING_SHAPE] = OTHER("shape", "shape"),
     [SETTING_TILES] = OTHER("tiles", "tiles"),
-    [SETTING_ENDLESS] =
-        FLAG("endless", "endless", settings.endless,
-             "The sample in hexagons, without end and without repetition; for irregular materials"),
+    [SETTING_ENDLESS] = FLAG(
+        "endless", "endless", settings.endless,
+        "Continues the sample endlessly in hexagons, without repetition; for irregular materials"),
     [SETTING_SILHOUETTES] = OTHER("silhouettes", "silhouettes"),
     [SETTING_SHADOWS] =
         FLAG("shadows", "shadows", settings.shadows, "With the shadows that the shape casts"),
     [SETTING_FLOOR] = FLAG("floor", NULL, floor, "A floor of the material under the shape"),
     [SETTING_LAYERS] = {"layers", NULL, SETTING_WHOLE, AT(settings.visibility.layers), 1.0, 32.0,
-                        "%.0f", "N", "Of silhouettes behind each other, at most, 1 … 32 (default)"},
-    [SETTING_STRAIGHT] = FLAG("straight", NULL, settings.visibility.straight,
-                              "Silhouettes as if the shape were flat under each ray, to compare"),
+                        "%.0f", "N",
+                        "Largest number of silhouettes behind each other, 1 … 32 (default)"},
+    [SETTING_STRAIGHT] =
+        FLAG("straight", NULL, settings.visibility.straight,
+             "Silhouettes as if the shape were flat under each ray, for comparison"),
     [SETTING_MDF_VOLUME] = FLAG("mdf-volume", NULL, settings.visibility.volume,
-                                "Distances in 8 bits in a 3D texture, to compare"),
+                                "Distances with 8 bits in a 3D texture, for comparison"),
     [SETTING_SHADOW_MAP] = {"shadow-map", NULL, SETTING_WHOLE, AT(settings.shadow_size), 16.0,
                             16384.0, "%.0f", "PIXELS",
-                            "Size of the first lamp's map of shadows, 16 … 16384, default 1024"},
+                            "Size of the shadow map of the first lamp, 16 … 16384, default 1024"},
     [SETTING_LIGHT_THETA] = {"light-theta-deg", "θ", SETTING_NUMBER, AT(settings.light_theta_deg),
                              0.0, 180.0, "%.0f°", "DEG",
-                             "Light's angle from straight above, 0 … 180, default 50"},
+                             "Polar angle of the light, 0 (straight above) … 180, default 50"},
     [SETTING_LIGHT_PHI] = {"light-phi-deg", "φ", SETTING_NUMBER, AT(settings.light_phi_deg), 0.0,
                            360.0, "%.0f°", "DEG",
-                           "Light's azimuth from +x, default 200: from the left"},
+                           "Azimuth of the light from +x, default 200: from the left"},
     [SETTING_LIGHT_BRIGHTNESS] = {"light-brightness", "brightness", SETTING_NUMBER,
                                   AT(settings.lamp), 0.0, 4.0, "%.2f", "FACTOR",
-                                  "Of the light, default 1, with --environment 0"},
+                                  "Brightness of the light, default 1, with --environment 0"},
     [SETTING_LIGHT_DISTANCE] = {"light-distance", "distance", SETTING_NUMBER,
                                 AT(settings.light_distance), 0.0, 10.0, "%.2f", "R",
-                                "Of the light from the middle of the shape, in radii of the shape; "
-                                "default 0: infinitely far away"},
-    [SETTING_LIGHT_CONE] = {"light-cone-deg", "cone", SETTING_NUMBER, AT(settings.light_cone_deg),
-                            0.0, 90.0, "%.0f°", "DEG",
-                            "With --light-distance: a spot on the middle of the shape, whose light "
-                            "ends this far from its axis; default 0: it shines all around"},
-    [SETTING_LIGHT_INNER] = {"light-inner-deg", "full within", SETTING_NUMBER,
-                             AT(settings.light_inner_deg), 0.0, 90.0, "%.0f°", "DEG",
-                             "With --light-cone-deg: the spot is full within this angle of its "
-                             "axis, and falls from there to the edge; default 0"},
+                                "Distance of the light from the middle of the shape, in radii of "
+                                "the shape; default 0: infinitely far away"},
+    [SETTING_LIGHT_CONE] =
+        {"light-cone-deg", "cone", SETTING_NUMBER, AT(settings.light_cone_deg), 0.0, 90.0, "%.0f°",
+         "DEG",
+         "With --light-distance: a spot light towards the middle of the shape, with this angle "
+         "between its axis and its edge; default 0: light in all directions"},
+    [SETTING_LIGHT_INNER] =
+        {"light-inner-deg", "full within", SETTING_NUMBER, AT(settings.light_inner_deg), 0.0, 90.0,
+         "%.0f°", "DEG",
+         "With --light-cone-deg: angle from the axis up to which the spot light has full strength; "
+         "it decreases from there to the edge; default 0"},
     [SETTING_LAMP] = OTHER("lamp", "lamp"),
     [SETTING_ENVIRONMENT] = OTHER("environment", "environment"),
     [SETTING_ENVIRONMENT_TURN] = {"environment-turn-deg", "turned by", SETTING_NUMBER,
                                   AT(settings.environment_turn_deg), 0.0, 360.0, "%.0f°", "DEG",
-                                  "With --environment: it is turned about the vertical axis"},
-    [SETTING_ENVIRONMENT_LAMPS] = {"environment-lamps", "lamps of it", SETTING_WHOLE,
-                                   AT(settings.environment_lamps), 1.0, VIEWER_MAX_LAMPS, "%.0f",
-                                   "N",
-                                   "With --environment: the number of lamps that stand for it, "
-                                   "1 … 64 (default), in the window 16"},
+                                  "Turns the environment about the vertical axis"},
+    [SETTING_ENVIRONMENT_LAMPS] =
+        {"environment-lamps", "lamps of it", SETTING_WHOLE, AT(settings.environment_lamps),
+         1.0, VIEWER_MAX_LAMPS, "%.0f", "N",
+         "Number of lamps that represent the environment, 1 … 64 (default), in the window 16"},
     [SETTING_BACKDROP] = FLAG("backdrop", "seen behind the shape", settings.backdrop,
-                              "With --environment: it is seen behind the shape, too"),
+                              "Shows the environment behind the shape"),
     [SETTING_AMBIENT] = {"ambient", "ambient", SETTING_NUMBER, AT(settings.ambient), 0.0, 1.0,
                          "%.2f", "SHARE",
-                         "Light from all around, as a share of the lamp's, default 0.05, with "
-                         "--environment 0"},
-    [SETTING_EXPOSURE] = {"exposure", "exposure", SETTING_NUMBER, AT(settings.exposure_ev), -6.0,
-                          6.0, "%+.2f EV", "EV",
-                          "Stops brighter, default 0.7; at 0 a lit white diffuser is just below "
-                          "white"},
+                         "Light from all directions, as a share of the lamp's light, default 0.05, "
+                         "with --environment 0"},
+    [SETTING_EXPOSURE] =
+        {"exposure", "exposure", SETTING_NUMBER, AT(settings.exposure_ev), -6.0, 6.0, "%+.2f EV",
+         "EV", "Exposure in stops, default 0.7; at 0 a lit white diffuser is just below white"},
     [SETTING_CAMERA_AZIMUTH] = {"camera-azimuth-deg", "azimuth", SETTING_NUMBER,
                                 AT(settings.camera_azimuth_deg), -180.0, 180.0, "%.0f°", "DEG",
-                                "Camera's azimuth from +x, default -90: in front"},
-    [SETTING_CAMERA_ELEVATION] = {"camera-elevation-deg", "elevation", SETTING_NUMBER,
-                                  AT(settings.camera_elevation_deg), -90.0, 90.0, "%.0f°", "DEG",
-                                  "Camera's height above the horizon, -90 … 90, default 40"},
-    [SETTING_CAMERA_DISTANCE] = {"camera-distance", "distance", SETTING_NUMBER,
-                                 AT(settings.camera_distance), 0.05, 20.0, "%.2f", "R",
-                                 "In radii of the shape; default: the shape fills the picture"},
+                                "Azimuth of the camera from +x, default -90: in front"},
+    [SETTING_CAMERA_ELEVATION] =
+        {"camera-elevation-deg", "elevation", SETTING_NUMBER, AT(settings.camera_elevation_deg),
+         -90.0, 90.0, "%.0f°", "DEG",
+         "Elevation of the camera above the horizon, -90 … 90, default 40"},
+    [SETTING_CAMERA_DISTANCE] =
+        {"camera-distance", "distance", SETTING_NUMBER, AT(settings.camera_distance), 0.05, 20.0,
+         "%.2f", "R",
+         "Distance of the camera in radii of the shape; default: the shape fills the picture"},
     [SETTING_CAMERA_PAN] = OTHER("camera-pan", "moved right, up"),
     [SETTING_CAMERA_FOV] = {"camera-fov-deg", "field of view", SETTING_NUMBER,
                             AT(settings.camera_fov_deg), 5.0, 90.0, "%.0f°", "DEG",
@@ -120,7 +125,7 @@ int settings_entries(struct viewer_options *o, GOptionEntry *ret) {
     return n;
 }
 
-/* Adds --NAME VALUE; value: taken, quoted where that is needed. NULL: a flag. */
+/* Adds --NAME VALUE, quoted if necessary. Takes ownership of value. NULL adds a flag. */
 static void command_add(GString *command, const char *name, char *value) {
     g_string_append_printf(command, " --%s", name);
     const gboolean plain =
@@ -138,7 +143,7 @@ static char *command_number(double value) {
     return g_strdup(g_ascii_formatd(text, sizeof text, "%.10g", value));
 }
 
-/* Numbers between separators, "5x2" or "30,90,1,1,1". */
+/* Returns numbers with a separator: "5x2" or "30,90,1,1,1". */
 static char *command_numbers(const double *values, int n, const char *separator) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < n; k++) {
@@ -148,7 +153,8 @@ static char *command_numbers(const double *values, int n, const char *separator)
     return g_string_free(text, FALSE);
 }
 
-/* A file by its whole path, so that the command can be given anywhere; a name as it is. */
+/* Returns a file with its whole path, so that the command can be used in any folder. A name stays
+ * as it is. */
 static char *command_file(const char *path) {
     return g_file_test(path, G_FILE_TEST_EXISTS) ? g_canonicalize_filename(path, NULL)
                                                  : g_strdup(path);

@@ -1,6 +1,6 @@
 /*
- * The settings of a picture, in one table. From it follow the options of the command line, the
- * controls of the window's panel, and the command that draws the window's picture again.
+ * The settings of a picture, in one table. The options of the command line, the controls of the
+ * panel, and the command that draws the window's picture again are made from it.
  */
 #pragma once
 
@@ -10,7 +10,7 @@ enum setting_kind {
     SETTING_NUMBER, /* double */
     SETTING_WHOLE,  /* int */
     SETTING_FLAG,   /* gboolean */
-    SETTING_OTHER,  /* has code of its own for the option, the control and the command */
+    SETTING_OTHER,  /* has separate code for the option, the control and the command */
 };
 
 enum setting_id {
@@ -56,23 +56,24 @@ enum setting_id {
 
 struct setting {
     const char *option; /* name on the command line, without dashes */
-    const char *label;  /* in the panel; NULL: the panel does not have it */
+    const char *label;  /* label in the panel; NULL if the panel does not have it */
     enum setting_kind kind;
     gsize offset;                /* in struct viewer_options; unused for SETTING_OTHER */
-    double low, high;            /* of the slider */
-    const char *format;          /* of the slider, as for printf() with a double */
-    const char *argument, *help; /* of the option; help NULL: SETTING_OTHER */
+    double low, high;            /* range of the slider */
+    const char *format;          /* format of the slider, for printf() with a double */
+    const char *argument, *help; /* text for the option; help is NULL for SETTING_OTHER */
 };
 
-extern const struct setting settings_table[SETTINGS]; /* by enum setting_id */
+extern const struct setting settings_table[SETTINGS]; /* indexed by enum setting_id */
 
-/* The option entries of all rows except SETTING_OTHER, which set fields of options; ret has room
- * for SETTINGS entries. Returns their number. */
+/* Fills ret with the option entries of all rows except SETTING_OTHER. They set fields of options.
+ * ret has room for SETTINGS entries. Returns their number. */
 int settings_entries(struct viewer_options *options, GOptionEntry *ret);
 
-/* The command that writes this picture, quoted for a shell; g_free(). n_lamps: number of
- * settings.lamps that do not come from the environment. live: eigen-maps of a session that is still
- * being captured. */
+/* A picture for settings_command(), which returns the command that writes this picture, quoted for
+ * a shell. Free the command with g_free(). n_lamps is the number of settings.lamps that do not come
+ * from the environment. live says that the picture has eigen-maps of a session that is still being
+ * captured. */
 struct settings_picture {
     int width, height, samples, n_lamps;
     gboolean live;

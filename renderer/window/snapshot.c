@@ -14,7 +14,7 @@ static char *shown_name(const char *path) {
     return g_build_filename(session_name, folder_name, name, NULL);
 }
 
-/* A file that is named, without its folder. */
+/* Returns the name of a file without its folder. */
 static char *file_of(const char *path) {
     return path != NULL ? g_path_get_basename(path) : NULL;
 }
@@ -46,7 +46,7 @@ static char *light_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* Settings that differ from the defaults, and the number of samples. */
+/* Describes the settings that differ from the defaults, and the number of samples. */
 static char *drawn_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "%d x %d samples per pixel", s->samples, s->samples);
@@ -67,7 +67,8 @@ static char *drawn_of(const struct viewer_settings *s) {
     return g_string_free(text, FALSE);
 }
 
-/* The materials of a scene, "floor=weave.session 4 x; …"; NULL: there are none. */
+/* Describes the materials of a scene, "floor=weave.session 4 x; …". Returns NULL if there are
+ * none. */
 static char *materials_of(const struct viewer_options *o) {
     GString *text = g_string_new(NULL);
     for (int k = 0; k < o->n_bindings; k++) {
@@ -78,7 +79,7 @@ static char *materials_of(const struct viewer_options *o) {
     return g_string_free(text, o->n_bindings == 0);
 }
 
-/* value: taken; NULL: there is none, and the name is left out. */
+/* Adds a text. Takes ownership of value. If value is NULL, the name is left out. */
 static void add_text(GPtrArray *texts, const char *name, char *value) {
     if (value == NULL)
         return;

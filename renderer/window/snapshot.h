@@ -1,4 +1,5 @@
-/* Writes a picture with all settings needed to reproduce it, as text chunks of the PNG file. */
+/* Writes a picture with all settings that are needed to reproduce it. In a PNG file they are text
+ * chunks. */
 #pragma once
 
 #include "viewer_options.h"
@@ -6,15 +7,17 @@
 struct snapshot {
     const char *material; /* path; only its last parts are written */
     const char *shape;
-    const struct method *first, *second; /* second: NULL, or what the first is compared with */
+    /* Second is the method with which the first is compared, or NULL. */
+    const struct method *first, *second;
     const struct compose *how;
-    gboolean reference;                     /* from the whole BTF instead */
-    const struct viewer_settings *settings; /* tiles as they are, not 0 */
-    const struct viewer_options *options;   /* for files that it was made with, and the floor */
-    int n_views, n_planned;                 /* of a session that is being captured; else 0 */
+    gboolean reference;                     /* the picture is a reference from the whole BTF */
+    const struct viewer_settings *settings; /* with the actual numbers of tiles, not 0 */
+    /* Has the files from which the picture was made, and the floor. */
+    const struct viewer_options *options;
+    int n_views, n_planned; /* of a session that is being captured, otherwise 0 */
 };
 
-/* Writes rgb, from viewer_render(), as PNG, or light, from viewer_render_light(), as EXR. The other
- * one is NULL. */
+/* Writes rgb, which comes from viewer_render(), as PNG, or light, which comes from
+ * viewer_render_light(), as EXR. The other one is NULL. */
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                         const float *light, int width, int height, GError **error);

@@ -19,7 +19,7 @@ namespace {
 const char *const FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 const float FONT_SIZE = 15.0F;
 
-/* Latin and Greek letters, dashes, dots and quotation marks, and what formulas need: sub- and
+/* Latin and Greek letters, dashes, dots and quotation marks, and characters for formulas: sub- and
  * superscripts, arrows, operators. */
 const ImWchar RANGES[] = {0x20,   0x24F,  0x370,  0x3FF,  0x2010, 0x2026, 0x2070,
                           0x209C, 0x2190, 0x2194, 0x2200, 0x2265, 0};
@@ -28,11 +28,13 @@ const ImU32 COLOURS[] = {IM_COL32(120, 220, 140, 255), IM_COL32(150, 150, 150, 2
                          IM_COL32(255, 255, 255, 255), IM_COL32(255, 210, 80, 255),
                          IM_COL32(255, 210, 80, 255)};
 
-const float ROUNDING = 4.0F, GRIP = 10.0F; /* GRIP: how near the mouse takes hold of a dot */
+/* GRIP is the distance from which the mouse grips a dot. */
+const float ROUNDING = 4.0F, GRIP = 10.0F;
 
 float scale = 1.0F;
 
-/* On some systems a window is measured in pixels, on others the display's scale is in them. */
+/* On some systems a window is measured in pixels. On others, the display's scale is included in
+ * them. */
 float scale_of(struct GLFWwindow *window) {
     float across = 1.0F, down = 1.0F;
     int width = 0, height = 0, pixels_across = 0, pixels_down = 0;
@@ -43,7 +45,8 @@ float scale_of(struct GLFWwindow *window) {
     return std::min(std::max(across / std::max(framebuffer, 0.1F), 1.0F), 4.0F);
 }
 
-/* Equal steps of the polar angle are equal steps outwards. */
+/* Returns the position of a direction. Equal steps of the polar angle are equal distances from the
+ * middle. */
 ImVec2 on_disk(const struct ui_dot *dot, ImVec2 middle, float radius) {
     const double out = std::min(dot->theta_deg, 90.0) / 90.0 * radius;
     const double phi = dot->phi_deg * G_PI / 180.0;
@@ -204,7 +207,7 @@ void ui_gap(void) {
 }
 
 gboolean ui_section(const char *title, gboolean open) {
-    ImGui::PushID("section"); /* a control may have the same name */
+    ImGui::PushID("section"); /* controls of other sections may have the same name */
     const bool unfolded = ImGui::CollapsingHeader(title, open ? ImGuiTreeNodeFlags_DefaultOpen : 0);
     ImGui::PopID();
     return unfolded;

@@ -1,7 +1,8 @@
 /*
- * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All belongs to the
- * thread of the window's GL context; text is UTF-8. In every frame, each call between ui_begin()
- * and ui_end() adds a control; it returns TRUE if the user has just changed this control.
+ * Controls over the picture in a window: a thin layer over Dear ImGui, in C. All functions belong
+ * to the thread of the window's GL context. Text is UTF-8. In every frame, each call between
+ * ui_begin() and ui_end() adds a control. It returns TRUE if the user has just changed this
+ * control.
  */
 #pragma once
 
@@ -10,46 +11,48 @@
 typedef struct Ui Ui;
 struct GLFWwindow;
 
-/* To be called after the window's own callbacks are set, which are still called; see
- * ui_wants_…(). */
+/* Makes the controls. Call it after the window's own callbacks are set. These are still called; see
+ * ui_wants_mouse() and ui_wants_keyboard(). */
 Ui *ui_new(struct GLFWwindow *window);
 void ui_free(Ui *ui); /* NULL is ignored */
 
 void ui_begin(Ui *ui);
 void ui_end(Ui *ui); /* draws into the window's framebuffer */
 
-/* Whether the actions of the mouse, or of the keyboard, are meant for a control. */
+/* Return whether the actions of the mouse, or of the keyboard, are meant for a control. */
 gboolean ui_wants_mouse(void);
 gboolean ui_wants_keyboard(void);
 
-/* Framebuffer pixels per unit of all lengths below: 1, or more on a display of high resolution. */
+/* Returns the framebuffer pixels per unit of all lengths below: 1, or more on a display of high
+ * resolution. */
 float ui_scale(void);
 
-/* A panel that fills a rectangle and scrolls; a dialog of this width in the middle of a rectangle,
- * no higher than it; a line of text at its bottom, through which the mouse may
- * reach the picture. ui_end_window() ends each. */
+/* Begin a window of controls. ui_panel_begin(): a panel that fills a rectangle and scrolls.
+ * ui_dialog_begin(): a dialog of the given width in the middle of a rectangle, not higher than it.
+ * ui_bar_begin(): a line of text at the bottom of a rectangle; takes_mouse FALSE lets the mouse
+ * reach the picture below it. ui_end_window() ends each. */
 struct ui_box {
     float x, y, width, height;
 };
 void ui_panel_begin(const char *title, struct ui_box box);
 void ui_dialog_begin(const char *title, struct ui_box within, float width);
 void ui_bar_begin(struct ui_box within, gboolean takes_mouse);
-void ui_button_begin(struct ui_box at); /* no frame: for a button over the picture */
+void ui_button_begin(struct ui_box at); /* without a frame, for a button over the picture */
 void ui_end_window(void);
 void ui_same_line(void);
-void ui_column(float x); /* what follows is in the same line, from there on */
+void ui_column(float x); /* the next control is in the same line, at x */
 void ui_gap(void);
-gboolean ui_section(const char *title, gboolean open); /* whether it is unfolded */
+gboolean ui_section(const char *title, gboolean open); /* returns whether it is unfolded */
 
-/* Whether the font has a glyph for each letter of the text; others are drawn as “?”. Needs no
- * window. */
+/* Returns whether the font has a glyph for each letter of the text. Letters without a glyph are
+ * drawn as “?”. Needs no window. */
 gboolean ui_has_glyphs(const char *text);
 
 void ui_text(const char *text);
-void ui_note(const char *text); /* a text that stands out */
+void ui_note(const char *text); /* highlighted text */
 gboolean ui_choice(const char *label, const char *const *names, int n, int *chosen);
 gboolean ui_slider(const char *label, double *value, double low, double high, const char *format);
-/* The same on a logarithmic scale; low is above 0. */
+/* The same with a logarithmic scale. low must be above 0. */
 gboolean ui_slider_log(const char *label, double *value, double low, double high,
                        const char *format);
 gboolean ui_pair(const char *label, double values[2], double low, double high, const char *format);
@@ -57,27 +60,29 @@ gboolean ui_check(const char *label, gboolean *value);
 gboolean ui_button(const char *label);
 gboolean ui_colour(const char *label, float rgb[3]);
 
-/* A list that scrolls; a row says whether it was clicked. */
+/* A list that scrolls. ui_row() returns whether its row was clicked. */
 void ui_list_begin(const char *name, float height);
 gboolean ui_row(const char *text, gboolean marked);
 void ui_list_end(void);
 
-/* A line to type into, as wide as its dialog. focus: it takes the keyboard. The window handles
- * Enter, because a control misses a key that is pressed and released between two pictures. */
+/* A line of text input, as wide as its dialog. If focus is TRUE, it takes the keyboard. The
+ * window handles Enter, because a control misses a key that is pressed and released between two
+ * pictures. */
 void ui_line(const char *name, char *text, gsize size, gboolean focus);
 
 void ui_picture(guint texture, float width, float height);
 
-/* Bars of red, green and blue over each other: 3 × n values, 0 … 1. */
+/* Draws bars of red, green and blue over each other: 3 × n values, 0 … 1. */
 void ui_histogram(const float *values, int n, float width, float height);
 
-/* Directions of the hemisphere, seen from above. Those below it lie on its edge. */
+/* Directions of the hemisphere, seen from above. Directions below the hemisphere are drawn on its
+ * edge. */
 enum ui_dot_kind { UI_DOT_THERE, UI_DOT_MISSING, UI_DOT_CAMERA, UI_DOT_LIGHT, UI_DOT_CHOSEN_LIGHT };
 struct ui_dot {
     double theta_deg, phi_deg;
     enum ui_dot_kind kind;
 };
-/* Returns the number of the dot that the mouse holds, and the place on the upper hemisphere to
- * which the mouse has dragged it; −1: none. */
+/* Returns the number of the dot that the mouse holds, and the position on the upper hemisphere to
+ * which the mouse has dragged it. Returns −1 if the mouse holds none. */
 int ui_hemisphere(const char *name, const struct ui_dot *dots, int n, float size,
                   double *ret_theta_deg, double *ret_phi_deg);

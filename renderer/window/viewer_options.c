@@ -5,8 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MAX_SIZE     16384
-#define WINDOW_LAMPS 16 /* of an environment: without a graphics card more draw too slowly */
+#define MAX_SIZE 16384
+#define WINDOW_LAMPS                                                                               \
+    16 /* lamps of an environment; more would draw too slowly without a graphics card */
 
 G_GNUC_PRINTF(2, 3)
 static gboolean refuse_options(GError **error, const char *format, ...) {
@@ -22,7 +23,7 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
     return refuse_options(error, "%s %s: %s is expected", option, text, wanted);
 }
 
-/* The data of the option group is the options; see main(). */
+/* The data of the option group are the options; see main(). */
 static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
                                   GError **error) {
     static const char *const ways[] = {"auto", "peel", "lists"};
@@ -63,8 +64,8 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     }
     if (!good)
         return bad(error, option, value,
-                   "THETA,PHI or THETA,PHI,R,G,B, or with DISTANCE, CONE, INNER behind that, 64 "
-                   "times at most,");
+                   "THETA,PHI or THETA,PHI,R,G,B, optionally followed by DISTANCE, CONE, INNER, at "
+                   "most 64 times,");
     s->lamps[s->n_lamps++] = (struct viewer_lamp){
         .theta_deg = numbers[0],
         .phi_deg = numbers[1],
@@ -111,69 +112,72 @@ GOptionEntry *viewer_options_entries(struct viewer_options *o) {
         OPTION("shape", FILENAME, &o->shape, "SHAPE",
                "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file"),
         OPTION("material", FILENAME_ARRAY, &o->materials, "NAME=PATH[,TILES]",
-               "With a glTF file as --shape: its material NAME is this session or compressed file, "
-               "so many tiles for one unit of the texture coordinates; may be given again. What "
-               "is not named is of MATERIAL"),
+               "With a glTF file as --shape: replaces its material NAME by this session or "
+               "compressed file, with TILES tiles in one unit of the texture coordinates; may be "
+               "repeated. Other materials are replaced by MATERIAL"),
         OPTION("method", STRING, &o->method_name, "METHOD",
-               "How it is drawn: eigenmaps (default, or what the session has), lpca-grid, "
-               "lpca-revised, lpca, fields, ptm, "
-               "hsh, lafortune, ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward "
-               "or metal-ashikhmin"),
+               "Drawing method: eigenmaps (default, or another one for which the session has a "
+               "product), lpca-grid, lpca-revised, lpca, fields, ptm, hsh, lafortune, ward, "
+               "ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin"),
         OPTION("normal-map", FILENAME, &o->normal_map, "FILE",
                "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)"),
         OPTION("rotation", CALLBACK, parse_rotation, "exact|approximate|none",
-               "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
-        OPTION("size", STRING, &o->size, "WxH", "Pixels, default 800x600, of the window 1200x800"),
+               "Rotation of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)"),
+        OPTION("size", STRING, &o->size, "WxH",
+               "Size in pixels, default 800x600, of the window 1200x800"),
         OPTION("tiles", STRING, &o->tiles, "N|UxV",
                "Repetitions of the material along the shape, for example 8x3"),
         OPTION("lamp", CALLBACK, parse_lamp, "THETA,PHI[,R,G,B[,DISTANCE[,CONE[,INNER]]]]",
-               "A further lamp, as --light-distance and so on have it; may be given again"),
+               "A further lamp, with values as for --light-distance and the other options of the "
+               "light; may be repeated"),
         OPTION("environment", FILENAME, &o->environment, "studio|overcast|FILE.exr",
                "Light from all directions instead of the lamp: computed, or a picture (EXR, zenith "
                "in its first row)"),
         OPTION("camera-pan", CALLBACK, parse_pan, "RIGHT,UP",
                "Moves the point that the camera looks at, in radii of the shape"),
         OPTION("supersample", INT, &o->supersample, "N",
-               "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2"),
+               "Samples of a pixel in each direction, 1 … 8; default 4, in the window 1, of a "
+               "reference 2"),
         {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
-         (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
-         "auto|peel|lists"},
-        OPTION("mdf", FILENAME, &o->mdf, "FILE",
-               "Distances for --silhouettes, if not the mdf.exr beside the material"),
+         (gpointer)parse_silhouettes,
+         "Shows the outline of the structure, from the session's mdf.exr", "auto|peel|lists"},
+        OPTION(
+            "mdf", FILENAME, &o->mdf, "FILE",
+            "File of distances for --silhouettes; default: mdf.exr in the folder of the material"),
         OPTION("index", FILENAME, &o->index, "FILE|DIR",
-               "Texels by this index map of “mesorig synthesize”, or that of a session"),
+               "Arranges the texels by this index map of “mesorig synthesize”, or by that of a "
+               "session"),
         OPTION("up", STRING, &o->up, "y|z", "Upward axis of a shape's file, default y"),
-        OPTION("frames", INT, &o->frames, "N", "With --render: this many pictures OUT_0000.png …"),
+        OPTION("frames", INT, &o->frames, "N", "With --render: number of pictures OUT_0000.png …"),
         OPTION("sheet", INT, &o->sheet, "COLUMNS",
-               "With --frames: one picture instead, with this many frames side by side"),
+               "With --frames: writes one picture with this number of frames side by side"),
         FLAG("reference", &o->reference,
-             "With --render: from the session's whole BTF, not its eigen-maps, or from a file on "
-             "the "
-             "processor; slow"),
+             "With --render: draws the session's whole BTF instead of its eigen-maps, or a file on "
+             "the processor; slow"),
         FLAG("along-surface", &o->along_surface,
              "With --reference of a session: views move along the surface of its MDF before they "
              "are mixed"),
         OPTION("split", STRING, &o->split, "METHOD",
-               "The right half of the picture by another method"),
+               "Draws the right half of the picture by another method"),
         OPTION("difference", STRING, &o->difference, "METHOD",
-               "Four times what another method is brighter or darker by, around grey"),
+               "Shows the difference of another method, four times amplified around grey"),
         FLAG("measured", &o->measured,
-             "With --render: the measured frame nearest to camera and light, the same drawn, and "
-             "four times the difference"),
+             "With --render: shows the measured frame nearest to camera and light, the same view "
+             "drawn, and four times the difference"),
         FLAG("live", &o->live,
-             "Eigen-maps of the views that are there, while the session is still being captured"),
+             "Draws eigen-maps of the existing views while the session is still being captured"),
         OPTION("series", STRING, &o->series_text, "PERCENT,…",
-               "With --live: a picture as soon as each of these shares of the views is there"),
+               "With --live: writes a picture as soon as each of these shares of the views exists"),
         OPTION("wait-s", DOUBLE, &o->wait_s, "SECONDS",
-               "With --series: give up after this time without a new view, default 600"),
+               "With --series: longest time without a new view, default 600"),
         FLAG("light-turn", &o->light_turn, "The light goes once around during the frames"),
         FLAG("camera-turn", &o->camera_turn, "The camera goes once around during the frames"),
         OPTION("close-after", INT, &o->close_after, "N", "Close the window after this many frames"),
         OPTION("screenshot", FILENAME, &o->screenshot, "OUT.png",
                "Write the window's last picture when it closes"),
         FLAG("with-panel", &o->with_panel, "Screenshots show the window as it is, with its panel"),
-        FLAG("force", &o->force, "Replace pictures that exist, whatever they are"),
-        FLAG("json", &o->json, "Say what was done as JSON"),
+        FLAG("force", &o->force, "Replace existing pictures of any kind"),
+        FLAG("json", &o->json, "Print the result as JSON"),
         FLAG("version", &o->version, "Print the version"),
         OPTION(G_OPTION_REMAINING, FILENAME_ARRAY, &o->rest, "MATERIAL", NULL),
     };
@@ -232,7 +236,8 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
     if ((gint64)o->width * MAX(o->sheet, 1) > MAX_SIZE ||
         (gint64)o->height * viewer_options_sheet_rows(o) > MAX_SIZE)
         return refuse_options(error,
-                              "--sheet %d with %d frames of %d × %d: the whole may be %d each way",
+                              "--sheet %d with %d frames of %d × %d: the whole picture may have %d "
+                              "pixels in each direction",
                               o->sheet, n_pictures(o), o->width, o->height, MAX_SIZE);
     if (o->tiles == NULL)
         return TRUE;
@@ -248,7 +253,7 @@ static gboolean parse_sizes(struct viewer_options *o, GError **error) {
 const char *viewer_options_sample(void) {
     if (g_file_test(MESORIG_SAMPLE, G_FILE_TEST_EXISTS))
         return MESORIG_SAMPLE;
-    /* In a source tree, what ./run demo has captured. */
+    /* In a source tree, the material that ./run demo has captured. */
     static char *demo;
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *bin = self != NULL ? g_path_get_dirname(self) : NULL;
@@ -281,7 +286,7 @@ static gboolean viewer_options_has_views(const char *session) {
     return g_file_test(btf, G_FILE_TEST_IS_DIR);
 }
 
-/* The first one that the session has a product for; without any, the default. */
+/* Returns the first method for which the session has a product, or the default if it has none. */
 static const struct method *method_of_session(const char *session) {
     for (gsize k = 0; methods[k] != NULL; k++) {
         g_autofree char *path =
@@ -311,11 +316,11 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
                                    methods[k]->name);
         return bad(error, "--method", o->method_name, names->str);
     }
-    if (o->method_name == NULL && o->argument != NULL) { /* what the file says of itself */
+    if (o->method_name == NULL && o->argument != NULL) { /* the kind that the file states */
         struct file_opened file;
         if (g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
-            /* Only the default method can do --live and --plain, and show a session that is being
-             * captured, for which it makes eigen-maps of the views that are there. */
+            /* Only the default method supports --live and --plain, and sessions that are being
+             * captured, for which it makes eigen-maps of the existing views. */
             if (!o->live && !o->settings.plain &&
                 (o->render != NULL || !viewer_options_has_views(o->argument)))
                 o->method = method_of_session(o->argument);
@@ -329,10 +334,10 @@ static gboolean parse_methods(struct viewer_options *o, GError **error) {
     o->compose.mode = o->split != NULL ? COMPOSE_SPLIT : COMPOSE_DIFFERENCE;
     o->second = method_find(second);
     return o->second != NULL || bad(error, o->split != NULL ? "--split" : "--difference", second,
-                                    "a method as --method has it");
+                                    "a method of --method");
 }
 
-/* Options that exclude or need each other. */
+/* Checks options that exclude or need each other. */
 static gboolean check_together(const struct viewer_options *o, GError **error) {
     const struct viewer_settings *s = &o->settings;
     const gboolean first = o->method == methods[0];
@@ -346,7 +351,7 @@ static gboolean check_together(const struct viewer_options *o, GError **error) {
         {o->frames < 0 || o->frames > 10000 || o->close_after < 0,
          "--frames takes 1 … 10000, --close-after 1 or more"},
         {(o->split != NULL) + (o->difference != NULL) + o->reference > 1,
-         "one of --split, --difference and --reference can be had at a time"},
+         "only one of --split, --difference and --reference can be given"},
         {o->normal_map != NULL && !o->method->takes_normals &&
              (o->second == NULL || !o->second->takes_normals),
          "--normal-map needs --method metal-ward or metal-ashikhmin"},
@@ -402,7 +407,8 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
         return FALSE;
     if (o->rest != NULL ? o->rest[1] != NULL : o->argument == NULL && o->method->product != NULL)
         return refuse_options(
-            error, "one MATERIAL is expected: a session directory or what “%s” made of one",
+            error,
+            "one MATERIAL is expected: a session directory or a file that “%s” made from one",
             o->method->made_by != NULL ? o->method->made_by : "mesorig process");
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
@@ -423,7 +429,8 @@ gboolean viewer_options_check(struct viewer_options *o, GError **error) {
         return refuse_options(error, "--wait-s is %g, but must be above 0, up to 1000000",
                               o->wait_s);
     if (o->series_text != NULL && (o->n_series = series_parse(o->series_text, o->series)) == 0)
-        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
+        return bad(error, "--series", o->series_text,
+                   "rising percentages, such as 20,40,60,80,100,");
     return parse_materials(o, error) && check_together(o, error) && parse_sizes(o, error) &&
            viewer_settings_check(&o->settings, error);
 }

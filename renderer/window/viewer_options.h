@@ -9,9 +9,10 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path;     /* as given, and what is read; the file need not be there */
-    char *index, *index_path; /* index map as given: a file or a session's directory; its file */
-    char *normal_map;         /* for methods that take one; NULL: their own */
+    char *mdf, *mdf_path; /* as given, and the file that is read, which need not exist */
+    /* Index map as given (a file or the directory of a session), and its file. */
+    char *index, *index_path;
+    char *normal_map; /* for methods that accept one; NULL keeps their normals */
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
     char **materials; /* as given */
@@ -22,7 +23,7 @@ struct viewer_options {
     struct compose compose;
     enum scene_up upward;
     gboolean measured, live, with_panel;
-    gint64 started_us; /* the program */
+    gint64 started_us; /* start of the program */
     char *series_text;
     int series[SERIES_MAX], n_series; /* percentages of the views */
     double wait_s;
@@ -31,35 +32,39 @@ struct viewer_options {
     struct viewer_settings settings;
     char **rest;
     const char
-        *argument; /* MATERIAL: a session's directory or a file; NULL: the method needs none */
+        /* MATERIAL: the directory of a session, or a file. NULL if the method needs none. */
+        *argument;
     int width, height;
 };
 
-/* Before parsing. */
+/* Initializes options before parsing. */
 void viewer_options_init(struct viewer_options *options);
 
-/* The brightness of the first lamp and of the even sky where none is given. */
+/* Sets the brightness of the first lamp and of the even sky for pictures without options for
+ * them. */
 void viewer_options_default_light(struct viewer_settings *settings, gboolean environment);
 
-/* For an option group whose data are the options; g_free(). */
+/* Returns entries for an option group whose data are the options. Free them with g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* To be called after parsing: sets defaults; if options exclude each other, the error says
- * which. */
+/* Sets defaults, and checks which options exclude each other. Call it after parsing. The error
+ * names the options. */
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* The material of --sample: that of the package, or the demo of a source tree; NULL: neither is
- * there. */
+/* Returns the material of --sample: that of the package, or the demo of a source tree. Returns NULL
+ * if neither exists. */
 const char *viewer_options_sample(void);
 
-/* Path of the file that a method opens. */
+/* Returns the path of the file that a method opens. */
 char *viewer_options_path(const struct viewer_options *options, const struct method *method);
 
-/* The file of --index, which may name a session's directory; NULL: none was given. g_free() */
+/* Returns the file of --index, which may name the directory of a session. Returns NULL if --index
+ * was not given. Free it with g_free(). */
 char *viewer_options_index(const struct viewer_options *options);
 
-/* Whether --render writes linear light (.exr) and not a toned picture (.png). */
+/* Returns whether --render writes linear light (.exr) and not a picture with a tone curve
+ * (.png). */
 gboolean viewer_options_light(const struct viewer_options *options);

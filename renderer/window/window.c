@@ -5,9 +5,10 @@
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-#define LEAST_PICTURE 64 /* pixels beside the panel; a narrower window has none */
+#define LEAST_PICTURE                                                                              \
+    64 /* least width of the picture in pixels; in a narrower window the panel is hidden */
 
-/* Pixels of the framebuffer that the panel takes at the left. */
+/* Returns the width of the panel in framebuffer pixels, at the left. */
 static int panel_pixels(const struct window *w) {
     int width, height, pixels, unused;
     glfwGetWindowSize(w->glfw, &width, &height);
@@ -45,7 +46,7 @@ static void on_glfw_error(int code, const char *text) {
     g_debug("GLFW %d: %s", code, text);
 }
 
-/* GLFW, like EGL's display, stays initialised as long as the process lives. */
+/* Opens the window. GLFW, like EGL's display, stays initialised until the process ends. */
 static GLFWwindow *open_window(const struct viewer_options *options, GError **error) {
     const char *text = NULL;
     if (!gpu_find_library(TRUE, error))
@@ -72,11 +73,11 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
         glfwCreateWindow(options->width, options->height, "mesorig-view", NULL, NULL);
     if (glfw == NULL) {
         glfwGetError(&text);
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "no window with OpenGL 3.3 can be opened (%s); renew the graphics driver, let "
-                    "Mesa draw without the card (LIBGL_ALWAYS_SOFTWARE=1), or try --render "
-                    "FILE.png",
-                    text != NULL ? text : "unknown reason");
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_NONE,
+            "no window with OpenGL 3.3 can be opened (%s); update the graphics driver, let Mesa "
+            "draw without the card (LIBGL_ALWAYS_SOFTWARE=1), or try --render FILE.png",
+            text != NULL ? text : "unknown reason");
         return NULL;
     }
     glfwMakeContextCurrent(glfw);
@@ -97,9 +98,9 @@ static void window_count_levels(struct window *w, const guint8 *rgb) {
         w->histogram[k] = sqrtf((float)counts[k] / (float)most);
 }
 
-/* The camera's distance fits a shape once, so that it keeps its size while the user turns it. When
- * the picture's aspect changes (by the panel or the window's frame), the distance changes by the
- * same factor as the distance of a camera that fits. */
+/* The camera's distance is fitted to a shape once, so that the shape keeps its size while the user
+ * turns it. When the aspect of the picture changes (because of the panel or the window), the
+ * distance changes by the same factor as that of a fitted camera. */
 static void window_fit(struct window *w, double aspect) {
     struct viewer_settings *s = &w->now.settings;
     if (s->camera_distance == 0.0) {
@@ -133,8 +134,8 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
     return rgb != NULL || !w->panel;
 }
 
-/* Sets the title only when it changes: setting it is an event, which would wake the loop for the
- * next frame. */
+/* Sets the title only when it changes, because setting it is an event that would wake the loop for
+ * the next frame. */
 static void window_set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->now.shape); /* a path if the shape is a file */
@@ -150,7 +151,7 @@ static void window_set_title(struct window *w) {
     w->title = g_steal_pointer(&title);
 }
 
-/* The panel is drawn again after every event, the picture beside it when it has changed. */
+/* Draws the panel after every event, and the picture only when it has changed. */
 static gboolean window_draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
@@ -171,8 +172,8 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
     return gpu_check("the window", error);
 }
 
-/* An idle window draws nothing. It draws while a file is opened, to show the progress, and while a
- * text field shows its cursor. */
+/* Returns whether a frame must be drawn. An idle window draws nothing. It draws while a file is
+ * opened, to show the progress, and while a text field shows its cursor. */
 static gboolean window_must_draw(const struct window *w) {
     return w->stale || w->frames_due > 0 || w->now.close_after > 0 || opener_is_busy(w->opener) ||
            ui_wants_keyboard();
@@ -197,7 +198,7 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
     return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
-/* The shape that was asked for, or the default one and a sentence. */
+/* Opens the requested shape, or the default shape and shows a sentence. */
 static gboolean window_set_first_shape(struct window *w, GError **error) {
     window_set_shape(w, w->now.shape, &w->now.settings);
     if (w->mesh != NULL)
@@ -224,15 +225,17 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
         return FALSE;
     w->outlines = w->now.settings.silhouettes;
     w->now.settings.silhouettes = FALSE;
-    /* A demonstration at once, without the panel: reading the material may take seconds. */
+    /* Shows a demonstration immediately, without the panel, because reading the material may take
+     * seconds. */
     w->now.method = method_find(METHOD_DEMO);
     w->material = g_strdup(METHOD_DEMO);
-    if (w->start->environment != NULL) { /* shown without it until it is open, which may fail */
+    /* The picture is shown without the environment until it is open. */
+    if (w->start->environment != NULL) {
         w->now.environment = NULL;
         w->now.settings.backdrop = FALSE;
         viewer_options_default_light(&w->now.settings, FALSE);
     }
-    w->now.compose.mode = COMPOSE_ONE; /* one picture until the second is open */
+    w->now.compose.mode = COMPOSE_ONE; /* one picture until the second material is open */
     w->now.second = NULL;
     if (!viewer_open(w->viewer, w->now.method, NULL, error) || !window_draw_frame(w, ret, error))
         return FALSE;

@@ -1,11 +1,12 @@
 /*
- * The preview window: a picture that the mouse turns, and beside it a panel that folds. Drag left:
- * orbit; drag right: move the light; wheel: zoom; F1: all keys.
+ * The preview window: a picture that the user turns with the mouse, and a panel that can be folded.
+ * Dragging with the left button orbits, dragging with the right button moves the light, the wheel
+ * zooms, and F1 shows all keys.
  *
- * The window follows a session: it opens products again when they change, and while the session has
- * no eigen-maps yet, it makes eigen-maps of the views that are there (live.h). Until something can
- * be shown, it shows a material that needs no file. If a file cannot be opened, the window says why
- * in a sentence.
+ * The window follows a session. It opens products again when they change. While the session has no
+ * eigen-maps yet, the window makes eigen-maps of the existing views (live.h). Until a product can
+ * be shown, it shows a material that needs no file. If a file cannot be opened, the window shows a
+ * sentence that says why.
  */
 #pragma once
 
@@ -13,13 +14,14 @@
 
 struct window_result {
     int n_frames;
-    double seconds;       /* spent drawing them */
-    double first_seconds; /* from the program's start to the first picture */
-    char *renderer;       /* g_free() it */
+    double seconds;       /* time spent drawing them */
+    double first_seconds; /* time from the start of the program to the first picture */
+    char *renderer;       /* g_free() */
     struct viewer_memory memory;
 };
 
-/* Returns when the user closes the window. Fails if there is none, if the card cannot draw, and
- * with close_after also if the material, the shape or the environment cannot be opened. */
+/* Runs the window until the user closes it. Fails if there is no window, or if the card cannot
+ * draw. With close_after it also fails if the material, the shape or the environment cannot be
+ * opened. */
 gboolean window_run(const struct viewer_options *options, struct window_result *ret,
                     GError **error);

@@ -1,11 +1,11 @@
-/* A list of folders and files in the window: what Ctrl+O and Ctrl+S show where the desktop has no
- * dialog of its own. */
+/* A list of folders and files in the window. Ctrl+O and Ctrl+S show it if the desktop has no file
+ * dialog. */
 #include "window_private.h"
 
 #include <errno.h>
 #include <string.h>
 
-#define MOST_FILES 5000 /* rows */
+#define MOST_FILES 5000 /* largest number of rows */
 
 struct files_row {
     char *name, *shown;
@@ -16,9 +16,9 @@ struct window_files {
     enum chooser_what what;
     char *folder;
     GPtrArray *rows;  /* of struct files_row */
-    char *problem;    /* of the folder, or NULL */
-    char line[4096];  /* what is typed: a path, or a name in the folder */
-    gboolean focus;   /* the line is to take the keyboard */
+    char *problem;    /* problem of the folder, or NULL */
+    char line[4096];  /* text that was typed: a path, or a name in the folder */
+    gboolean focus;   /* the line must take the keyboard */
     gboolean entered; /* Enter was pressed */
 };
 
@@ -54,7 +54,7 @@ static void files_add(struct window_files *files, const char *name) {
     g_ptr_array_add(files->rows, row);
 }
 
-/* folder: taken. */
+/* Enters a folder. Takes ownership of folder. */
 static void files_enter(struct window_files *files, char *folder) {
     g_autoptr(GError) error = NULL;
     g_free(files->folder);
@@ -101,13 +101,13 @@ void window_files_clear(struct window *w) {
     g_free(files);
 }
 
-/* A path below the folder, or from the root. */
+/* Returns a path relative to the folder, or an absolute path. */
 static char *files_path(const struct window_files *files, const char *name) {
     g_autofree char *local = g_filename_from_utf8(name, -1, NULL, NULL, NULL);
     return g_canonicalize_filename(local != NULL ? local : name, files->folder);
 }
 
-/* Saves, opens, or enters a folder that is no session. */
+/* Saves or opens a file, or enters a folder that is not a session. */
 static void files_take(struct window *w, const char *path) {
     struct window_files *files = w->files;
     const gboolean is_folder = g_file_test(path, G_FILE_TEST_IS_DIR);
@@ -119,8 +119,7 @@ static void files_take(struct window *w, const char *path) {
         g_autofree char *named =
             g_str_has_suffix(path, ".png") ? g_strdup(path) : g_strconcat(path, ".png", NULL);
         if (g_file_test(named, G_FILE_TEST_EXISTS)) {
-            g_autofree char *why =
-                g_strdup_printf("%s is there already: give another name.", named);
+            g_autofree char *why = g_strdup_printf("%s already exists: give another name.", named);
             window_say(w, why);
             files->focus = TRUE;
             return;
@@ -128,7 +127,7 @@ static void files_take(struct window *w, const char *path) {
         window_show_page(w, WINDOW_NO_PAGE);
         window_save_named(w, named, FALSE);
     } else {
-        window_open(w, path); /* closes the dialog, or says why not */
+        window_open(w, path); /* closes the dialog, or shows why it failed */
     }
 }
 
@@ -142,7 +141,7 @@ static void files_draw_rows(struct window_files *files, char **ret_path) {
             continue;
         g_free(*ret_path);
         *ret_path = g_build_filename(files->folder, row->name, NULL);
-        if (files->what == CHOOSER_SAVE && !row->is_folder) { /* its name is taken over */
+        if (files->what == CHOOSER_SAVE && !row->is_folder) { /* its name is copied to the line */
             g_strlcpy(files->line, row->shown, sizeof files->line);
             g_clear_pointer(ret_path, g_free);
         }

@@ -35,20 +35,20 @@ const struct window_key window_keys[] = {
     {NULL, NULL},
 };
 
-/* The window of an event. What the event means to the panel shows in the next frames. */
+/* Returns the window of an event. The next frames show what the event means to the panel. */
 static struct window *window_input_of(GLFWwindow *glfw) {
     struct window *w = glfwGetWindowUserPointer(glfw);
     w->frames_due = WINDOW_FRAMES;
     return w;
 }
 
-/* A key or button is pressed: the user has read the message, which goes away. */
+/* Removes the message when a key or button is pressed, because the user has read it. */
 static void window_input_pressed(struct window *w) {
     if (w->message != NULL && !w->is_error)
         window_tell(w, NULL);
 }
 
-/* The monitor that shows most of the window. */
+/* Returns the monitor that shows most of the window. */
 static GLFWmonitor *monitor_of(GLFWwindow *glfw) {
     int n = 0, x, y, width, height, most = -1;
     GLFWmonitor **monitors = glfwGetMonitors(&n), *found = NULL;
@@ -89,7 +89,7 @@ static void window_toggle_full_screen(struct window *w) {
     glfwSetWindowMonitor(w->glfw, monitor, 0, 0, mode->width, mode->height, mode->refreshRate);
 }
 
-/* Esc closes the topmost dialog or panel, never the window. */
+/* Closes the topmost dialog or panel, never the window. Called for Esc. */
 static void window_escape(struct window *w) {
     if (w->page != WINDOW_NO_PAGE)
         window_show_page(w, WINDOW_NO_PAGE);
@@ -178,7 +178,7 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         w->panel = !w->panel;
 }
 
-/* Handles keys by their character, since layouts place letters and signs differently. */
+/* Handles keys by their character, because keyboard layouts place letters and signs differently. */
 static void on_character(GLFWwindow *glfw, unsigned character) {
     struct window *w = window_input_of(glfw);
     struct viewer_settings *s = &w->now.settings;
@@ -247,7 +247,7 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
                            glfwGetKey(glfw, GLFW_KEY_RIGHT_SHIFT) == GLFW_PRESS;
     const gboolean left = glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_LEFT) == GLFW_PRESS;
     if ((left && shift) || glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_MIDDLE) == GLFW_PRESS) {
-        /* A pixel at the distance of the point that the camera looks at, in radii. */
+        /* Size of a pixel at the distance of the point that the camera looks at, in radii. */
         int width, height;
         glfwGetWindowSize(glfw, &width, &height);
         if (window_has_panel(w))
@@ -272,7 +272,7 @@ static void on_wheel(GLFWwindow *glfw, double x, double y) {
     struct viewer_settings *s = &w->now.settings;
     if (ui_wants_mouse())
         return;
-    if (s->camera_distance > 0.0) /* else nothing is drawn yet */
+    if (s->camera_distance > 0.0) /* otherwise nothing is drawn yet */
         s->camera_distance = CLAMP(s->camera_distance * pow(0.9, y), 0.05, 50.0);
     w->stale = TRUE;
 }

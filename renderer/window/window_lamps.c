@@ -16,7 +16,8 @@ void window_relight(struct window *w) {
     w->stale = TRUE;
 }
 
-/* environment: taken; NULL: none, and name is, too. */
+/* Sets the environment and takes ownership of it. With NULL there is none, and name is also
+ * NULL. */
 void window_set_environment(struct window *w, struct environment *environment, const char *name) {
     struct viewer_settings *s = &w->now.settings;
     const gboolean had = w->environment != NULL, first = !w->first_open;
@@ -25,7 +26,7 @@ void window_set_environment(struct window *w, struct environment *environment, c
     w->now.environment = name != NULL ? g_string_chunk_insert_const(w->texts, name) : NULL;
     if (name != NULL && !g_strv_contains(environment_names, name))
         w->own_environment = w->now.environment;
-    if (first) { /* the options say it */
+    if (first) { /* the options contain it */
         s->lamp = w->start->settings.lamp;
         s->ambient = w->start->settings.ambient;
     } else if (had != (environment != NULL)) {
@@ -51,7 +52,7 @@ void window_add_lamp(struct window *w) {
 void window_remove_lamp(struct window *w) {
     struct viewer_settings *s = &w->now.settings;
     if (w->lamp == 0) {
-        s->lamp = 0.0; /* switched off: its brightness brings it back */
+        s->lamp = 0.0; /* switched off; setting the brightness switches it on again */
     } else if (w->lamp > w->n_lamps) {
         window_set_environment(w, NULL, NULL);
     } else {
@@ -67,7 +68,7 @@ static double around(double deg) {
     return deg - 360.0 * floor(deg / 360.0);
 }
 
-/* Turning moves the environment's lamps without cutting it into lamps again. */
+/* Turns the environment's lamps without cutting the environment into lamps again. */
 static void window_turn_environment(struct window *w, double to_deg) {
     struct viewer_settings *s = &w->now.settings;
     for (int k = w->n_lamps; k < s->n_lamps; k++)
@@ -91,7 +92,7 @@ void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg) 
 
 void window_toggle_backdrop(struct window *w) {
     if (w->environment == NULL)
-        window_say(w, "There is no environment to be seen: choose one in the panel.");
+        window_say(w, "There is no environment to show: choose one in the panel.");
     else
         w->now.settings.backdrop = !w->now.settings.backdrop;
     w->stale = TRUE;
@@ -116,13 +117,13 @@ static void draw_glyph(struct window *w) {
         window_move_lamp(w, theta - dots[held].theta_deg, phi - dots[held].phi_deg);
 }
 
-/* A slider of a lamp, which the table has for the first light. */
+/* Draws a slider of a lamp with the row that the table has for the first light. */
 static void lamp_slider(struct window *w, enum setting_id id, double *value) {
     const struct setting *setting = &settings_table[id];
     w->stale |= ui_slider(setting->label, value, setting->low, setting->high, setting->format);
 }
 
-/* The controls of a lamp's distance and cone; a lamp far away has no cone. */
+/* Draws the controls of a lamp's distance and cone. A lamp far away has no cone. */
 static void draw_lamp_place(struct window *w, double *distance, double *cone, double *inner) {
     lamp_slider(w, SETTING_LIGHT_DISTANCE, distance);
     if (*distance == 0.0)

@@ -1,11 +1,12 @@
-/* Opening of whatever the user names: at the start, in a dialog, by dropping it on the window. */
+/* Opens any file that the user names at the start, in a dialog, or by dropping it on the window. */
 #include "desktop/recent.h"
 #include "scene_files.h"
 #include "window_private.h"
 
 #include <string.h>
 
-/* The first method, and rather the present one, that the session has a product for. NULL: none. */
+/* Returns a method for which the session has a product. The present method is preferred, then the
+ * first one. Returns NULL if there is none. */
 static const struct method *window_method_of(const struct window *w, const char *session) {
     for (int k = -1; k < 0 || methods[k] != NULL; k++) {
         const struct method *method = k < 0 ? w->now.method : methods[k];
@@ -24,7 +25,7 @@ static void window_open_session(struct window *w, const char *path) {
     else if (g_file_test(database, G_FILE_TEST_EXISTS))
         window_watch_session(w, path);
     else
-        window_ask_material(w, path, methods[0]); /* the error says how its file is made */
+        window_ask_material(w, path, methods[0]); /* the error says how to make the file */
 }
 
 static void window_open_shape(struct window *w, const char *path) {
@@ -72,14 +73,15 @@ void window_open(struct window *w, const char *path) {
     file_opened_clear(&file);
 }
 
-/* The folder of a session that is being captured still lacks the product. */
+/* Returns whether the session is being captured, so that its folder lacks the product. */
 static gboolean is_being_captured(const struct window *w, const char *path) {
     return w->session != NULL && w->start->method == methods[0] &&
            !g_file_test(path, G_FILE_TEST_EXISTS);
 }
 
-/* MATERIAL of the command line may be any file that window_open() takes. TRUE: it is to be opened
- * as a material; if it is not one, opening it gives the error that the user is to see. */
+/* Returns whether MATERIAL of the command line has to be opened as a material. It may be any file
+ * that window_open() accepts. If it is not a material, opening it gives the error that the user
+ * should see. */
 static gboolean window_has_material(struct window *w) {
     const struct viewer_options *o = w->start;
     struct file_opened file;
@@ -102,7 +104,7 @@ static gboolean window_has_material(struct window *w) {
     return FALSE;
 }
 
-/* The index map of the start, and tiles that it repeats in. */
+/* Opens the index map given at the start, and sets the tiles in which it repeats. */
 static void window_open_index(struct window *w) {
     g_autoptr(GError) error = NULL;
     if (w->now.index_path == NULL)
@@ -116,7 +118,7 @@ static void window_open_index(struct window *w) {
         viewer_whole_tiles(w->viewer, &w->now.settings.tiles_u, &w->now.settings.tiles_v);
 }
 
-/* Materials of a scene appear together, once all are read. */
+/* Opens the materials of a scene. They appear together, when all are read. */
 static void window_open_scene(struct window *w) {
     const struct viewer_options *o = w->start;
     g_autoptr(GError) error = NULL;
@@ -124,7 +126,7 @@ static void window_open_scene(struct window *w) {
         window_say(w, error->message);
         return;
     }
-    if (o->n_bindings > 0 && o->argument == NULL) { /* else once the main MDF is there */
+    if (o->n_bindings > 0 && o->argument == NULL) { /* otherwise after the main MDF was opened */
         w->now.settings.silhouettes = w->outlines;
         w->outlines = FALSE;
     }
@@ -193,7 +195,7 @@ void window_scale_tiles(struct window *w, double factor) {
     w->stale = TRUE;
 }
 
-/* Where the last material came from. */
+/* Returns the folder of the last material. */
 static char *window_folder(const struct window *w) {
     g_autofree char *whole =
         w->now.argument != NULL ? g_canonicalize_filename(w->now.argument, NULL) : NULL;
@@ -213,7 +215,7 @@ void window_ask_file(struct window *w, enum chooser_what what) {
 
 static void window_take_chosen(struct window *w, const char *path) {
     if (w->chooser_what == CHOOSER_SAVE)
-        window_save_named(w, path, TRUE); /* the dialog has asked */
+        window_save_named(w, path, TRUE); /* the dialog has asked the user */
     else
         window_open(w, path);
 }

@@ -3,7 +3,7 @@
 #include "window_private.h"
 
 static void window_set_message(struct window *w, const char *message, gboolean is_error) {
-    char *copy = g_strdup(message); /* it may be the present one */
+    char *copy = g_strdup(message); /* message may be the present one */
     g_free(w->message);
     w->message = copy;
     w->is_error = is_error && message != NULL;
@@ -35,7 +35,7 @@ static void draw_start(struct window *w, struct ui_box picture) {
     const char *sample = viewer_options_sample();
     int chosen = -1;
     ui_dialog_begin("Mesorig", picture, 460.0F * ui_scale());
-    ui_text("Open a session that mesorig has captured, a file made of one, a shape or an "
+    ui_text("Open a session that mesorig has captured, a file made from one, a shape or an "
             "environment map, or drop it here.");
     ui_gap();
     if (ui_button("Open a session …"))

@@ -79,7 +79,7 @@ static void draw_shape(struct window *w) {
     int chosen = 0, n = 0;
     while (!g_str_equal(names[n], names[own]))
         n++;
-    n = n < own ? own : own + 1; /* a file is chosen as the others are */
+    n = n < own ? own : own + 1; /* a file is chosen like the other entries */
     while (chosen < n - 1 && !g_str_equal(names[chosen], w->now.shape))
         chosen++;
     names[own] = own_name;
@@ -126,12 +126,13 @@ static void draw_views(struct window *w) {
         g_array_append_val(dots, dot);
     }
     g_array_append_val(dots, camera);
-    g_autofree char *text = g_strdup_printf("%u of %u views are there", there, w->planned->len);
+    g_autofree char *text = g_strdup_printf("%u of %u views exist", there, w->planned->len);
     ui_text(text);
     if (there < w->planned->len &&
         planned_views_missing((const struct planned_view *)(const void *)w->planned->data,
                               w->planned->len, theta, phi))
-        ui_note("The view nearest to the camera is not there yet: what is seen is interpolated.");
+        ui_note(
+            "The view nearest to the camera does not exist yet, so the picture is interpolated.");
     ui_hemisphere("views", (const struct ui_dot *)(const void *)dots->data, (int)dots->len,
                   150.0F * ui_scale(), &unused[0], &unused[1]);
 }

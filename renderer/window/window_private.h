@@ -16,80 +16,86 @@
 
 struct GLFWwindow;
 
-/* A dialog over the picture; one at a time. */
+/* A dialog over the picture. Only one is open at a time. */
 enum window_page { WINDOW_NO_PAGE, WINDOW_START, WINDOW_KEYS, WINDOW_FILES };
 
 struct window {
     struct GLFWwindow *glfw;
-    const struct viewer_options *start; /* what the program was started with */
-    /* What is shown: settings, methods, files. Its strings belong to start, or to texts, which
-     * keeps them as long as the window lives. */
+    const struct viewer_options *start; /* options with which the program was started */
+    /* The settings, methods and files that are shown. The strings belong to start, or to texts,
+     * which keeps them as long as the window lives. */
     struct viewer_options now;
     GStringChunk *texts;
     Ui *ui;
     Compose *compose;
     struct gpu_target scene; /* the picture without the panel */
-    double aspect;           /* of the picture that the camera's distance fits; 0: none yet */
+    /* Aspect of the picture that the camera's distance fits; 0 if none was drawn yet. */
+    double aspect;
     Viewer *viewer, *second;
     struct mesh *mesh;
-    const char *own_shape; /* the one that was given or opened, beside those that are computed */
+    const char *own_shape; /* shape that was given or opened, in addition to the computed shapes */
     char *session;         /* directory, or NULL */
     char *material, *second_material;
     char *message; /* the last sentence for the user, or NULL */
     gboolean is_error;
     char *title; /* the present title of the window */
-    double x, y; /* of the mouse */
+    double x, y; /* position of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
-    gboolean stale; /* must be drawn again */
-    int frames_due; /* in which the panel follows what has happened */
-    gboolean panel; /* unfolded */
+    gboolean stale; /* the picture must be drawn again */
+    int frames_due; /* number of frames in which the panel adapts to an event */
+    gboolean panel; /* the panel is unfolded */
     enum window_page page;
-    int before_full_screen[4];              /* x, y, width, height */
-    gint64 file_time, asked_time, mdf_time; /* of the file that is shown, of the one that is being
-                                               opened, and of the MDF */
+    int before_full_screen[4]; /* x, y, width, height */
+    /* Modification times of the file that is shown, of the file that is being opened, and of the
+     * MDF. */
+    gint64 file_time, asked_time, mdf_time;
     gint64 looked_us;
-    Live *live; /* NULL: there is nothing to follow */
+    Live *live; /* NULL if there is no session to follow */
     int n_live;
-    struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
+    struct eigenmaps *live_maps; /* the last that were computed; NULL if there are none yet */
     GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
-    const char *asked_argument;    /* MATERIAL that is being opened; NULL: that of now */
+    const char *asked_argument;    /* MATERIAL that is being opened; NULL for that of now */
     gboolean first_open;           /* the material given at the start was opened, or has failed */
-    enum compose_mode second_mode; /* once what is being opened as the second is there */
-    gboolean outlines;             /* silhouettes, once the MDF is there */
-    struct mdf_source *mdf;        /* NULL: none was opened */
+    enum compose_mode second_mode; /* mode that is set when the second material has been opened */
+    gboolean outlines;             /* silhouettes are switched on when the MDF has been opened */
+    struct mdf_source *mdf;        /* NULL if none was opened */
     gboolean show_measured;
     struct measured measured;
     guint measured_texture;
-    struct environment *environment; /* NULL: none */
-    const char *own_environment;     /* file that was opened, beside those that are computed */
-    int n_lamps;                     /* further lamps that are not the environment's */
-    int lamp;                        /* the chosen one: 0 the first, then further ones; n_lamps + 1:
-                                        the environment */
+    struct environment *environment; /* NULL if there is none */
+    /* File that was opened, in addition to the computed environments. */
+    const char *own_environment;
+    /* Number of further lamps that do not come from the environment. */
+    int n_lamps;
+    /* The chosen lamp: 0 is the first, then the further lamps follow. n_lamps + 1 is the
+     * environment. */
+    int lamp;
     Chooser *chooser;
     enum chooser_what chooser_what;
-    struct window_files *files; /* of WINDOW_FILES */
-    GPtrArray *recent;          /* of WINDOW_START */
+    struct window_files *files; /* list of WINDOW_FILES */
+    GPtrArray *recent;          /* list of WINDOW_START */
 };
 
-/* window_source.c: changes what is shown. An error is shown as the message, and the picture stays
- * as it was. */
+/* window_source.c: changes the sources of the picture. An error is shown as the message, and the
+ * picture stays as it was. */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
-void window_follow(struct window *w); /* once a second looks at the files */
+void window_follow(struct window *w); /* checks the files once a second */
 void window_ask_material(struct window *w, const char *argument, const struct method *method);
 void window_ask_mdf(struct window *w, const char *path);
 void window_ask_environment(struct window *w, const char *name);
-void window_watch_session(struct window *w, const char *session); /* that is being captured */
-/* Takes materials opened meanwhile. FALSE: the one given at the start cannot be opened, and the
- * window is to close by itself. */
+/* For a session that is being captured. */
+void window_watch_session(struct window *w, const char *session);
+/* Takes materials that were opened meanwhile. Returns FALSE if the material given at the start
+ * cannot be opened and the window has to close. */
 gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 
-/* window_open.c: whatever the user opens. */
+/* window_open.c: opens a file that the user has chosen. */
 void window_open(struct window *w, const char *path);
 void window_open_first(struct window *w);
 void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
@@ -98,15 +104,15 @@ void window_ask_file(struct window *w, enum chooser_what what); /* opens a dialo
 void window_follow_chooser(struct window *w);
 
 /* window_lamps.c */
-void window_relight(struct window *w); /* after a change of the environment or its lamps */
+void window_relight(struct window *w); /* call it after a change of the environment or its lamps */
 void window_set_environment(struct window *w, struct environment *environment, const char *name);
 void window_add_lamp(struct window *w);
 void window_remove_lamp(struct window *w);
 void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg);
 void window_toggle_backdrop(struct window *w);
-void window_draw_lamps(struct window *w); /* their part of the panel */
+void window_draw_lamps(struct window *w); /* the part of the panel for lamps */
 
-/* The number of frames that are drawn after an event: the panel's windows take their size from
+/* The number of frames that are drawn after an event. The panel's windows take their size from
  * their contents in the frame before. */
 #define WINDOW_FRAMES 3
 
@@ -120,32 +126,34 @@ void window_listen(struct window *w);
 /* window_panel.c */
 #define WINDOW_PANEL 300.0F /* width of the panel, times ui_scale() */
 void window_draw_panel(struct window *w, struct ui_box box);
-/* A control of the table; TRUE: it was changed, and the picture is stale. */
+/* Draws a control of the table. Returns TRUE if it was changed, so that the picture must be drawn
+ * again. */
 gboolean window_draw_setting(struct window *w, enum setting_id id);
 
 /* window_pages.c: dialogs, and the line of text at the bottom. */
-void window_say(struct window *w, const char *error); /* on stderr, too; NULL: nothing is wrong */
+/* Shows an error and also prints it on stderr. NULL removes it. */
+void window_say(struct window *w, const char *error);
 void window_tell(struct window *w, const char *sentence);
 void window_show_page(struct window *w, enum window_page page);
 void window_draw_pages(struct window *w, struct ui_box picture);
 
-/* window_files.c: a list of folders and files, where the desktop has no dialog. */
+/* window_files.c: a list of folders and files, for desktops without a dialog. */
 void window_files_begin(struct window *w, enum chooser_what what, const char *folder,
                         const char *name);
-void window_files_enter(struct window *w); /* the key was pressed */
+void window_files_enter(struct window *w); /* call it when Enter was pressed */
 void window_files_draw(struct window *w, struct ui_box picture);
 void window_files_clear(struct window *w);
 
 /* window_save.c */
-/* force: the user has agreed that an existing file is replaced. */
+/* Saves the picture. force says that the user has agreed to replace an existing file. */
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error);
-/* The same, and says how it went. */
+/* The same, and shows the result to the user. */
 void window_save_named(struct window *w, const char *path, gboolean force);
-void window_screenshot(struct window *w); /* under the next free name */
+void window_screenshot(struct window *w); /* saves under the next free name */
 char *window_picture_name(const struct window *w, char **ret_folder);
 void window_copy_command(struct window *w);
 
-/* In window.c. The first draws the picture, and the panel over it, into the window's back buffer;
- * the second gives the size of the picture beside the panel. */
+/* In window.c. window_paint() draws the picture and the panel into the window's back buffer. */
 void window_paint(struct window *w);
-gboolean window_has_panel(const struct window *w); /* unfolded, and there is room for it */
+/* Returns whether it is unfolded and there is room for it. */
+gboolean window_has_panel(const struct window *w);

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define SAMPLES 3 /* each way of a pixel of a saved picture, at least */
+#define SAMPLES 3 /* least number of samples of a pixel of a saved picture, in each direction */
 
 gboolean window_save(struct window *w, const char *path, gboolean force, GError **error) {
     g_autoptr(OutputFile) to = output_file_new(path, PICTURE_KIND, force, error);
@@ -60,8 +60,8 @@ void window_save_named(struct window *w, const char *path, gboolean force) {
     g_print("%s\n", whole);
 }
 
-/* Returns the current directory; or the user's folder of pictures if the current directory cannot
- * be written to or is the user's home, as in a program that the desktop has started. */
+/* Returns the current directory. If it cannot be written to, or is the user's home, as in a program
+ * that the desktop has started, returns the user's folder of pictures. */
 static char *picture_folder(void) {
     g_autofree char *current = g_get_current_dir();
     const char *pictures = g_get_user_special_dir(G_USER_DIRECTORY_PICTURES);
@@ -71,7 +71,7 @@ static char *picture_folder(void) {
     return g_steal_pointer(&current);
 }
 
-/* NAME-001.png, or the next that is not there. */
+/* Returns NAME-001.png, or the next name that is not used. */
 char *window_picture_name(const struct window *w, char **ret_folder) {
     g_autofree char *base =
         g_path_get_basename(w->now.argument != NULL ? w->now.argument : w->material);

@@ -30,7 +30,7 @@ void window_ask_environment(struct window *w, const char *name) {
     opener_ask(w->opener, OPENER_ENVIRONMENT, NULL, name);
 }
 
-/* Asks for the method with which to draw the MATERIAL that is being opened, or is shown. */
+/* Requests the method with which to draw the MATERIAL that is being opened or is shown. */
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     struct viewer_options options = w->now;
     if (w->asked_argument != NULL)
@@ -64,7 +64,7 @@ static void show_live(struct window *w) {
     window_say(w, good ? NULL : error->message);
 }
 
-/* While a session is captured its eigen-maps are those of the views that are there. */
+/* While a session is captured, its eigen-maps are those of the existing views. */
 void window_set_method(struct window *w, const struct method *method) {
     g_autofree char *product = w->live_maps != NULL ? method_path(methods[0], w->session) : NULL;
     if (method == methods[0] && product != NULL && time_of(product) < 0)
@@ -100,14 +100,14 @@ static void change_argument(struct window *w, const char *argument) {
     viewer_set_planned(w->viewer, NULL, 0);
     if (w->second != NULL)
         viewer_set_planned(w->second, NULL, 0);
-    w->now.compose.mode = COMPOSE_ONE; /* the other half is of the material before */
+    w->now.compose.mode = COMPOSE_ONE; /* the second picture belongs to the previous material */
     w->now.second = NULL;
     w->now.settings.silhouettes = FALSE;
     w->now.argument = argument;
     w->now.mdf_path = g_string_chunk_insert_const(w->texts, mdf);
     w->show_measured = FALSE;
     w->mdf_time = w->n_live = 0;
-    w->looked_us = 0; /* the files are looked at now */
+    w->looked_us = 0; /* check the files now */
     g_autofree char *database = g_build_filename(argument, "session.db", NULL);
     if (g_file_test(database, G_FILE_TEST_EXISTS))
         w->session = g_strdup(argument);
@@ -216,7 +216,7 @@ gboolean window_take_opened(struct window *w, GError **error) {
     }
     if (!w->first_open && !opener_is_busy(w->opener)) {
         w->first_open = TRUE;
-        w->frames_due = WINDOW_FRAMES; /* the progress is no longer shown */
+        w->frames_due = WINDOW_FRAMES; /* the progress is not shown any more */
     }
     return TRUE;
 }
@@ -287,10 +287,10 @@ void window_follow(struct window *w) {
     if (now - w->looked_us < G_USEC_PER_SEC)
         return;
     w->looked_us = now;
-    if (!opener_is_busy(w->opener)) { /* else the file may not be the one that is shown */
+    if (!opener_is_busy(w->opener)) { /* otherwise the file may not be the one that is shown */
         if (w->mdf_time > 0 && time_of(w->now.mdf_path) != w->mdf_time)
             ask_mdf(w);
-        /* Processing replaces the file as a whole, so an existing file can be read at once. */
+        /* Processing replaces the file as a whole, so an existing file can always be read. */
         const gint64 changed = time_of(w->material);
         if (changed != w->file_time && changed >= 0)
             window_set_method(w, w->now.method);

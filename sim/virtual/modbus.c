@@ -20,15 +20,16 @@
 #define ACCEL       4
 #define WATCHDOG    5
 #define TIMEOUT     VIRTUAL_MODBUS_TIMEOUT
-#define UNIT_US     100000 /* of the timeout and of pulses */
-#define TICK_MS     10     /* the resolution of these times */
+#define UNIT_US     100000 /* unit of the timeout and of pulses */
+#define TICK_MS     10     /* resolution of these times */
 
 #define START 1
 #define HOME  2
 #define STOP  3
 #define CLEAR 4
 
-/* Homing of a drive that stands on its switch already: it leaves it and comes back. */
+/* Duration of homing for a drive that already stands on its switch. It leaves the switch and comes
+ * back. */
 #define MIN_HOMING_US 20000
 
 enum phase { STANDING, MOVING, BRAKING, HOMING };
@@ -40,18 +41,19 @@ struct VirtualModbus {
     modbus_t *context;
     GThread *thread;
 
-    GMutex mutex; /* guards what follows */
+    GMutex mutex; /* guards the following members */
     modbus_mapping_t *mapping;
     struct virtual_modbus_faults faults;
     struct virtual_modbus_state state;
     gboolean quit;
-    int down_ms; /* > 0: restart asked for */
+    int down_ms; /* above 0 if a restart was requested */
     enum phase phase;
     double from, to, speed0;
-    double speed_steps_s; /* of this motion, at most */
+    double speed_steps_s; /* largest speed of this motion */
     gint64 start_us, end_us;
-    gint64 heard_us;                          /* the last request; 0: timed out since */
-    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0: the coil stays as it is */
+    /* Time of the last request; 0 if the timeout has expired since. */
+    gint64 heard_us;
+    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0 if the coil stays as it is */
 };
 
 static double virtual_modbus_travelled(const VirtualModbus *device, double way, double t) {
@@ -114,8 +116,8 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
-/* Does what the device does as time passes: ends pulses, and switches off and brakes when its
- * timeout expires. */
+/* Does the actions of the device that depend on time: ends pulses, and switches off and brakes when
+ * its timeout expires. */
 static void update_watchdogs(VirtualModbus *device) {
     gint64 now = g_get_monotonic_time();
     gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;
@@ -216,7 +218,8 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
         memcpy(ret, query,
-               (gsize)n); /* libmodbus only knows the values on and off, so the echo is made here */
+               /* Libmodbus only knows the values on and off, so the reply is made here. */
+               (gsize)n);
         return n;
     }
     modbus_set_socket(device->context, device->made[0]);
@@ -229,7 +232,7 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
     return made > 0 ? (int)recv(device->made[1], ret, MODBUS_TCP_MAX_ADU_LENGTH, MSG_DONTWAIT) : 0;
 }
 
-/* Returns its length, and how long it is held back. */
+/* Makes an answer. Returns its length, and the time for which it is delayed. */
 static int virtual_modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
                                  gint64 *ret_hold_us) {
     struct virtual_modbus_faults *faults = &device->faults;
@@ -313,7 +316,7 @@ static void stop_listening(VirtualModbus *device) {
     device->listener = -1;
 }
 
-/* TRUE to go on. */
+/* Carries out orders of other threads. Returns TRUE if the device continues. */
 static gboolean follow_orders(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     int down_ms = device->down_ms;
@@ -340,7 +343,8 @@ static gboolean follow_orders(VirtualModbus *device) {
     return start_listening(device);
 }
 
-/* How long there is nothing to do by itself; -1: for ever. */
+/* Returns the time until the device has to act without a request, or -1 if there is no such
+ * time. */
 static int wait_ms(VirtualModbus *device) {
     g_mutex_lock(&device->mutex);
     update_motion(device);

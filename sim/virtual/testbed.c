@@ -56,7 +56,7 @@ void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback f
     g_signal_connect_closure(handler, signal, closure, FALSE);
 }
 
-/* A closure lives for as long as it is called in any thread. */
+/* A closure exists as long as any thread is calling it. */
 void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data) {
     const gint *n_closures = g_object_get_data(G_OBJECT(handler), CLOSURES);
     g_signal_handlers_disconnect_by_data(handler, data);

@@ -16,11 +16,11 @@
 /* A request takes about as long as on a full-speed bus. */
 #define LATENCY_US 200
 
-/* Pause after a poll without a result. The mocked node always seems ready, so that libusb polls
- * again at once. */
+/* Pause after a poll without a result. The mocked node always seems ready, so libusb polls again
+ * immediately. */
 #define IDLE_US 300
 
-/* The same for what may take long, without keeping other devices from being asked. */
+/* The same for operations that may take long. Other devices can be polled meanwhile. */
 #define PATIENT_MS 1
 
 enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };
@@ -29,29 +29,32 @@ struct VirtualUsb {
     const struct virtual_usb_class *class;
     gpointer model;
     int port, address;
-    char *sysfs; /* NULL: unplugged */
+    char *sysfs; /* NULL if the device is unplugged */
     char *node;
     UMockdevIoctlBase *handler;
     GMutex mutex;
     GQueue flying;        /* of struct flight */
-    gboolean asked_again; /* since anything was submitted or reaped, there was nothing to reap */
+    gboolean asked_again; /* since the last submission or reaping, there was nothing to reap */
     enum virtual_usb_fault fault;
     int n_requests;
-    guint8 *room; /* for what a bulk transfer brings */
+    guint8 *room; /* buffer for the data of a bulk transfer */
     int room_size;
-    guint32 halted; /* a bit an endpoint's number, from bit 16 on for those that the host reads */
+    /* A bit for each endpoint number. The endpoints that the host reads begin at bit 16. */
+    guint32 halted;
 };
 
 struct flight {
     UMockdevIoctlClient
-        *client; /* the client whose memory holds it: only that may reap it; not a reference */
+        /* The client whose memory holds the transfer. Only that client may reap it. Not a
+         * reference. */
+        *client;
     UMockdevIoctlData *urb;
-    gboolean waits; /* a bulk transfer that has no data yet */
-    gint64 due_us;  /* G_MAXINT64: never */
+    gboolean waits; /* a bulk transfer without data so far */
+    gint64 due_us;  /* G_MAXINT64 means never */
     int status, length;
 };
 
-/* While there is any device. */
+/* Exists while there is any device. */
 static UMockdevTestbed *testbed;
 static int n_devices, last_address;
 
@@ -80,7 +83,7 @@ static guint32 endpoint_bit(guint8 endpoint) {
     return 1u << ((endpoint & 0x0f) + (endpoint & 0x80 ? 16 : 0));
 }
 
-/* FALSE: it is the class's own. */
+/* Answers a standard request. Returns FALSE if the request belongs to the class. */
 static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
     int length = setup[6] | setup[7] << 8, n = 4;
     guint8 descriptor[256] = {4, STRING_TYPE, 0x09, 0x04}; /* the languages: English */
@@ -136,7 +139,7 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->length = MAX(n, 0);
 }
 
-/* Asks for the data of a bulk transfer that waits for it. */
+/* Requests the data of a bulk transfer that waits for it. */
 static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     const struct usbdevfs_urb *urb = urb_of(flight);
     int size = urb->buffer_length;
@@ -189,7 +192,7 @@ static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *clie
     umockdev_ioctl_client_complete(client, 0, 0);
 }
 
-/* arg's data is the URB's address. */
+/* Discards a transfer. The data of arg is the address of its URB. */
 static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdevIoctlData *arg) {
     gulong address = *(gulong *)arg->data;
     for (GList *l = usb->flying.head; l; l = l->next) {
@@ -206,7 +209,8 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
 }
 
 static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
-    guint32 asked = 0; /* endpoints: what was submitted first gets its data first */
+    /* Endpoints that were asked; the transfer that was submitted first gets its data first. */
+    guint32 asked = 0;
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
         if (flight->client != client)
@@ -241,9 +245,9 @@ static gint64 next_due_us(const VirtualUsb *usb, const UMockdevIoctlClient *clie
 }
 
 /* Sleeps after a call that found nothing, because a device with bulk transfers waits most of the
- * time, and there may be eight such devices. But libusb reaps until nothing is left and submits
- * nothing before: therefore the first such call is answered at once, and the sleep ends when a
- * transfer is due. */
+ * time, and there may be eight such devices. But libusb reaps until nothing is left, and submits
+ * nothing before that. Therefore the first such call is answered immediately, and the sleep ends
+ * when a transfer is due. */
 static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
     if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
@@ -306,7 +310,7 @@ static gboolean virtual_usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdev
     gboolean known = TRUE;
     g_mutex_lock(&usb->mutex);
     if (request == USBDEVFS_GET_CAPABILITIES) {
-        /* Transfers may have any size, as with xHCI's controllers. */
+        /* Transfers may have any size, as with xHCI controllers. */
         g_autoptr(UMockdevIoctlData) data32 =
             umockdev_ioctl_data_resolve(arg, 0, sizeof(guint32), NULL);
         *(guint32 *)data32->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT |
@@ -383,7 +387,8 @@ void virtual_usb_plug(VirtualUsb *usb) {
     g_assert_no_error(error);
 }
 
-/* The kernel ends what is under way, refuses what comes, and says that the device is gone. */
+/* Like the kernel, it ends transfers under way, refuses new ones, and reports that the device is
+ * gone. */
 void virtual_usb_unplug(VirtualUsb *usb) {
     virtual_usb_lock(usb);
     g_autofree char *sysfs = g_steal_pointer(&usb->sysfs);

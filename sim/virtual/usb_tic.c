@@ -4,10 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#define STEP_US         500
-#define SAFE_START_US   200000  /* how long an "exit safe start" lasts */
-#define HOMING_SPEED    20000.0 /* steps/s, a setting */
-#define SWITCH_DISTANCE 20.0    /* from where the reverse switch opens to where it closes */
+#define STEP_US       500
+#define SAFE_START_US 200000  /* duration of an "exit safe start" */
+#define HOMING_SPEED  20000.0 /* in steps/s; a setting of the Tic */
+#define SWITCH_DISTANCE                                                                            \
+    20.0 /* distance from the point where the reverse switch opens to that where it closes */
 
 enum error_bit { DEENERGIZED = 0, TIMED_OUT = 6, SAFE_START = 7 };
 enum control_state { HOLDING, TO_POSITION, AT_VELOCITY, HOMING_TOWARDS, HOMING_AWAY };
@@ -24,7 +25,7 @@ struct VirtualTic {
     gboolean energized, uncertain;
     enum control_state state;
     int homing;                                /* -1 or 1 */
-    double steps, origin, velocity, top_speed; /* origin: where its position 0 is */
+    double steps, origin, velocity, top_speed; /* origin: place of its position 0 */
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
 
@@ -32,7 +33,7 @@ struct VirtualTic {
     double steps_per_deg, zero_steps;
 };
 
-/* One vendor-specific interface among those the Tic has, without endpoints of its own. */
+/* One vendor-specific interface of those of a Tic, without endpoints. */
 static const guint8 config[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 0xff, 0, 0, 0};
 
 static gboolean pressed(const VirtualTic *tic, int direction) {
@@ -50,7 +51,7 @@ static int errors(const VirtualTic *tic) {
         bits |= 1 << DEENERGIZED;
     if (tic->timeout_ms && tic->now_us - tic->command_us > tic->timeout_ms * 1000)
         bits |= 1 << TIMED_OUT;
-    /* It stays until it is exited, and comes back with any other error. */
+    /* The safe start stays until it is exited, and comes back with any other error. */
     if (tic->now_us > tic->safe_start_us)
         bits |= 1 << SAFE_START;
     return bits;
@@ -78,7 +79,7 @@ static void halt(VirtualTic *tic) {
 
 static void virtual_usb_tic_step(VirtualTic *tic, double dt) {
     int bits = errors(tic);
-    if (bits == 0) /* normal operation keeps the safe start exited */
+    if (bits == 0) /* in normal operation the safe start stays exited */
         tic->safe_start_us = MAX(tic->safe_start_us, tic->now_us + STEP_US);
     double wanted = wanted_velocity(tic, bits == 0);
     double most = (fabs(wanted) > fabs(tic->velocity) ? tic->max_accel : tic->max_decel) * dt;
@@ -152,7 +153,7 @@ static int virtual_usb_tic_get_setting(const VirtualTic *tic, int offset, int le
     return length;
 }
 
-/* Requests that also end a command timeout. */
+/* Carries out requests that also end a command timeout. */
 static void virtual_usb_tic_command(VirtualTic *tic, int request, gint32 value) {
     gboolean obeys = tic->mode == 0;
     tic->command_us = tic->now_us;

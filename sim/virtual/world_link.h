@@ -1,17 +1,17 @@
 /*
- * Connects the outputs of virtual devices to the simulated world: a relay that powers a lamp or a
- * laser, a motor that turns the table. The same World is read by every virtual camera, so that a
- * lamp switched over one bus is seen by a camera on another.
+ * Connects the outputs of virtual devices to the simulated world, such as a relay that powers a
+ * lamp or a motor that turns the table. Every virtual camera reads the same World, so a lamp that
+ * is switched over one bus is seen by a camera on another bus.
  *
  * Real time: the world's microseconds are those of g_get_monotonic_time(), as with
- * clock_new_real(). A part is found in the main thread and may then be used from any.
+ * clock_new_real(). A part is found in the main thread, and may then be used by any thread.
  */
 #pragma once
 
 #include "world/world.h"
 
 enum world_part_kind {
-    WORLD_PART_NONE, /* not connected: switching and turning do nothing */
+    WORLD_PART_NONE, /* not connected: switching and turning have no effect */
     WORLD_PART_TURNTABLE,
     WORLD_PART_ARC,
     WORLD_PART_ARM,
@@ -22,19 +22,20 @@ enum world_part_kind {
 };
 
 struct world_part {
-    World *world; /* a reference; world_part_clear() */
+    World *world; /* a reference, released by world_part_clear() */
     enum world_part_kind kind;
     int index;
 };
 
-/* name: "turntable", "arc", "arm", "probe", "sweep NAME", "lamp NAME" or "laser NAME", with the
- * names of the world file. */
+/* Finds a part. name is "turntable", "arc", "arm", "probe", "sweep NAME", "lamp NAME" or "laser
+ * NAME", with the names of the world file. */
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
-void world_part_clear(struct world_part *part); /* of zeroes is allowed */
+void world_part_clear(struct world_part *part); /* a zeroed part is allowed */
 
-/* Switches a lamp or laser; other parts ignore it. at_us: when the contact closed or opened. */
+/* Switches a lamp or laser. Other parts ignore it. at_us is the time when the contact closed or
+ * opened. */
 void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
 
-/* Turns a turntable, arc, arm, probe or sweep; other parts ignore it. deg_s: the speed that it has
- * at at_us; 0: it stands. */
+/* Turns a turntable, arc, arm, probe or sweep. Other parts ignore it. deg_s is its speed at at_us,
+ * or 0 if it stands still. */
 void world_part_turn(const struct world_part *part, double deg, double deg_s, gint64 at_us);

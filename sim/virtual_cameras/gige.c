@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #define PORT        3956
-#define N_ADDRESSES 256 /* drawn at most */
+#define N_ADDRESSES 256 /* largest number of addresses that are tried */
 #define TICK_MS     50
 
 static int open_socket(const char *address, int port, gboolean share) {
@@ -69,7 +69,7 @@ static gpointer answer_all(gpointer data) {
         gige_check_heartbeat(camera);
         if (camera->down_ms == 0)
             continue;
-        /* Off, and on again: a power cut. */
+        /* Simulate a power cut: off, and on again. */
         gint64 until = g_get_monotonic_time() + (gint64)camera->down_ms * 1000;
         camera->down_ms = 0;
         close_sockets(camera);

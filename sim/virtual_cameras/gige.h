@@ -1,14 +1,15 @@
 /*
- * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in threads
- * of its own and in real time: GVCP with discovery, registers, heartbeat and packet resend, GVSP
- * with test packets, and a GenICam file that it serves itself. The creator supplies its pictures.
+ * A virtual GigE Vision camera that speaks the real protocol on the loopback interface, in separate
+ * threads and in real time. It has GVCP with discovery, registers, heartbeat and packet resend,
+ * GVSP with test packets, and a GenICam file that it serves itself. The creator supplies its
+ * pictures.
  *
- * Aravis has a fake camera, too, but it has no resend, no time stamp latch, no exposure that takes
- * time and no trigger line, and does not answer on its control channel while it makes a picture;
- * none of this could be tested with it.
+ * Aravis also has a fake camera. But that camera has no resend, no time stamp latch, no exposure
+ * that takes time and no trigger line, and it does not answer on its control channel while it makes
+ * a picture. None of this could be tested with it.
  *
- * Any address of 127.0.0.0/8 will do; no network has to be set up. Any thread may call these
- * functions, except new and free.
+ * Any address of 127.0.0.0/8 can be used without setting up a network. Any thread may call these
+ * functions, except virtual_gige_new() and virtual_gige_free().
  */
 #pragma once
 
@@ -18,24 +19,27 @@
 
 typedef struct VirtualGige VirtualGige;
 
-/* address: "127.0.0.9"; NULL: a free one. Errors: the address is in use. */
+/* Makes a camera. address is for example "127.0.0.9", or NULL for a free address. Fails if the
+ * address is in use. */
 VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, const char *address,
                               GError **error);
 void virtual_gige_free(VirtualGige *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualGige, virtual_gige_free)
 
-/* The value of "device" in a section; "GE-" and the serial number work too. */
+/* Returns the value of "device" for a section. "GE-" followed by the serial number also works. */
 const char *virtual_gige_address(const VirtualGige *camera);
 
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_camera_faults *faults);
 
-/* Simulates that another program takes control; it gives control back when steal is FALSE. */
+/* Simulates another program that takes control of the camera. That program gives control back when
+ * steal is FALSE. */
 void virtual_gige_steal(VirtualGige *camera, gboolean steal);
 
-/* Power off and, after down_ms, on again, with all registers as they were at first. */
+/* Switches the power off, and on again after down_ms. All registers then have their initial
+ * values. */
 void virtual_gige_restart(VirtualGige *camera, int down_ms);
 
-/* A pulse on its input, "Line0". */
+/* Sends a pulse to the input "Line0". */
 void virtual_gige_pulse(VirtualGige *camera);
 
 void virtual_gige_state(VirtualGige *camera, struct virtual_camera_state *ret);

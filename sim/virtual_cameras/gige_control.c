@@ -123,7 +123,7 @@ static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_i
            camera->controller.sin_port == from->sin_port;
 }
 
-/* A GVCP request without its header; returns a status. */
+/* Answers a GVCP request without its header. Returns a status. */
 static guint gige_control_answer(VirtualGige *camera, enum command command, const guint8 *data,
                                  gsize size, const struct sockaddr_in *from, guint8 *ret,
                                  gsize *ret_size) {
@@ -144,7 +144,7 @@ static guint gige_control_answer(VirtualGige *camera, enum command command, cons
             if (!gige_control_read_memory(camera, gige_get32(data + i), 4, ret + i))
                 return BAD_ADDRESS;
         return 0;
-    case WRITE: /* pairs of address and value; the answer counts those that were written */
+    case WRITE: /* pairs of address and value; the answer is the number of those written */
         *ret_size = 4;
         gige_put32(ret, 0);
         for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))

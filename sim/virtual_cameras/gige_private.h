@@ -1,4 +1,4 @@
-/* The inside of the virtual GigE camera: requests to its registers (gige_control.c), pictures as
+/* Private parts of the virtual GigE camera: requests to its registers (gige_control.c), pictures as
  * packets (gige_stream.c), and the camera with its two threads (gige.c). */
 #pragma once
 
@@ -38,11 +38,11 @@
 #define GVBS_END 0x1000
 
 #define MAX_PACKET    9000
-#define GIGE_OVERHEAD 36        /* of a stream packet: IP, UDP and GVSP */
-#define GIGE_TICKS_HZ 125000000 /* 8 ns */
+#define GIGE_OVERHEAD 36        /* bytes of a stream packet for IP, UDP and GVSP */
+#define GIGE_TICKS_HZ 125000000 /* one tick is 8 ns */
 
 struct VirtualGige {
-    struct imager imager; /* its mutex guards all from memory on */
+    struct imager imager; /* its mutex guards memory and the members after it */
     char *address;
     int control, discovery, stream, wake[2];
     GThread *answerer;
@@ -55,7 +55,7 @@ struct VirtualGige {
     GRand *rand;
 };
 
-/* Network order. */
+/* Numbers in network byte order. */
 static inline void gige_put16(guint8 *to, guint value) {
     to[0] = (guint8)(value >> 8);
     to[1] = (guint8)value;
@@ -86,12 +86,12 @@ static inline guint64 gige_ticks(gint64 at_us) {
     return (guint64)at_us * (GIGE_TICKS_HZ / 1000000);
 }
 
-/* All with the mutex locked. */
+/* Call all of the following functions with the mutex locked. */
 
 /* gige_control.c */
 extern const struct imager_transport gige_transport;
-void gige_reset(VirtualGige *camera);             /* registers as they were delivered */
-void gige_serve(VirtualGige *camera, int socket); /* one request */
+void gige_reset(VirtualGige *camera);             /* registers get their initial values */
+void gige_serve(VirtualGige *camera, int socket); /* serves one request */
 void gige_check_heartbeat(VirtualGige *camera);
 
 /* gige_stream.c */

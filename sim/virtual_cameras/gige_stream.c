@@ -18,18 +18,18 @@ static void gige_send_packet(VirtualGige *camera, const guint8 *packet, gsize si
     sendto(camera->stream, packet, size, 0, (struct sockaddr *)&to, sizeof to);
 }
 
-/* Bytes of a picture in a packet. */
+/* Returns the bytes of a picture in one packet. */
 static gsize data_size(const VirtualGige *camera) {
     gsize packet = gige_reg(camera, GVBS_PACKET_SIZE) & 0xffff;
     return packet > GIGE_OVERHEAD && packet <= MAX_PACKET ? packet - GIGE_OVERHEAD : 0;
 }
 
-/* 16 bits, and 0 is left out; it is soon around. */
+/* Returns the block id. It has 16 bits, and 0 is left out, so it wraps often. */
 static guint gige_id(const struct imager_picture *kept) {
     return (guint)((kept->id + FIRST_ID - 1) % 65535) + 1;
 }
 
-/* 0: none can be sent. */
+/* Returns the number of blocks, or 0 if none can be sent. */
 static guint gige_n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
     gsize data = data_size(camera);
     if (data == 0)

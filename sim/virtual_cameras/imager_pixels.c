@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Codes of the Pixel Format Naming Convention: the low byte of a code is the format's number, the
- * middle two hold the bits per pixel. This table is written independently of the driver's, so that
- * an error there shows. */
+/* Codes of the Pixel Format Naming Convention. The low byte of a code is the number of the format,
+ * and the middle two bytes are the bits per pixel. This table is written independently of the
+ * driver's, so that an error there is found. */
 enum packing { WHOLE, WORD, P, PACKED };
 
 struct kind {
@@ -67,8 +67,9 @@ void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, i
                 *to++ = (guint8)(values[i] >> 8);
         }
         break;
-    case PACKED: /* GigE Vision's own packing: the high eight bits of two pixels, with the low bits
-                  * of both between them */
+    /* GigE Vision's own packing: the high eight bits of two pixels, with the low bits of both
+     * between them. */
+    case PACKED:
         for (gsize i = 0; i + 1 < n; i += 2) {
             guint low = kind->bits - 8u, rest = (1u << low) - 1;
             *to++ = (guint8)(values[i] >> low);

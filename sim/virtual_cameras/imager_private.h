@@ -1,11 +1,11 @@
-/* The inside of virtual GenICam cameras that is the same on every bus: registers, trigger, exposure
+/* The part of virtual GenICam cameras that is the same on every bus: registers, trigger, exposure
  * and pictures (imager.c), the GenICam file that describes them (imager_genicam.c), and pictures as
  * bytes (imager_pixels.c). */
 #pragma once
 
 #include "imager.h"
 
-/* The camera's own registers, four bytes each. */
+/* The camera's own registers, of four bytes each. */
 #define REG_BEGIN         0x1100
 #define REG_WIDTH         0x1100
 #define REG_HEIGHT        0x1104
@@ -14,8 +14,8 @@
 #define REG_FORMAT        0x1110
 #define REG_ACQUISITION   0x1114
 #define REG_EXPOSURE_US   0x1118
-#define REG_GAIN          0x111c /* 1/100 dB */
-#define REG_BLACK         0x1120 /* 1/10 DN */
+#define REG_GAIN          0x111c /* unit 1/100 dB */
+#define REG_BLACK         0x1120 /* unit 1/10 DN */
 #define REG_TRIGGER_MODE  0x1124
 #define REG_TRIGGER_FROM  0x1128 /* 0 Line0, 1 Software */
 #define REG_TRIGGER       0x112c
@@ -23,7 +23,7 @@
 #define REG_SENSOR_HEIGHT 0x1134
 #define REG_PAYLOAD       0x1138
 #define REG_AUTO_EXPOSURE 0x113c
-#define REG_PROCESSING    0x1140 /* VIRTUAL_PROCESSING of them */
+#define REG_PROCESSING    0x1140 /* VIRTUAL_PROCESSING registers */
 #define REG_END           0x1180
 
 #define GENICAM_AT 0x10000 /* address of the GenICam file */
@@ -32,7 +32,7 @@
 #define MAX_EXPOSURE_US 60000000
 #define MAX_GAIN        2400
 
-#define TRIGGER_LINE     0 /* of REG_TRIGGER_FROM */
+#define TRIGGER_LINE     0 /* values of REG_TRIGGER_FROM */
 #define TRIGGER_SOFTWARE 1
 
 #define IMAGER_N_KEPT 2
@@ -46,10 +46,10 @@ struct imager_picture {
     gboolean cut;
 };
 
-/* The bus by which pictures leave. Its functions are called with the mutex locked. */
+/* The bus that transmits pictures. Its functions are called with the mutex locked. */
 struct imager_bus {
     void (*announce)(const struct imager_picture *picture, gpointer data);
-    void (*send)(gpointer data); /* the last one kept; may unlock for a while */
+    void (*send)(gpointer data); /* sends the last picture kept; may unlock the mutex for a while */
 };
 
 struct imager {
@@ -60,21 +60,22 @@ struct imager {
     gsize xml_size;
     GThread *thread;
 
-    GMutex mutex; /* guards what follows */
+    GMutex mutex; /* guards the following members */
     GCond cond;
     guint32 regs[(REG_END - REG_BEGIN) / 4];
     struct virtual_camera_faults faults;
     struct virtual_camera_state state;
     gboolean quit, triggered, exposing;
     guint64 last_id;
-    struct imager_picture kept[IMAGER_N_KEPT]; /* the latest first */
+    struct imager_picture kept[IMAGER_N_KEPT]; /* the latest picture first */
 };
 
-/* Takes xml. Registers are as delivered; the thread is begun by imager_start(). */
+/* Initializes an imager and takes ownership of xml. Registers get their initial values.
+ * imager_start() starts the thread. */
 void imager_init(struct imager *imager, const struct virtual_camera_options *options, char *xml,
                  const struct imager_bus *bus, gpointer data);
 void imager_start(struct imager *imager);
-void imager_quit(struct imager *imager); /* ends the thread, if it was begun */
+void imager_quit(struct imager *imager); /* ends the thread, if it was started */
 void imager_clear(struct imager *imager);
 
 void imager_fail(struct imager *imager, const struct virtual_camera_faults *faults);
@@ -88,20 +89,21 @@ static inline gboolean imager_has_reg(guint64 address) {
     return address >= REG_BEGIN && address < REG_END;
 }
 
-void imager_reset(struct imager *imager); /* registers as they were delivered */
+void imager_reset(struct imager *imager); /* registers get their initial values */
 void imager_stop(struct imager *imager);
-/* Also triggers the effects of the register. */
+/* Writes a register and triggers its effect. */
 void imager_write(struct imager *imager, guint address, guint32 value);
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret);
 
-/* A byte of the GenICam file, which begins at address GENICAM_AT; 0 behind its end. */
+/* Returns a byte of the GenICam file, which begins at address GENICAM_AT. Returns 0 after its
+ * end. */
 guint8 imager_xml_byte(const struct imager *imager, guint64 address);
 
 /* imager_genicam.c */
 
 struct imager_xml {
     GString *text;
-    const char *endianness; /* as GenICam spells it */
+    const char *endianness; /* in the spelling of GenICam */
 };
 
 struct imager_transport {                      /* the parts of the file that depend on the bus */
@@ -109,13 +111,14 @@ struct imager_transport {                      /* the parts of the file that dep
     void (*add)(struct imager_xml *xml);
 };
 
-/* processing: further elements, or NULL. g_free(). */
+/* Returns the GenICam file. processing has further elements, or is NULL. Free the result with
+ * g_free(). */
 char *imager_genicam(enum cfa cfa, const struct imager_transport *transport,
                      const struct virtual_processing *processing);
 
 void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
                          const char *access);
-/* limits: elements, as <Min> and <pMax>. */
+/* limits has elements such as <Min> and <pMax>. */
 void imager_xml_integer(struct imager_xml *xml, const char *name, guint address, int length,
                         const char *access, const char *limits);
 void imager_xml_string(struct imager_xml *xml, const char *name, guint address, int length);
@@ -123,13 +126,15 @@ void imager_xml_command(struct imager_xml *xml, const char *name, const char *re
 
 /* imager_pixels.c */
 
-/* EnumEntry elements. */
+/* Appends elements EnumEntry. */
 void imager_append_formats(GString *xml, enum cfa cfa);
-guint32 imager_first_format(enum cfa cfa); /* of 8 bits */
+guint32 imager_first_format(enum cfa cfa); /* the first format of 8 bits */
 
-/* Bytes of a picture; 0: no such format, or not of this colour filter array. */
+/* Returns the bytes of a picture. Returns 0 if the format does not exist or does not fit the colour
+ * filter array. */
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
 
-/* Packs n values of so many bits into the format, for which imager_payload() is not 0. */
+/* Packs n values of the given bits into the format. imager_payload() of that format must not be
+ * 0. */
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to);

@@ -3,11 +3,11 @@
 #include <errno.h>
 #include <string.h>
 
-/* The head of a command and of an answer: prefix, flags or status, command, length, number. */
+/* The header of a command and of an answer: prefix, flags or status, command, length, number. */
 #define PREFIX      0x43563355 /* "U3VC" */
 #define HEADER_SIZE 12
 #define RESPONSE_MS 200 /* the longest time that an answer may take, as on a busy computer */
-#define ALIGNMENT   3   /* sizes of transfers are multiples of 2 to this */
+#define ALIGNMENT   3   /* sizes of transfers are multiples of 2 to the power of this */
 #define SUPER_SPEED 8
 
 #define NOT_IMPLEMENTED   0x8001
@@ -57,7 +57,7 @@ void u3v_reset(VirtualU3v *camera) {
     u3v_set_reg(camera, SIRM_INFO, ALIGNMENT << 24, 4);
     u3v_set_reg(camera, SIRM_NEEDS_LEADER, LEADER_SIZE, 4);
     u3v_set_reg(camera, SIRM_NEEDS_TRAILER, TRAILER_SIZE, 4);
-    u3v_set_reg(camera, MANIFEST_AT, 1, 8);               /* one file, as it is, not packed */
+    u3v_set_reg(camera, MANIFEST_AT, 1, 8);               /* one file, not compressed */
     u3v_set_reg(camera, MANIFEST_AT + 8, 0x01000000, 4);  /* version 1.0.0 */
     u3v_set_reg(camera, MANIFEST_AT + 12, 0x01010000, 4); /* schema 1.1, plain XML */
     u3v_set_reg(camera, MANIFEST_AT + 16, GENICAM_AT, 8);
@@ -121,12 +121,12 @@ static guint u3v_control_obey(VirtualU3v *camera, enum command command, const gu
     return status;
 }
 
-/* One command at a time: an answer that was not fetched is lost. */
+/* Takes one command at a time. An answer that was not read is lost. */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n) {
     guint size = n >= HEADER_SIZE ? (guint)u3v_get(data + 8, 2) : 0, answer_size = 0;
     if (n < HEADER_SIZE || n > U3V_MAX_TRANSFER || u3v_get(data, 4) != PREFIX ||
         size + HEADER_SIZE != (guint)n)
-        return n; /* not understood, so not answered */
+        return n; /* the command is not understood, so it is not answered */
     guint8 *answer = camera->answer;
     enum command command = (enum command)u3v_get(data + 6, 2);
     guint status = u3v_control_obey(camera, command, data + HEADER_SIZE, size, answer + HEADER_SIZE,

@@ -1,5 +1,5 @@
-/* The inside of the virtual USB3 Vision camera: requests to its registers (u3v_control.c), pictures
- * as transfers (u3v_stream.c), and the device on the bus (u3v.c). */
+/* Private parts of the virtual USB3 Vision camera: requests to its registers (u3v_control.c),
+ * pictures as transfers (u3v_stream.c), and the device on the bus (u3v.c). */
 #pragma once
 
 #include "imager_private.h"
@@ -49,24 +49,24 @@
 #define MANIFEST_SIZE 0x48
 #define U3V_END       (MANIFEST_AT + MANIFEST_SIZE)
 
-#define U3V_MAX_TRANSFER 2048 /* of a command or an answer */
+#define U3V_MAX_TRANSFER 2048 /* bytes of a command or an answer */
 #define LEADER_SIZE      52
 #define TRAILER_SIZE     36
 
 enum u3v_phase { U3V_IDLE, U3V_LEADER, U3V_PAYLOAD, U3V_TRAILER };
 
 struct VirtualU3v {
-    struct imager imager; /* its mutex guards all from memory on */
+    struct imager imager; /* its mutex guards memory and the members after it */
     VirtualUsb *usb;
     struct virtual_usb_class class;
 
     guint8 memory[U3V_END];
     guint8 answer[U3V_MAX_TRANSFER];
-    int answer_size;           /* 0: none waits */
-    gint64 answer_us;          /* when it may be read */
-    struct imager_picture out; /* the picture being sent; its data is a copy */
+    int answer_size;           /* 0 if no answer waits */
+    gint64 answer_us;          /* time when it may be read */
+    struct imager_picture out; /* picture that is being sent; its data is a copy */
     enum u3v_phase phase;
-    gsize sent; /* of its payload */
+    gsize sent; /* bytes of its payload that were sent */
     gboolean headless, tailless, stunted, hollow;
 };
 
@@ -90,15 +90,16 @@ static inline guint32 u3v_reg(const VirtualU3v *camera, guint address) {
     return (guint32)u3v_get(camera->memory + address, 4);
 }
 
-/* Call all of them with the mutex locked. */
+/* Call all of the following functions with the mutex locked. */
 
 /* u3v_control.c */
 extern const struct imager_transport u3v_transport;
-void u3v_reset(VirtualU3v *camera); /* registers as they were delivered */
+void u3v_reset(VirtualU3v *camera); /* registers get their initial values */
 int u3v_command(VirtualU3v *camera, const guint8 *data, int n);
-int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: none */
+int u3v_answer(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN if no answer waits */
 
 /* u3v_stream.c */
 extern const struct imager_bus u3v_bus;
-int u3v_stream(VirtualU3v *camera, guint8 *data, int size); /* -EAGAIN: nothing to send */
-void u3v_drop(VirtualU3v *camera);                          /* discards data that was not sent */
+/* -EAGAIN if there is nothing to send */
+int u3v_stream(VirtualU3v *camera, guint8 *data, int size);
+void u3v_drop(VirtualU3v *camera); /* discards data that was not sent */

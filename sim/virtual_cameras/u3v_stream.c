@@ -19,7 +19,7 @@ void u3v_drop(VirtualU3v *camera) {
     camera->phase = U3V_IDLE;
 }
 
-/* One that is not fetched by now is lost. */
+/* Sends a picture. A picture that was not read by now is lost. */
 static void u3v_stream_send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;
@@ -37,7 +37,7 @@ static void u3v_stream_send_picture(gpointer data) {
     camera->phase = count_down(&faults->headless) || led ? U3V_PAYLOAD : U3V_LEADER;
 }
 
-/* Its leader; the rest comes when there is any. */
+/* Sends the leader. The rest follows when there is data. */
 static void u3v_stream_announce(const struct imager_picture *picture, gpointer data) {
     VirtualU3v *camera = data;
     u3v_drop(camera);
@@ -85,7 +85,7 @@ int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
         put_head(data, TRAILER_PREFIX, TRAILER_SIZE, out->id);
         u3v_put(data + 20, camera->sent, 8);
         u3v_put(data + 28, out->height, 4);
-        n = camera->stunted ? 3 : n; /* not even its prefix */
+        n = camera->stunted ? 3 : n; /* not even the prefix */
         u3v_drop(camera);
     } else {
         put_head(data, LEADER_PREFIX, LEADER_SIZE, out->id);

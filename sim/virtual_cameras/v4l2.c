@@ -286,7 +286,8 @@ static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMock
     return ENOTTY;
 }
 
-/* As when a program ends without closing it: its stream ends, and its buffers are freed. */
+/* Called when a program ends without closing the node. Its stream ends, and its buffers are
+ * freed. */
 static void virtual_v4l2_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
                                      gpointer user) {
     VirtualV4l2 *camera = user;
@@ -311,7 +312,7 @@ static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlC
     return TRUE;
 }
 
-/* A device of USB: the root hub, a hub, or the camera. */
+/* Adds a USB device: the root hub, a hub, or the camera. */
 static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     static int last_address;
     g_autofree char *root = umockdev_testbed_get_root_dir(camera->testbed);
@@ -333,7 +334,8 @@ static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
     g_assert_no_error(error);
 }
 
-/* "2-1.3": /devices/usb2, its hub 2-1, and the camera 2-1.3. */
+/* Adds the chain of devices for a port. "2-1.3" gives /devices/usb2, its hub 2-1, and the camera
+ * 2-1.3. */
 static char *add_usb_chain(VirtualV4l2 *camera) {
     GString *path = g_string_new(NULL);
     g_string_printf(path, "/devices/usb%d", atoi(camera->port));
@@ -354,7 +356,7 @@ void virtual_v4l2_plug(VirtualV4l2 *camera, int number) {
     camera->node = g_strdup_printf("/dev/video%d", number);
     g_autofree char *usb = add_usb_chain(camera);
     g_autofree char *sysfs = g_strdup_printf("%s/video4linux/video%d", usb, number);
-    /* If it is given a content, the node is a regular file, which can be mapped. */
+    /* A node with a content is a regular file, which can be mapped. */
     g_autofree char *text =
         g_strdup_printf("P: %s\nN: video%d=00\nE: SUBSYSTEM=video4linux\nE: DEVNAME=/dev/video%d\n"
                         "A: name=Virtual camera\\n\nL: device=../../../%s\n",
@@ -395,7 +397,7 @@ void virtual_v4l2_unplug(VirtualV4l2 *camera) {
         }                                                                                          \
     }
 static const struct {
-    guint lacks; /* a camera without this has no such control */
+    guint lacks; /* a camera that lacks it has no such control */
     struct v4l2_queryctrl about;
 } v4l2_controls[] = {
     {0, CONTROL(BRIGHTNESS, INTEGER, "Brightness", -64, 64, 0)},

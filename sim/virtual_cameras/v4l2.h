@@ -1,9 +1,9 @@
 /*
- * Virtual cameras behind umockdev's /dev/video: they answer the kernel's V4L2 ioctls and run freely
- * in real time, as UVC cameras do, with their pictures from the simulated world or from a test. A
- * process sees them only after testbed_enter().
+ * Virtual cameras behind umockdev's /dev/video. They answer the kernel's V4L2 ioctls and expose
+ * continuously in real time, like UVC cameras. Their pictures come from the simulated world or from
+ * a test. A process sees them only after testbed_enter().
  *
- * A camera has a thread of its own while it streams. The functions here are for the main thread.
+ * A camera has a separate thread while it streams. The functions here belong to the main thread.
  */
 #pragma once
 
@@ -11,57 +11,59 @@
 
 typedef struct VirtualV4l2 VirtualV4l2;
 
-/* Gives what the sensor reads. Called in the camera's thread at the end of an exposure. number
- * counts frames. ret_pixels has height × width values below 2^bits. */
+/* Computes the values that the sensor reads. Called in the camera's thread at the end of an
+ * exposure. number counts frames. ret_pixels receives height × width values below 2^bits. */
 typedef void (*VirtualV4l2Expose)(gpointer user, gint64 start_us, gint64 exposure_us,
                                   double gain_db, guint64 number, guint16 *ret_pixels);
 
-enum virtual_v4l2_stamp { /* the moment that its time stamps mark, and the flag that they carry */
-                          VIRTUAL_V4L2_START,      /* the exposure's start, flagged so */
-                          VIRTUAL_V4L2_FIRST_DATA, /* time of the first data, flagged as the start
-                                                      of exposure, as uvcvideo does */
-                          VIRTUAL_V4L2_END,        /* time of the end of the data, flagged as
-                                                      such */
+/* The moment that its time stamps mark, and their flag. */
+enum virtual_v4l2_stamp {
+    VIRTUAL_V4L2_START, /* start of the exposure, with the flag for it */
+    /* time of the first data, but with the flag for the start of the
+     * exposure, as with uvcvideo */
+    VIRTUAL_V4L2_FIRST_DATA,
+    VIRTUAL_V4L2_END, /* end of the data, with the flag for it */
 };
 
-enum { /* controls that it lacks */
+enum { /* controls that the camera lacks */
        VIRTUAL_V4L2_NO_EXPOSURE = 1,
        VIRTUAL_V4L2_NO_GAIN = 2,
        VIRTUAL_V4L2_NO_WHITE_BALANCE = 4,
 };
 
-struct virtual_v4l2_config { /* zeroes: as said */
+struct virtual_v4l2_config { /* zeroed members have the defaults that the comments give */
     int number;              /* /dev/video0 */
-    const char *port;        /* of USB: bus, then a port at each hub; NULL: "2-1" */
-    double speed_mbit_s;     /* of all its links; 0: 480 */
-    int width, height;       /* 0: 64 × 48; there is no other */
+    const char *port;        /* path on USB: bus, then the port at each hub; NULL: "2-1" */
+    double speed_mbit_s;     /* speed of all its links; 0: 480 */
+    int width, height;       /* the only size; 0: 64 × 48 */
     enum cfa cfa;
     int bits;          /* of the sensor; 0: 12 */
-    double frame_rate; /* at first; 0: 100. It can also be set to any up to 1000 */
+    double frame_rate; /* initial rate; 0: 100. It can be set to any rate up to 1000 */
     enum virtual_v4l2_stamp stamp;
-    guint lacks;        /* controls */
-    gboolean odd_gamma; /* of 0 to 31, in a unit of its own, not of UVC's 100 to 500 */
+    guint lacks;        /* controls that it lacks */
+    gboolean odd_gamma; /* gamma from 0 to 31, in a different unit than UVC's 100 to 500 */
     gboolean only_compressed;
-    int planes; /* of memory that a frame is spread over, with the multi-planar interface;
-                   0: the single-planar interface */
+    /* Number of memory planes of a frame, for the multi-planar interface. With 0, the camera has
+     * the single-planar interface. */
+    int planes;
     VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
     gpointer user;
 };
 
-/* Strings are copied. */
+/* Makes a camera. Strings are copied. */
 VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config);
 
-/* The same with a camera of the world: its size, bits, colours and pictures. */
+/* Makes a camera of the world, with its size, bits, colours and pictures. */
 VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, World *world,
                                     const char *camera, GError **error);
 void virtual_v4l2_free(VirtualV4l2 *camera); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualV4l2, virtual_v4l2_free)
 
-/* Gone, as when the cable is pulled, and back as /dev/videoNUMBER. */
+/* Unplugs the camera, and plugs it in again as /dev/videoNUMBER. */
 void virtual_v4l2_unplug(VirtualV4l2 *camera);
 void virtual_v4l2_plug(VirtualV4l2 *camera, int number);
 
-enum virtual_v4l2_fault { /* holds until set otherwise; for frames that begin from now on */
+enum virtual_v4l2_fault { /* fault of all frames that begin from now on, until another is set */
                           VIRTUAL_V4L2_WELL,
                           VIRTUAL_V4L2_ERROR_FLAG,   /* half of the data, and the error flag */
                           VIRTUAL_V4L2_SHORT,        /* half of the data, and no flag */
@@ -70,10 +72,12 @@ enum virtual_v4l2_fault { /* holds until set otherwise; for frames that begin fr
                           VIRTUAL_V4L2_SILENT,       /* no frames */
                           VIRTUAL_V4L2_OTHER_CLOCK,  /* stamps of an unknown clock */
                           VIRTUAL_V4L2_NO_BANDWIDTH, /* refuses to stream for lack of it */
-                          VIRTUAL_V4L2_DISOBEYS,     /* controls keep other values than were set */
+                          VIRTUAL_V4L2_DISOBEYS,     /* controls take other values than were set */
                           VIRTUAL_V4L2_STREAM_BREAKS, /* taking a frame fails, once */
 };
 void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault);
 
-gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id); /* its value; -1: there is none */
-int virtual_v4l2_n_exposed(VirtualV4l2 *camera); /* pictures that were made, not only dropped */
+/* Returns the value of a control; -1 if it does not exist. */
+gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id);
+/* Returns the number of pictures that were made, without dropped frames. */
+int virtual_v4l2_n_exposed(VirtualV4l2 *camera);

@@ -2,12 +2,12 @@
 
 #include <string.h>
 
-/* Rows are filled up, as many devices do. */
+/* Rows are padded, as on many devices. */
 #define ROW_ALIGN 32
 
 struct layout {
     int bits, bytes, pixels; /* `bytes` bytes hold `pixels` pixels */
-    guint32 fourcc[5];       /* by enum cfa */
+    guint32 fourcc[5];       /* indexed by enum cfa */
 };
 
 #define RAW(mono, depth)                                                                           \
@@ -62,7 +62,7 @@ gsize virtual_pixels_size(guint32 fourcc, int width, int height) {
     return virtual_pixels_stride(fourcc, width) * (gsize)height;
 }
 
-/* Bits from the lowest up, as the sensor's bus has them. */
+/* Packs bits from the lowest up, as on the bus of the sensor. */
 static void pack_row(const struct layout *layout, const guint16 *from, int width, int shift,
                      guint8 *to) {
     int low = layout->bits - 8, per = layout->pixels;

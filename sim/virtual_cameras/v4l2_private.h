@@ -1,4 +1,4 @@
-/* Shared by the parts of a virtual V4L2 camera: its ioctls, its stream, its pixels. */
+/* Shared by the parts of a virtual V4L2 camera: its ioctls, its stream and its pixels. */
 #pragma once
 
 #include "v4l2.h"
@@ -13,7 +13,7 @@ enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
 
 struct virtual_buffer {
     enum buffer_state state;
-    guint64 order; /* of being queued, or done */
+    guint64 order; /* order in which it was queued, or finished */
     guint32 flags, sequence, bytes;
     gint64 stamp_us;
 };
@@ -32,9 +32,9 @@ struct VirtualV4l2 {
     UMockdevTestbed *testbed;
     UMockdevIoctlBase *handler;
     char *node;                 /* "/dev/video0" */
-    char *sysfs;                /* NULL: unplugged */
-    int fd;                     /* of the mocked node */
-    UMockdevIoctlClient *owner; /* of the buffers; not a reference */
+    char *sysfs;                /* NULL if the camera is unplugged */
+    int fd;                     /* descriptor of the mocked node */
+    UMockdevIoctlClient *owner; /* client that owns the buffers; not a reference */
 
     GMutex mutex;
     GCond woken;
@@ -49,29 +49,33 @@ struct VirtualV4l2 {
     int n_exposed;
 
     gboolean streaming;
-    guint stream;       /* changes when one begins or ends */
-    int n_threads;      /* of streams: one that is over may still make its last picture */
-    gint64 first_us;    /* frames begin there and every interval after */
-    gint64 changed_us;  /* when exposure or gain was last set */
-    gint64 exposure_us; /* of frames that begin, which follow the controls late */
+    guint stream; /* changes when a stream begins or ends */
+    /* Number of stream threads; one that is ending may still make its last picture. */
+    int n_threads;
+    gint64 first_us;    /* time of the first frame; the others follow at each interval */
+    gint64 changed_us;  /* time when exposure or gain was last set */
+    gint64 exposure_us; /* exposure of frames that begin; it follows the controls late */
     double gain_db;
     guint16 *pixels; /* the latest picture */
 };
 
-/* Called in the thread that handles the ioctls of all cameras and USB devices, which must not wait;
- * with the camera locked. */
+/* Called with the camera locked, in the thread that handles the ioctls of all cameras and USB
+ * devices. That thread must not wait. */
 void virtual_stream_start(VirtualV4l2 *camera);
 void virtual_stream_stop(VirtualV4l2 *camera);
-void virtual_stream_wait(VirtualV4l2 *camera); /* until no thread uses it any more; unlocks */
+/* Waits until no thread uses the camera any more; unlocks it. */
+void virtual_stream_wait(VirtualV4l2 *camera);
 
-struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id); /* NULL: none */
-gsize virtual_buffer_room(const VirtualV4l2 *camera); /* bytes of the node that a buffer takes */
+/* NULL if there is none */
+struct virtual_control *virtual_find_control(VirtualV4l2 *camera, guint32 id);
+/* Bytes of the node that one buffer occupies. */
+gsize virtual_buffer_room(const VirtualV4l2 *camera);
 
-/* NULL: none is in that state. */
+/* Returns the oldest buffer in a state, or NULL if there is none. */
 struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_state state);
 
-/* How formats look in memory. */
-gsize virtual_pixels_stride(guint32 fourcc, int width); /* 0: a format that cannot be had */
+/* The layout of formats in memory. */
+gsize virtual_pixels_stride(guint32 fourcc, int width); /* 0 if the format is not available */
 gsize virtual_pixels_size(guint32 fourcc, int width, int height);
 gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint32 index,
                                 guint32 *ret_fourcc);

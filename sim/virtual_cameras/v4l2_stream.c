@@ -11,12 +11,12 @@ static gint32 v4l2_stream_setting(VirtualV4l2 *camera, guint32 id, gint32 otherw
     return control ? control->value : otherwise;
 }
 
-/* Delay from the end of an exposure to its first and last data, as a share of the frame interval.
- */
+/* Delay from the end of an exposure to its first and last data, as a fraction of the frame
+ * interval. */
 #define FIRST_DATA_PART 0.1
 #define LAST_DATA_PART  0.4
 
-/* A frame on its way. */
+/* A frame that is being transferred. */
 struct shot {
     guint stream;
     guint64 number;
@@ -42,7 +42,7 @@ struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_st
     return found;
 }
 
-/* Locked. */
+/* Call it with the mutex locked. */
 static void v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
                                 struct virtual_buffer *buffer, const guint8 *data) {
     gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
@@ -82,7 +82,7 @@ static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot 
     } else if (camera->world) {
         struct world_state state;
         world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
-        /* Its noise comes from the time, since frames are counted anew by every stream. */
+        /* The noise depends on the time, because every stream counts frames from the beginning. */
         world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
                      (guint64)shot->start_us, pixels);
     } else if (camera->config.expose) {
@@ -117,8 +117,8 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     shot.start_us = camera->first_us + (gint64)shot.number * interval;
     if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
-    /* Like many sensors, it applies a new setting to the frame after the next. In automatic mode it
-     * chooses exposure and gain itself. */
+    /* Like many sensors, the camera applies a new setting to the frame after the next. In automatic
+     * mode it chooses exposure and gain itself. */
     if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
         gboolean by_hand = v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
         gint64 set_us = 100 * v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);

@@ -1,4 +1,4 @@
-/* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+/* mesorig-rig: a rig of virtual devices on this machine, for trying the real drivers. */
 #include "base/data_error.h"
 #include "base/help_text.h"
 #include "base/json.h"
@@ -21,31 +21,30 @@ static double loss;
 
 static const GOptionEntry entries[] = {
     {"virtual", 0, 0, G_OPTION_ARG_FILENAME, &virtual_path,
-     "Stand for the devices of this simulated rig", "RIG"},
+     "The simulated rig whose devices become virtual devices", "RIG"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &out_path,
-     "Write the rig file for the real drivers here; default: to standard output", "FILE"},
+     "Write the rig file for the real drivers to this file; default: standard output", "FILE"},
     {"usb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &usb,
-     "This device is on USB: a Tic, a relay board, a V4L2 camera; all: every one", "NAME"},
+     "Put this device on USB, as a Tic, a relay board or a V4L2 camera; all: every device", "NAME"},
     {"u3v", 0, 0, G_OPTION_ARG_STRING_ARRAY, &u3v,
-     "This camera is a USB3 Vision camera; all: every one", "NAME"},
-    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
-     "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
-    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an output that exists, whatever it is",
-     NULL},
-    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
+     "Make this camera a USB3 Vision camera; all: every camera", "NAME"},
+    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss, "Share of the cameras' packets that is lost, 0 to 1",
+     "PART"},
+    {"force", 0, 0, G_OPTION_ARG_NONE, &force, "Replace an existing output of any kind", NULL},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print the devices as JSON", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
 };
 
-/* The rig file behind a line with its kind and its checksum, by which the next run, or the end of
- * this one, sees whether somebody has changed the file. */
+/* Returns the rig file after a line with its kind and its checksum. By the checksum, the next run
+ * and the end of this one find out whether somebody has changed the file. */
 static char *virtual_rig_main_text(const char *rig) {
     g_autofree char *sum = g_compute_checksum_for_string(G_CHECKSUM_SHA256, rig, -1);
     return g_strdup_printf("# " OUTPUT_FILE_TEXT("virtual rig") ", SHA-256 of what follows %s\n%s",
                            sum, rig);
 }
 
-/* Whether the file is as mesorig-rig has written it. */
+/* Returns whether the file is unchanged since mesorig-rig wrote it. */
 static gboolean virtual_rig_main_is_own(const char *path) {
     g_autofree char *text = NULL;
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR) || !g_file_get_contents(path, &text, NULL, NULL))
@@ -55,29 +54,30 @@ static gboolean virtual_rig_main_is_own(const char *path) {
     return g_strcmp0(own, text) == 0;
 }
 
-/* Decides on -o before there are any devices. NULL without an error: standard output. */
+/* Decides on -o before any device exists. Returns NULL without an error for standard output. */
 static OutputFile *virtual_rig_main_output(GError **error) {
     GStatBuf in, out;
     if (g_stat(virtual_path, &in) == 0 && g_stat(out_path, &out) == 0 && in.st_dev == out.st_dev &&
         in.st_ino == out.st_ino) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
-                    "-o %s is the rig of --virtual: give another name for the rig file of the "
+                    "-o %s is the rig of --virtual: choose another name for the rig file of the "
                     "virtual devices",
                     out_path);
         return NULL;
     }
-    /* One to which the user has added something is not replaced. */
+    /* A file that the user has changed is not replaced. */
     return output_file_new(out_path, virtual_rig_main_is_own(out_path) ? "virtual rig" : NULL,
                            force, error);
 }
 
-/* The rig file is useless without its devices, but not what the user has written into it. */
+/* Removes the rig file, because it is useless without its devices. A file that the user has changed
+ * is kept. */
 static void virtual_rig_main_remove_file(void) {
     if (virtual_rig_main_is_own(out_path))
         g_unlink(out_path);
     else if (g_file_test(out_path, G_FILE_TEST_IS_REGULAR))
-        g_printerr("mesorig-rig: %s was changed meanwhile, and stays. Its devices are gone: what "
-                   "was added to it is of use in another rig file\n",
+        g_printerr("mesorig-rig: %s was changed meanwhile and is kept. Its devices no longer "
+                   "exist; copy your changes to another rig file\n",
                    out_path);
 }
 
@@ -100,7 +100,7 @@ static void virtual_rig_main_print_json(const struct virtual_rig_device *devices
     g_print("%s}\n", text->str);
 }
 
-/* Writes the rig file, and prints the virtual devices as text or JSON. to: NULL without -o. */
+/* Writes the rig file, and prints the virtual devices as text or JSON. to is NULL without -o. */
 static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *to, GError **error) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
@@ -119,10 +119,10 @@ static gboolean virtual_rig_main_write_file(const VirtualRig *rig, OutputFile *t
     }
     for (gsize i = 0; i < n; i++)
         g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
-    g_print("\n%s is the rig file. In another terminal:\n"
-            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
-            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
-            "Ctrl-C ends the devices; “help” and Enter says what else can be done to them here.\n",
+    g_print("\n%s is the rig file. In another terminal:\n  %s%smesorigd --listen "
+            "unix:path=/tmp/mesorig-virtual --rig %s\n  mesorig capture --address "
+            "unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\nCtrl-C ends the devices; “help” and "
+            "Enter lists further actions.\n",
             out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
     return TRUE;
 }
@@ -148,10 +148,9 @@ static void obey(VirtualRig *rig, const char *line) {
         if (virtual_rig_set_world(rig, what, &error))
             g_print("the world is %s\n", what);
     } else {
-        g_printerr("unplug NAME   cut a device off, by the name of its section\n"
-                   "plug NAME     connect it again\n"
-                   "world FILE    lay the sample of this world file on the turntable\n"
-                   "help          this list\n");
+        g_printerr("unplug NAME   disconnect a device, by the name of its section\nplug NAME     "
+                   "connect it again\nworld FILE    lay the sample of this world file on the "
+                   "turntable\nhelp          this list\n");
     }
     if (error)
         g_printerr("mesorig-rig: %s\n", error->message);
@@ -172,7 +171,7 @@ static void read_command(GDataInputStream *in, VirtualRig *rig) {
     g_data_input_stream_read_line_async(in, G_PRIORITY_DEFAULT, NULL, on_line, rig);
 }
 
-/* Returns NULL in a background job, which the terminal would stop when it reads. */
+/* Returns NULL in a background job, because the terminal would stop the job when it reads. */
 static GDataInputStream *listen_to_input(VirtualRig *rig) {
     if (isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) != getpgrp())
         return NULL;
@@ -189,7 +188,7 @@ static int virtual_rig_main_run(void) {
     g_autoptr(VirtualRig) rig = error ? NULL
                                       : virtual_rig_new(virtual_path, (const char *const *)usb,
                                                         (const char *const *)u3v, &error);
-    /* Whoever has read that the file is there may end this program, which then removes it. */
+    /* A program that has noticed the file may end this program, which then removes the file. */
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
     g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);

@@ -11,12 +11,13 @@
 #define COUPLE_MS     1
 #define LAMP_UNIT     1
 
-#define FIRST_U3V_PORT (MAX_USB + 1) /* first port of the virtual bus for a USB3 Vision camera */
+#define FIRST_U3V_PORT (MAX_USB + 1) /* first port of the virtual bus for USB3 Vision cameras */
 
 /* Timeouts of a line: a busy desktop computer answers later than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
-/* The same for all sections of a board, and longer than a busy machine holds a program up. */
+/* The same for all sections of a board. It is longer than the delay of a program on a busy
+ * machine. */
 #define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
@@ -26,7 +27,7 @@ static const struct option *find_option(const struct option *table, const char *
     return NULL;
 }
 
-/* As written, or the option's default; NULL if it has none. */
+/* Returns a value as written, or the option's default. Returns NULL if it has none. */
 static const char *rig_value(const struct config_section *section, const struct driver_info *driver,
                              const char *key) {
     const struct option *option = find_option(driver->options, key);

@@ -1,4 +1,4 @@
-/* Manual actions at a virtual rig: pulling plugs, and exchanging the sample. */
+/* Manual actions on a virtual rig: pulling plugs, and exchanging the sample. */
 #include "rig_private.h"
 
 #include <string.h>
@@ -9,7 +9,7 @@ static gboolean set_cut(VirtualModbus *device, gboolean cut) {
     return TRUE;
 }
 
-/* The Modbus device that serves at the beginning of where: "/dev/pts/5 unit 1". */
+/* Returns the Modbus device at the beginning of where: "/dev/pts/5 unit 1". */
 static VirtualModbus *find_modbus(const VirtualRig *rig, const char *where) {
     for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
         VirtualModbus *device =
@@ -69,7 +69,8 @@ static gboolean have_same_names(char *const *a, char *const *b, int n_a, int n_b
     return n_a == n_b;
 }
 
-/* Cameras, lamps and lasers are known by their numbers in the world. */
+/* Returns whether the new world fits. Cameras, lamps and lasers are identified by their numbers in
+ * the world. */
 static gboolean fits(const World *is, const World *new, const char *path, GError **error) {
     gboolean same =
         have_same_names(is->camera_names, new->camera_names, is->n_cameras, new->n_cameras) &&
@@ -82,10 +83,10 @@ static gboolean fits(const World *is, const World *new, const char *path, GError
         same = a.width == b.width && a.height == b.height && a.bits == b.bits && a.cfa == b.cfa;
     }
     if (!same)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s: its cameras, lamps or lasers are not those of this rig; change the sample "
-                    "alone",
-                    path);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+            "%s: its cameras, lamps or lasers are not those of this rig; change only the sample",
+            path);
     return same;
 }
 
@@ -105,10 +106,10 @@ gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error
     }
     World *world = world_get(path, error);
     if (world && world == rig->world) {
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
-                    "%s is the world in use, as it was first read; give a changed world another "
-                    "name",
-                    path);
+        g_set_error(
+            error, G_IO_ERROR, G_IO_ERROR_EXISTS,
+            "%s is the world in use and is not read again; give a changed world another name",
+            path);
         world_unref(world);
         return FALSE;
     }

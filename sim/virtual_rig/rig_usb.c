@@ -13,7 +13,8 @@
 #define MAX_RELAYS        8
 #define SWITCH_DEG        1 /* distance of the switch beyond the limits of the axis */
 
-/* All cameras hang on one SuperSpeed hub, which eight of 1024 × 768 pixels fit on. */
+/* All cameras are on one SuperSpeed hub, which has enough bandwidth for eight of 1024 × 768
+ * pixels. */
 #define HUB_MBIT_S 5000
 #define FRAME_RATE 25
 
@@ -66,8 +67,8 @@ char *virtual_rig_environment(const VirtualRig *rig) {
                            g_getenv("UMOCKDEV_DIR"));
 }
 
-/* The next free port of the virtual USB bus of Tics and relay boards; 0 with an error if all are
- * taken. */
+/* Returns the next free port of the virtual USB bus of Tics and relay boards. Returns 0 with an
+ * error if all are taken. */
 static int next_port(const VirtualRig *rig, const struct config_section *section, GError **error) {
     int port = 1 + rig->n_tics + rig->n_relays;
     if (port <= MAX_USB)
@@ -76,8 +77,8 @@ static int next_port(const VirtualRig *rig, const struct config_section *section
     return 0;
 }
 
-/* Homing position: an axis with limits homes at a switch below min_deg, an endless one where it
- * stands. */
+/* Finds the homing position. An axis with limits homes at a switch below min_deg, and an endless
+ * axis where it stands. */
 static gboolean find_switch(const struct config_section *section, double *ret_deg, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     double min_deg = rig_number(section, sim, "min_deg");

@@ -161,8 +161,8 @@ static const struct wrong wrong_values[] = {
     {GIVEN "colour_of_the_bike_shed = red", CONFIG_ERROR_UNKNOWN,
      "r.conf:3: [axis a] colour_of_the_bike_shed: there is no such key here"},
     {GIVEN "settle_ms = nan", CONFIG_ERROR_VALUE,
-     "r.conf:3: [axis a] settle_ms: \"nan\" is not a number (its unit is ms; write the number "
-     "alone)"},
+     "r.conf:3: [axis a] settle_ms: \"nan\" is not a number (its unit is ms; write only the "
+     "number)"},
     {GIVEN "settle_ms = inf", CONFIG_ERROR_VALUE, NULL},
     {GIVEN "settle_ms = 1e999", CONFIG_ERROR_VALUE, NULL},
     {GIVEN "settle_ms = 0x10", CONFIG_ERROR_VALUE, NULL},

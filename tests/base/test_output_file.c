@@ -96,7 +96,7 @@ static void delivers(const char *path, const char *kind, gboolean force, const c
 }
 
 #define OWN   "it replaces the “report” that Mesorig had written there"
-#define OTHER "it replaces the file that was there"
+#define OTHER "it replaces the existing file"
 
 static void test_names(void) {
     empty_top();
@@ -212,7 +212,7 @@ static void test_links(void) {
     empty_top();
     const char *link = in_top("link"), *to = in_top("to.txt");
     g_assert_cmpint(symlink("to.txt", link), ==, 0);
-    refused(link, "report", TRUE, DATA_ERROR_EXISTS, "leads nowhere");
+    refused(link, "report", TRUE, DATA_ERROR_EXISTS, "to a file that does not exist");
     put(to, "of the user");
     refused(link, "report", FALSE, DATA_ERROR_EXISTS, "exists already");
     holds(to, "of the user");
@@ -282,9 +282,9 @@ static void test_moves(void) {
     g_autoptr(GError) error = NULL;
     g_assert_false(output_file_move_folder(in_top("folder"), in_top("there"), &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
-    const char *at = strstr(error->message, "is in ");
+    const char *at = strstr(error->message, "folder is ");
     g_assert_nonnull(at);
-    g_assert_true(g_file_test(at + strlen("is in "), G_FILE_TEST_IS_DIR));
+    g_assert_true(g_file_test(at + strlen("folder is "), G_FILE_TEST_IS_DIR));
     g_assert_false(g_file_test(in_top("folder"), G_FILE_TEST_EXISTS));
 }
 

@@ -20,8 +20,8 @@ static void test_excess(void) {
                                    "a bent sheet, speckle"};
     g_autofree char *said = residual_warning(&worse);
     g_assert_cmpstr(said, ==,
-                    "the sheet of “left” fits to 0.07 mm, where noise alone explains 0.03 mm; "
-                    "causes that fit: a bent sheet, speckle");
+                    "the sheet of “left” fits to 0.07 mm, where noise explains only 0.03 mm; "
+                    "possible causes: a bent sheet, speckle");
 }
 
 int main(int argc, char **argv) {

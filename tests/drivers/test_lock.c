@@ -73,7 +73,7 @@ static void test_one_process(void) {
     g_assert_cmpint(pid, ==, getpid());
     g_assert_null(lock_take(key, LOCK_ALONE, "the line", &error));
     g_assert_cmpstr(error->message, ==,
-                    "the line is open already: another section gives it another name; write it the "
+                    "the line is already open: another section names it differently; write it the "
                     "same way in both");
     lock_release(lock);
     assert_free(key);

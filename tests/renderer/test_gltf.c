@@ -294,7 +294,7 @@ static void test_lies(void) {
               "\"byteLength\": 4}], \"accessors\": [{\"bufferView\": 0, \"componentType\": 5126, "
               "\"count\": 0, \"type\": \"VEC3\"}], \"meshes\": [{\"primitives\": "
               "[{\"attributes\": {\"POSITION\": 0}}]}]}",
-         "no other is opened"},
+         "no other file is opened"},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
         g_autoptr(GError) error = NULL;

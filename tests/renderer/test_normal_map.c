@@ -116,7 +116,7 @@ static void test_bad(void) {
     refuse("texel (0, 0) is (-1, -1, -1)");
     memset(pixels, 128, sizeof pixels); /* a photograph, not a map */
     write_png(PNG_FORMAT_RGB, pixels);
-    refuse("not a normal of a surface");
+    refuse("not the normal of a surface");
     g_assert_true(g_file_set_contents(path, "no picture at all", -1, NULL));
     refuse("map.png cannot be read");
     name_file("map.exr");

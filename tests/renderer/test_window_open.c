@@ -230,7 +230,7 @@ static void test_save(void) {
     g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
     g_assert_cmpstr(text, ==, "kept");
     g_autofree char *err = user_leave(&u);
-    g_assert_nonnull(strstr(err, "is there already"));
+    g_assert_nonnull(strstr(err, "already exists"));
 }
 
 /* Columns of the window that show the material, which is coloured; the rest is grey. */

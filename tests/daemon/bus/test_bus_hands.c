@@ -312,7 +312,7 @@ static void test_lease(void) {
     bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 0.2));
     bus_peer_tell(peer, "SetLamp", g_variant_new("(sbd)", "lamp30", TRUE, 1.5));
     bus_peer_wait(peer, is_all_off);
-    assert_has(peer->told->str, "info laser30: its lease is over");
+    assert_has(peer->told->str, "info laser30: its lease has ended");
 
     /* Renewed by the same call and by Renew; another client can do neither. */
     bus_peer_tell(peer, "SetLaser", g_variant_new("(sbd)", "laser30", TRUE, 1.0));

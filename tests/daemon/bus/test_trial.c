@@ -105,7 +105,7 @@ static void test_none_inside(void) {
     Bus *bus = bus_new(ADDRESS);
     g_setenv("PATH", "/no/such/folder", TRUE);
     g_assert_null(start(bus, NULL, &error));
-    assert_has(error->message, "neither beside this program nor in PATH");
+    assert_has(error->message, "neither in the folder of this program nor in PATH");
     g_clear_error(&error);
     beside_write_raw("mesorig", "#!/no/such/interpreter");
     g_autoptr(QueueItem) item = queue_item_new();

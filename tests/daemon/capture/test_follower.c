@@ -55,13 +55,13 @@ static void test_find_inside(void) {
     g_autoptr(GError) error = NULL;
     g_assert_null(program_find("mesorig-none", &error));
     g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
-    assert_has(error->message, "mesorig-none is neither beside this program nor in PATH");
+    assert_has(error->message, "mesorig-none is neither in the folder of this program nor in PATH");
     g_clear_error(&error);
     beside_write("mesorig", NULL);
     g_autofree char *all = g_strdup(g_getenv("PATH"));
     g_setenv("PATH", "/no/such/folder", TRUE);
     g_assert_null(follower_start("/a/small.session", &error));
-    assert_has(error->message, "mesorig is neither beside");
+    assert_has(error->message, "mesorig is neither in the folder");
     g_setenv("PATH", all, TRUE);
     g_clear_error(&error);
 

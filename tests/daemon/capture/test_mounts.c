@@ -87,7 +87,7 @@ static void test_bad_rig_files(void) {
     } cases[] = {
         {"mount_of = laser30", "mount_of = laser31", "[laser laser31]"},
         {"mount_of = laser30", "mount_of =", "mount_of"},
-        {"mount_of = laser30", "mount_of = laser60", "write it first"},
+        {"mount_of = laser30", "mount_of = laser60", "put its section first"},
         {"mount_of = laser30", "mount_of = laser30\ndriver = sim-laser", "driver"},
         {"mount_of = laser30", "mount_of = laser30\nsweep = sweep30", "sweep"},
         {"mount_of = laser30", "mount_of = laser30\npart = laser30", "part"},

@@ -25,7 +25,7 @@ static const struct mistake mistakes[] = {
     {"rig.conf", "[axis turntable]", "speed_deg_s = NaN", ":10: [axis turntable] speed_deg_s",
      "not a number"},
     {"rig.conf", "[camera cam30]", "distance_mm = 650 mm", " [camera cam30] distance_mm",
-     "write the number alone"},
+     "write only the number"},
     {"rig.conf", "[axis turntable]", NULL, ":13: [views]: no camera stands at theta 30",
      "there is no [axis turntable] in the rig file", "session.conf"},
     {"rig.conf", "[lamps bank]", NULL, " [lamp lamp30] bank", "there is no section [lamps"},

@@ -49,7 +49,7 @@ static int end(GSubprocess *child, const char *other) {
     const int code = g_subprocess_get_exit_status(child);
     if (code == 0)
         return 0;
-    g_autofree char *holder = g_strdup_printf(": process %s is making ", other);
+    g_autofree char *holder = g_strdup_printf(": process %s is writing ", other);
     assert_has(said, holder);
     g_assert_cmpint(code, ==, 1);
     return 1;
@@ -258,7 +258,7 @@ static void test_lock(void) {
     g_assert_true(file_lock_is_held(path));
     g_assert_cmpint(file_lock_take(path, "it", &error), ==, -1);
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_BUSY);
-    g_autofree char *own = g_strdup_printf("process %ld is making it", (long)getpid());
+    g_autofree char *own = g_strdup_printf("process %ld is writing it", (long)getpid());
     assert_has(error->message, own);
     g_clear_error(&error);
     file_lock_give(lock, path);

@@ -467,7 +467,8 @@ static void report(GDBusConnection *connection, const char *level, const char *m
 static void test_unsafe(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpstr(hooks_what_of_event("error", DEVICES_UNSAFE ": laser top: why"), ==, "unsafe");
     g_assert_cmpstr(hooks_what_of_event("info", "confirmed off again"), ==, "confirmed");
-    g_assert_cmpstr(hooks_what_of_event("info", "confirmed to stand again"), ==, "confirmed");
+    g_assert_cmpstr(hooks_what_of_event("info", "confirmed again that it stands still"), ==,
+                    "confirmed");
     g_assert_null(hooks_what_of_event("error", "cannot open"));
     g_assert_null(hooks_what_of_event("info", "all shots are taken"));
     g_autofree char *address = g_strdup_printf("unix:path=%s/bus", fixture->folder);

@@ -220,7 +220,7 @@ static void test_hostile(struct fixture *fixture, gconstpointer data) {
     g_assert_true(g_file_get_contents(fixture->path, &good, NULL, NULL));
     /* Others could have written it. */
     g_assert_cmpint(g_chmod(fixture->path, 0660), ==, 0);
-    assert_refused(fixture, "others could have written it");
+    assert_refused(fixture, "other users could have written it");
     if (geteuid() == 0) {
         g_assert_true(g_file_set_contents(fixture->path, good, -1, NULL));
         g_assert_cmpint(g_chmod(fixture->path, 0600), ==, 0);

@@ -111,8 +111,9 @@ static void test_video(void) {
     g_assert_true(strstr(found->note, "compressed") != NULL);
     found = find(all, "video", "/dev/video2");
     g_assert_true(strstr(found->note, "no control for: exposure, gain") != NULL);
-    g_autoptr(Config) bare_config = paste(found, "# fixed_exposure_us = what its maker says",
-                                          "fixed_exposure_us = 5000", &section);
+    g_autoptr(Config) bare_config =
+        paste(found, "# fixed_exposure_us = exposure time from its data sheet",
+              "fixed_exposure_us = 5000", &section);
     g_autoptr(Camera) second = camera_open(&v4l2_camera_driver, section, NULL, clock, &error);
     g_assert_no_error(error);
     g_assert_null(find(all, "usb", "2-2")); /* told once, as video */

@@ -274,7 +274,7 @@ static void test_told(struct fixture *fixture, gconstpointer data) {
     g_assert_no_error(error);
     lines_fail(&fixture->lines, LASER, SILENT);
     SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 4);
-    work_until(work, "goes on trying", 1);
+    work_until(work, "is still trying", 1);
     g_assert_cmpint(count("laser top: NOT safe: "), ==, 1);
     g_assert_cmpint(count("lamps bank: off, read back"), ==, 1);
     for (int i = 2; i <= 3; i++)
@@ -285,7 +285,7 @@ static void test_told(struct fixture *fixture, gconstpointer data) {
     g_assert_true(safe_work_is_safe(work));
     g_assert_cmpint(count("laser top: off, read back"), ==, 1);
     g_assert_cmpint(count("lamps bank: "), ==, 1);
-    g_assert_cmpint(count("goes on trying"), ==, 1);
+    g_assert_cmpint(count("is still trying"), ==, 1);
     g_assert_cmpint(count("lamps and lasers are off, axes stand"), ==, 1);
     safe_work_free(work);
 }
@@ -308,7 +308,7 @@ static void test_crash(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_set_coil(fixture->lines.devices[LASER], LINES_LASER_COIL, TRUE);
     lines_fail(&fixture->lines, LASER, SILENT);
     SafeWork *work = safe_work_new(state, SAFE_UNTIL_SAFE, 60);
-    work_until(work, "goes on trying", 1);
+    work_until(work, "is still trying", 1);
     for (int i = 0; i < 3; i++) {
         kill_children();
         g_assert_true(safe_work_run(work, NULL, 0, 300));

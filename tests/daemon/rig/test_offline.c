@@ -142,7 +142,7 @@ static void test_line_conflict(void) {
     g_test_message("%s", error->message);
     g_assert_nonnull(strstr(error->message, "2 mistakes:"));
     g_assert_nonnull(strstr(error->message, "opens /dev/ttyUSB0 with other settings"));
-    g_assert_nonnull(strstr(error->message, "pixel_format: \"RGB8\" cannot be measured with"));
+    g_assert_nonnull(strstr(error->message, "pixel_format: \"RGB8\" cannot be used for measuring"));
     g_unlink(path);
     g_rmdir(folder);
 }
@@ -228,11 +228,11 @@ static void test_needs(void) {
         g_string_replace(text, "FOLDER", folder, 0);
         g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
         g_assert_false(devices_read_timing(path, &rig, &timing, assumed, &error));
-        g_string_printf(words, "]: %s is that of [%.*s] already, in line 3; correct one of the two",
+        g_string_printf(words, "]: %s is already used by [%.*s], in line 3; correct one of the two",
                         needs[i].same ? needs[i].same : "", (int)(of - needs[i].first),
                         needs[i].first);
         g_string_replace(words, "FOLDER", folder, 0);
-        if ((strstr(error->message, needs[i].same ? words->str : " already, in line ") != NULL) !=
+        if ((strstr(error->message, needs[i].same ? words->str : "is already used by [") != NULL) !=
             (needs[i].same != NULL))
             g_error("%s\n%s: %s", text->str, words->str, error->message);
     }

@@ -123,7 +123,7 @@ static const struct bad bad_files[] = {
     {"\nwidth = ", "\nwidth = 0.5", 1, "whole"},
     {"sweep = sweep15", "sweep = sweep16", 0, "sweep16"},
     {"sweep = sweep15", "sweep = arc", 0, "arc"},
-    {"sweep = sweep15", "sweep = sweep30", -2, "nothing uses"},
+    {"sweep = sweep15", "sweep = sweep30", -2, "is not used"},
 };
 
 static void assert_message(const struct bad *bad, const char *path, int line, const GError *error) {
@@ -237,15 +237,15 @@ static void test_bad_arms(void) {
         const char *rig, *camera, *says;
     } bad[] = {
         {"", "arm_deg=0;10\n", "there is no section [axis arm]"},
-        {"[axis arm]\ndriver=sim-axis\n", "", "nothing uses this axis"},
+        {"[axis arm]\ndriver=sim-axis\n", "", "this axis is not used"},
         {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;10;0\n", "is given twice"},
         {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;100\n", "below the turntable's top"},
         {"[axis arm]\ndriver=sim-axis\n", "arm_deg=0;x\n", "arm_deg"},
         {"[axis arm]\ndriver=sim-axis\n",
          "arm_deg=1;2;3;4;5;6;7;8;9;10;11;12;13;14;15;16;17;18;19;20;21;22;23;24;25;26;27;28;29;30;"
          "31;32\n",
-         "there may be 31"},
-        {"[axis probe]\ndriver=sim-axis\n", "", "nothing uses this axis"},
+         "at most 31 are allowed"},
+        {"[axis probe]\ndriver=sim-axis\n", "", "this axis is not used"},
     };
 
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {

@@ -388,7 +388,7 @@ static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
     if (gone == DOOR)
         wait_for_guardian_end(fixture);
     else
-        wait_said(fixture, "goes on trying");
+        wait_said(fixture, "is still trying");
 }
 
 /* A computer that stands still for a while holds guardian and daemon up alike. */
@@ -504,7 +504,7 @@ static void check_log(struct fixture *fixture, enum line which) {
  * on until the line works again. Returns when that is. */
 static gint64 check_failed(struct fixture *fixture, enum line which, enum line_failure failure) {
     g_autofree char *unsafe = g_strconcat(lines_names[which], ": NOT safe: ", NULL);
-    wait_said(fixture, "goes on trying");
+    wait_said(fixture, "is still trying");
     assert_has(fixture->said, unsafe);
     assert_has(fixture->said, "the rig is NOT safe");
     assert_says_not(fixture, "lamps and lasers are off, axes stand");
@@ -698,7 +698,7 @@ static void test_started_again(struct fixture *fixture, gconstpointer data) {
     lines_fail(&fixture->lines, LASER, SILENT);
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
-    wait_said(fixture, "goes on trying");
+    wait_said(fixture, "is still trying");
     const pid_t first = find_guardian(fixture->rig);
     g_clear_object(&fixture->daemon);
     run_daemon(fixture);
@@ -726,7 +726,7 @@ static void test_service(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(safe_state(fixture), ==, 1);
     g_unsetenv("SERVICE_RESULT");
     g_assert_false(lines_has_light(fixture->lines.devices[BANK]));
-    assert_has(fixture->said, "goes on trying");
+    assert_has(fixture->said, "is still trying");
     g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
     lines_repair(&fixture->lines, LASER);
     wait_for_dark(fixture);

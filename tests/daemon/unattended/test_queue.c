@@ -196,7 +196,7 @@ static void test_three(void) {
     wait_for(site, "done stopped done empty");
     QUEUE(site, 0, "list", "--json");
     assert_has(site->run->out, "lamp lamp30 gives no light");
-    assert_has(site->run->out, "To go on with it: mesorig resume ");
+    assert_has(site->run->out, "To continue it: mesorig resume ");
     for (int i = 0; i < 10 * WAIT_S && !strstr(site->run->out, "parked"); i++) {
         g_usleep(G_USEC_PER_SEC / 10);
         QUEUE(site, 0, "list", "--json");
@@ -347,7 +347,7 @@ static void test_mistakes(void) {
     QUEUE(site, 0, "pause", NULL);
     add(site, good);
     QUEUE(site, 1, "add", good, "--into", site->run->directory);
-    assert_has(site->run->err, "session 1 of the queue is to be captured into ");
+    assert_has(site->run->err, "session 1 of the queue has the directory ");
     /* The file may change afterwards: what was checked is captured. */
     g_assert_cmpint(g_unlink(good), ==, 0);
     QUEUE(site, 0, "resume", NULL);
@@ -397,7 +397,8 @@ static void test_ended_by_hand(void) {
         QUEUE(site, 0, "add", first, second, "--into", site->run->directory);
         call_amid(site, "first", ends[i]);
         wait_for(site, "stopped waiting paused");
-        assert_has(site->run->out, "it was aborted; what was taken stays: mesorig resume ");
+        assert_has(site->run->out,
+                   "it was aborted; the frames that were taken are kept: mesorig resume ");
         if (i == 1) {
             QUEUE(site, 1, "resume", NULL);
             assert_has(site->run->err, "mesorig release");

@@ -52,7 +52,7 @@ static void old_picture(struct eye *eye, gconstpointer unused) {
     g_assert_cmpint(eye_shoot(eye, 1), ==, CAMERA_FRAME);
     virtual_gige_fail(eye->device, &faults);
     g_assert_cmpint(eye_shoot(eye, 2), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_STALE, "before its trigger, and none after it");
+    eye_assert_said(eye, DEVICE_ERROR_STALE, "before its trigger, and no frame after that");
     eye_recover(eye, 2, 5);
 }
 
@@ -97,7 +97,8 @@ static void exposed_longer_than_said(struct eye *eye, gconstpointer unused) {
     slow.slow_us = 60000;
     virtual_gige_fail(eye->device, &slow);
     g_assert_cmpint(eye_shoot(eye, 4), ==, CAMERA_FAULT);
-    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL, "ms after it had begun to send; set trigger_ms");
+    eye_assert_said(eye, DEVICE_ERROR_PROTOCOL,
+                    "ms after it had begun to send; increase trigger_ms");
     virtual_gige_fail(eye->device, &faults);
     eye_recover(eye, 4, 5);
 }

@@ -138,8 +138,7 @@ static void stubborn(void) {
         "read); "
         "values are not proportional to the light; *",
         "*# camera eye: sharpening cannot be switched off (SharpeningEnable = true: it does not "
-        "keep "
-        "what it is set to); a value depends on the light at neighbouring pixels*",
+        "keep the value that was set); a value depends on the light at neighbouring pixels*",
         "*# camera eye: colour transformation cannot be switched off (ColorTransformationMode = "
         "Temp6500K: it has no choice \"Off\"); a value depends on the light of other colours*",
     };
@@ -165,10 +164,10 @@ static void unsteady(void) {
     styled_begin(&styled, "unsteady", first, neutral, 0, FALSE);
     g_assert_false(eye_open(&styled.eye, "", &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED);
-    g_assert_nonnull(strstr(error->message,
-                            "camera eye: automatic gain cannot be switched off (GainAuto = "
-                            "Continuous: it has no choice \"Off\"); the same light gives other "
-                            "values from frame to frame; "));
+    g_assert_nonnull(
+        strstr(error->message,
+               "camera eye: automatic gain cannot be switched off (GainAuto = Continuous: it has "
+               "no choice \"Off\"); the same light gives different values from frame to frame; "));
     g_clear_error(&error);
     styled_end(&styled);
 }

@@ -164,7 +164,7 @@ static void incomplete(void) {
         {{.tailless = 1}, "no frame 2.0 s after its trigger"},
         {{.headless = 1}, "no frame 2.0 s after its trigger"},
         {{.odd = 1}, "its frame is 318 × 240 of format"},
-        {{.old = 1}, "before its trigger, and none after it"},
+        {{.old = 1}, "before its trigger, and no frame after that"},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
         assert_retaken("", &cases[i].faults, cases[i].said);

@@ -659,7 +659,7 @@ static void test_relays_held(void) {
     g_assert_cmpint(holder, ==, getpid());
     g_assert_null(open_bank(clock, "serial = HELD\n", &error)); /* it is named differently */
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
-                             "another section gives it another name");
+                             "another section names it differently");
 }
 
 static const struct {

@@ -576,7 +576,7 @@ static void test_gamma_told(void) {
     g_test_trap_subprocess(NULL, 20 * G_USEC_PER_SEC, 0);
     g_test_trap_assert_passed();
     g_test_trap_assert_stdout("*gamma = 16 (0 to 31) cannot be switched off: it is not known which "
-                              "value does nothing; values are not proportional to the light;*");
+                              "value has no effect; values are not proportional to the light;*");
     begin(&rig, &odd, "controls = gamma=0\n"); /* without a warning, which would be fatal */
     g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_GAMMA), ==, 0);
     end(&rig, NULL);

@@ -426,7 +426,7 @@ static void test_environment(void) {
     g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "sky.exr", NULL);
     write_window(path, wide, "", NULL);
     g_assert_null(environment_read(path, &error));
-    assert_has(error->message, "it is cropped, its data window being smaller");
+    assert_has(error->message, "it is cropped: its data window is smaller");
     g_clear_error(&error);
     write_window(path, beyond, "", NULL);
     struct environment *sky = environment_read(path, &error);

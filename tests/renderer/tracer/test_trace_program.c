@@ -135,7 +135,7 @@ static void test_mistakes(void) {
         {2, "a.gltf", "usage: mesorig-trace"},
         {2, "-o x.png", "usage: mesorig-trace"},
         {2, "a.gltf -o x.png --sampels 3", "did you mean --samples?"},
-        {2, "a.gltf -o x.png", "nothing gives light"},
+        {2, "a.gltf -o x.png", "the scene has no light"},
         {2, "a.gltf -o x.png --environment studio --size 12", "--size 12: WIDTHxHEIGHT"},
         {2, "a.gltf -o x.png --environment nosuch",
          "--environment=nosuch: there is no file of that name; choose from: white, studio"},
