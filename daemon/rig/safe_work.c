@@ -320,7 +320,7 @@ static void finish(SafeWork *work) {
     if (work->until == SAFE_UNTIL_SAFE_QUIETLY && !told)
         return;
     if (safe_work_is_safe(work))
-        tell(work, "lamps and lasers are off, axes stand still");
+        tell(work, "lamps and lasers are off, axes stand");
     else if (work->until != SAFE_UNTIL_TIRED)
         tell(work, "the rig is NOT safe: switch off by hand the devices named above");
     else
