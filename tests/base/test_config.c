@@ -1,5 +1,6 @@
 #include "base/options.h"
 #include "drivers/frame.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>
@@ -53,7 +54,7 @@ static const char *const good = "# A comment\n"
                                 "[axis arc]\n"
                                 "speed_deg_s = 1";
 
-static void test_sections(void) {
+TEST(sections) {
     GError *error = NULL;
     g_autoptr(Config) config = config_parse(good, "/etc/rigs/rig.conf", &error);
     g_assert_no_error(error);
@@ -80,7 +81,7 @@ static void test_sections(void) {
     g_assert_cmpstr(path, ==, "/etc/rigs/world.conf");
 }
 
-static void test_options(void) {
+TEST(options) {
     GError *error = NULL;
     g_autoptr(Config) config = config_parse(good, "/etc/rigs/rig.conf", &error);
     struct target target = {0};
@@ -135,7 +136,7 @@ static const struct wrong wrong_files[] = {
     {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: a control character (1)"},
 };
 
-static void test_wrong_files(void) {
+TEST(wrong_files) {
     for (gsize i = 0; i < G_N_ELEMENTS(wrong_files); i++) {
         g_autoptr(GError) error = NULL;
         g_assert_null(config_parse(wrong_files[i].text, "r.conf", &error));
@@ -185,7 +186,7 @@ static const struct wrong wrong_values[] = {
     {GIVEN "title = x\nlamps = ;", CONFIG_ERROR_VALUE, NULL},
 };
 
-static void test_wrong_values(void) {
+TEST(wrong_values) {
     for (gsize i = 0; i < G_N_ELEMENTS(wrong_values); i++) {
         g_autoptr(GError) error = NULL;
         g_autoptr(Config) config = config_parse(wrong_values[i].text, "r.conf", &error);
@@ -204,7 +205,7 @@ static void test_wrong_values(void) {
 }
 
 /* Numbers have a point, whatever the user's language. */
-static void test_locale(void) {
+TEST(locale) {
     static const char *const locales[] = {"de_DE.UTF-8", "fr_FR.UTF-8", "C"};
     for (gsize i = 0; i < G_N_ELEMENTS(locales); i++) {
         setlocale(LC_ALL, locales[i]);
@@ -220,7 +221,7 @@ static void test_locale(void) {
     }
 }
 
-static void test_describe(void) {
+TEST(describe) {
     g_autoptr(GString) text = g_string_new(NULL), json = g_string_new(NULL);
     options_describe(table, text);
     g_assert_nonnull(strstr(text->str, "settle_ms: number, 0 to 1000 ms; default 150\n"));
@@ -249,7 +250,7 @@ static Config *load_bytes(const char *bytes, gssize length, GError **error) {
     return config;
 }
 
-static void test_load(void) {
+TEST(load) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Config) config = load_bytes("\xef\xbb\xbf[rig]\r\nid = x\r\n", -1, &error);
     g_assert_no_error(error);
@@ -308,7 +309,7 @@ static void mutate(GString *text) {
 
 /* Whatever is in a file, it is read or refused with its line; numbers read are within their range.
  */
-static void test_mutations(void) {
+TEST(mutations) {
     int n_read = 0, n_refused = 0;
     for (int i = 0; i < 4000; i++) {
         g_autoptr(GString) text = g_string_new(good);
@@ -337,7 +338,7 @@ static void test_mutations(void) {
     g_assert_cmpint(n_refused, >, 100);
 }
 
-static void test_frame(void) {
+TEST(frame) {
     Frame *frame = frame_new(3, 2);
     g_assert_true(frame_ref(frame) == frame);
     frame_unref(frame);
@@ -360,7 +361,7 @@ static void test_frame(void) {
 }
 
 /* What is wrong is left out, and takes nothing else with it. */
-static void test_lenient(void) {
+TEST(lenient) {
     g_autofree char *path = write_bytes("id = early\n"     /* 1: before any section */
                                         "[rig]\n"          /* 2 */
                                         "id = \xff demo\n" /* 3: not UTF-8, kept otherwise */
@@ -401,19 +402,4 @@ static void test_lenient(void) {
     g_assert_cmpstr(config_value(&sections[3], "id", NULL), ==, "other");
     g_assert_null(config_load_lenient("/no/such/rig.conf", &error));
     g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/config/sections", test_sections);
-    g_test_add_func("/config/wrong-files", test_wrong_files);
-    g_test_add_func("/config/load", test_load);
-    g_test_add_func("/config/mutations", test_mutations);
-    g_test_add_func("/config/lenient", test_lenient);
-    g_test_add_func("/options/values", test_options);
-    g_test_add_func("/options/wrong-values", test_wrong_values);
-    g_test_add_func("/options/locale", test_locale);
-    g_test_add_func("/options/describe", test_describe);
-    g_test_add_func("/frame", test_frame);
-    return g_test_run();
 }

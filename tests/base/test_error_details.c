@@ -1,7 +1,8 @@
 #include "base/config.h"
 #include "drivers/device.h"
+#include "lib/test.h"
 
-static void test_parts(void) {
+TEST(parts) {
     g_autoptr(GError) error = NULL;
     device_error_set(&error, DEVICE_ERROR_TIMEOUT, "axis arc",
                      "no answer within %d ms" ERROR_ADVICE "check %s", 800, "its cable");
@@ -15,7 +16,7 @@ static void test_parts(void) {
 }
 
 /* A semicolon in a text is not advice; a second advice belongs to the first. */
-static void test_semicolons(void) {
+TEST(semicolons) {
     g_autoptr(GError) plain =
         device_error_new(DEVICE_ERROR_RANGE, NULL, "there is no lamp 9; it has 0 to 7");
     g_autoptr(GError) two =
@@ -30,7 +31,7 @@ static void test_semicolons(void) {
 }
 
 /* What a lower layer could not know is added on the way up, and copies keep everything. */
-static void test_added(void) {
+TEST(added) {
     g_autoptr(GError) error =
         device_error_new(DEVICE_ERROR_PROTOCOL, NULL, "refused" ERROR_ADVICE "check the address");
     g_prefix_error(&error, "watchdog_register: ");
@@ -47,7 +48,7 @@ static void test_added(void) {
     g_assert_cmpstr(error_details_text(copy), ==, "watchdog_register: refused; check the address");
 }
 
-static void test_config(void) {
+TEST(config) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Config) config = config_parse("[axis arc]\nspeed = 9\n", "rig.conf", &error);
     g_assert_no_error(error);
@@ -58,7 +59,7 @@ static void test_config(void) {
     g_assert_cmpstr(error_details_file(error), ==, "rig.conf");
 }
 
-static void test_other_domains(void) {
+TEST(other_domains) {
     g_autoptr(GError) error = g_error_new(G_FILE_ERROR, G_FILE_ERROR_NOENT, "x: gone; find it");
     GError *none = NULL;
     error_details_add_subject(&error, "camera top");
@@ -69,14 +70,4 @@ static void test_other_domains(void) {
     g_assert_null(error_details_subject(error));
     g_assert_null(error_details_advice(error));
     g_assert_cmpstr(error_details_what(error), ==, error->message);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/error-details/parts", test_parts);
-    g_test_add_func("/error-details/semicolons", test_semicolons);
-    g_test_add_func("/error-details/added", test_added);
-    g_test_add_func("/error-details/config", test_config);
-    g_test_add_func("/error-details/other-domains", test_other_domains);
-    return g_test_run();
 }

@@ -1,6 +1,7 @@
 /* A rig, session or world file with many mistakes tells all of them, each as it is told alone, in
  * the order of its lines; what only follows from another mistake is not told. */
 #include "base/options.h"
+#include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 #include "world/world.h"
@@ -142,20 +143,20 @@ static void check_kind(const char *kind, Reader read, const struct mistake *mist
         g_free(told[i].text);
 }
 
-static void test_rig(void) {
+TEST(rig) {
     check_kind("rig.conf", read_rig, rig_mistakes, G_N_ELEMENTS(rig_mistakes));
 }
 
-static void test_session(void) {
+TEST(session) {
     check_kind("session.conf", read_session, session_mistakes, G_N_ELEMENTS(session_mistakes));
 }
 
-static void test_world(void) {
+TEST(world) {
     check_kind("world.conf", read_world, world_mistakes, G_N_ELEMENTS(world_mistakes));
 }
 
 /* Each makes something else seem to be missing, which is not told. */
-static void test_consequences(void) {
+TEST(consequences) {
     static const struct {
         const char *kind;
         Reader read;
@@ -203,7 +204,7 @@ static void test_consequences(void) {
 }
 
 /* Twenty are shown, the others counted; a file of nothing but mistakes takes no time. */
-static void test_many(void) {
+TEST(many) {
     static const guint counts[] = {20, 21, 500, 20000};
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++) {
         g_autoptr(GString) text =
@@ -250,7 +251,7 @@ static char *mutated(const char *text) {
 
 /* Whatever is in a file: the number told is that of the lines told, these are in order, no two are
  * the same, and all of it is UTF-8. */
-static void test_mutations(void) {
+TEST(mutations) {
     static const struct {
         const char *kind;
         Reader read;
@@ -296,7 +297,7 @@ static void test_mutations(void) {
 }
 
 /* Copies of the error, as GTask and D-Bus make them, tell all as well. */
-static void test_error(void) {
+TEST(error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(GError) error = NULL;
     g_assert_true(mistakes_report(mistakes, &error));
@@ -320,18 +321,11 @@ static void test_error(void) {
                     "w.conf: there is no [c]");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-mistakes-XXXXXX", NULL);
-    g_test_add_func("/file-mistakes/rig", test_rig);
-    g_test_add_func("/file-mistakes/session", test_session);
-    g_test_add_func("/file-mistakes/world", test_world);
-    g_test_add_func("/file-mistakes/consequences", test_consequences);
-    g_test_add_func("/file-mistakes/many", test_many);
-    g_test_add_func("/file-mistakes/mutations", test_mutations);
-    g_test_add_func("/file-mistakes/error", test_error);
-    const int rc = g_test_run();
+}
+
+AFTER_TESTS {
     g_rmdir(folder);
     g_free(folder);
-    return rc;
 }

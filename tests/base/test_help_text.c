@@ -1,8 +1,9 @@
 #include "base/help_text.h"
+#include "lib/test.h"
 
 #include <string.h>
 
-static void test_row(void) {
+TEST(row) {
     g_autofree char *brief = help_text_row("-k, --clusters=N", "Number of clusters");
     g_assert_cmpstr(brief, ==, "  -k, --clusters=N      Number of clusters\n");
     g_autofree char *longer = help_text_row("-o, --output=FILE.exr or a folder", "The file");
@@ -13,7 +14,7 @@ static void test_row(void) {
 }
 
 /* 56 characters fit behind column 24; characters count, not bytes. */
-static void test_wrapped(void) {
+TEST(wrapped) {
     g_autofree char *fits =
         help_text_row("--a", "äöü456789 123456789 123456789 123456789 123456789 "
                              "123456");
@@ -23,7 +24,7 @@ static void test_wrapped(void) {
     g_assert_cmpstr(strchr(breaks, '\n'), ==, "\n                        1234567\n");
 }
 
-static void test_lay_out(void) {
+TEST(lay_out) {
     g_autofree char *text = help_text_lay_out(
         "Usage:\n  mesorig x [OPTION…] DIR\n\nHelp Options:\n  -h, --help                        "
         "     Show help options\n\nExamples:\n  mesorig compress weave.session -m lpca -k 64 "
@@ -32,12 +33,4 @@ static void test_lay_out(void) {
                     "Usage:\n  mesorig x [OPTION…] DIR\n\nHelp Options:\n  -h, --help            "
                     "Show help options\n\nExamples:\n  mesorig compress weave.session -m lpca -k "
                     "64 --components 12 --quantise packed   # a comment\n");
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/help-text/row", test_row);
-    g_test_add_func("/help-text/wrapped", test_wrapped);
-    g_test_add_func("/help-text/lay-out", test_lay_out);
-    return g_test_run();
 }

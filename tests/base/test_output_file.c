@@ -22,6 +22,7 @@
 #include <unistd.h>
 
 #include "exr/exr.h"
+#include "lib/test.h"
 
 static char *top;
 
@@ -118,7 +119,7 @@ static void test_names(void) {
 }
 
 /* What the caller abandons leaves nothing; its error names the output. */
-static void test_abandoned(void) {
+TEST(abandoned) {
     empty_top();
     g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) file = taken(in_top("b.txt"), NULL, FALSE);
@@ -147,7 +148,7 @@ static gpointer reads(gpointer path) {
     return text;
 }
 
-static void test_pipe(void) {
+TEST(pipe) {
     empty_top();
     g_autoptr(GError) error = NULL;
     const char *path = in_top("pipe");
@@ -171,7 +172,7 @@ static void test_pipe(void) {
 
 /* A node like /dev/null, in a folder of the test, which only root can make; others write to the
  * machine's own, which only root could replace. */
-static void test_device(void) {
+TEST(device) {
     empty_top();
     const char *path = in_top("null"), *link = in_top("link");
     const gboolean root = geteuid() == 0;
@@ -196,7 +197,7 @@ static void test_device(void) {
     g_assert_true(S_ISLNK(status.st_mode));
 }
 
-static void test_socket(void) {
+TEST(socket) {
     empty_top();
     const char *path = in_top("socket");
     struct sockaddr_un address = {.sun_family = AF_UNIX};
@@ -208,7 +209,7 @@ static void test_socket(void) {
     assert_only("socket", NULL);
 }
 
-static void test_links(void) {
+TEST(links) {
     empty_top();
     const char *link = in_top("link"), *to = in_top("to.txt");
     g_assert_cmpint(symlink("to.txt", link), ==, 0);
@@ -308,7 +309,7 @@ static gpointer moves_bare(gpointer links) {
     return NULL;
 }
 
-static void test_bare(void) {
+TEST(bare) {
     for (int links = 0; links < 2; links++)
         g_thread_join(g_thread_new("bare", moves_bare, GINT_TO_POINTER(links)));
 }
@@ -321,7 +322,7 @@ static void written_as(OutputFile *file, const char *kind, gboolean ok, GError *
     output_file_free(file);
 }
 
-static void test_formats(void) {
+TEST(formats) {
     empty_top();
     const guint8 rgb[12] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
     GError *error = NULL;
@@ -385,21 +386,14 @@ static void test_formats(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     top = g_dir_make_tmp("mesorig-output-XXXXXX", NULL);
     g_test_add_func("/output_file/names", test_names);
-    g_test_add_func("/output_file/abandoned", test_abandoned);
-    g_test_add_func("/output_file/pipe", test_pipe);
-    g_test_add_func("/output_file/device", test_device);
-    g_test_add_func("/output_file/socket", test_socket);
-    g_test_add_func("/output_file/links", test_links);
     g_test_add_func("/output_file/meanwhile", test_meanwhile);
     g_test_add_func("/output_file/moves", test_moves);
-    g_test_add_func("/output_file/bare", test_bare);
-    g_test_add_func("/output_file/formats", test_formats);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(top);
     g_free(top);
-    return result;
 }

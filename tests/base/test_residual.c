@@ -1,8 +1,9 @@
 #include "base/residual.h"
+#include "lib/test.h"
 
 #include <glib.h>
 
-static void test_noise(void) {
+TEST(noise) {
     const struct residual noise = {"the plane", 0.0199, 0.01, "mm", "a bent sheet"};
     g_assert_null(residual_warning(&noise));
     const struct residual unknown = {"the plane", 5, 0, "mm", "a bent sheet"};
@@ -12,7 +13,7 @@ static void test_noise(void) {
     g_assert_cmpfloat(residual_excess(&small), ==, 0);
 }
 
-static void test_excess(void) {
+TEST(excess) {
     const struct residual bent = {"the sheet of “left”", 0.05, 0.03, "mm", "a bent sheet, speckle"};
     g_assert_cmpfloat_with_epsilon(residual_excess(&bent), 0.04, 1e-12);
     g_assert_null(residual_warning(&bent));
@@ -22,11 +23,4 @@ static void test_excess(void) {
     g_assert_cmpstr(said, ==,
                     "the sheet of “left” fits to 0.07 mm, where noise explains only 0.03 mm; "
                     "possible causes: a bent sheet, speckle");
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/residual/noise", test_noise);
-    g_test_add_func("/residual/excess", test_excess);
-    return g_test_run();
 }

@@ -7,6 +7,7 @@
 
 #include "lib/process.h"
 #include "lib/session_fixture.h"
+#include "lib/test.h"
 
 static TextTable *read_bytes(const char *bytes, gsize length, GError **error) {
     g_autofree char *path = g_build_filename(session_fixture_folder, "table.csv", NULL);
@@ -15,7 +16,7 @@ static TextTable *read_bytes(const char *bytes, gsize length, GError **error) {
 }
 
 /* The same table in the forms that programs save it in. */
-static void test_forms(void) {
+TEST(forms) {
     static const char *const forms[] = {
         "file,exposure_ms,camera\na.png,0.25,cam\nb.png,1.5,cam\n",
         "\xef\xbb\xbf"
@@ -56,7 +57,7 @@ static void refused(const char *bytes, gsize length, const char *what) {
     assert_has(error->message, what);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const char *const bad[][2] = {
         {"a,b\nx,0,25\n", "table.csv:2: it has 3 fields, but the header line has 2; if its numbers "
                           "have decimal commas, separate fields by semicolons or tabs"},
@@ -77,7 +78,7 @@ static void test_refused(void) {
     refused("a,b\n1\0,2\n", 9, "it is not a text file");
 }
 
-static void test_columns(void) {
+TEST(columns) {
     static const char *const known[] = {"file", "exposure_ms", "black_level", NULL};
     static const char *const bad[][2] = {
         {"exposure", "table.csv:1: there is no column “exposure”; did you mean exposure_ms?"},
@@ -96,7 +97,7 @@ static void test_columns(void) {
     }
 }
 
-static void test_directions(void) {
+TEST(directions) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(session_fixture_folder, "directions.csv", NULL);
     static const char good[] = "\xef\xbb\xbf"
@@ -112,7 +113,7 @@ static void test_directions(void) {
 }
 
 /* Configuration files say it in the same words. */
-static void test_config(void) {
+TEST(config) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(session_fixture_folder, "rig.conf", NULL);
     g_assert_true(g_file_set_contents(path, "\xff\xfe[\0r\0]\0", 8, NULL));
@@ -126,12 +127,4 @@ static void test_config(void) {
     g_assert_cmpstr(text, ==, "[rig]\nid = a\n");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/text_table/forms", test_forms);
-    g_test_add_func("/text_table/refused", test_refused);
-    g_test_add_func("/text_table/columns", test_columns);
-    g_test_add_func("/text_table/directions", test_directions);
-    g_test_add_func("/text_table/config", test_config);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -6,6 +6,7 @@
  *
  * MESORIG_BALLS=N in the environment: N cases instead of CASES; --verbose shows each of them. */
 #include "lib/process.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 
 #include <png.h>
@@ -394,7 +395,7 @@ static int check_case(guint seed) {
     return wrong;
 }
 
-static void right_or_refused(void) {
+TEST(right_or_refused) {
     const char *wanted = g_getenv("MESORIG_BALLS");
     const guint n = wanted ? (guint)atoi(wanted) : CASES;
     int wrong = 0;
@@ -410,13 +411,9 @@ static void right_or_refused(void) {
     g_assert_cmpint(right_of[1], >=, 2 * count_of[1] / 5);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/ball-cases/right-or-refused", right_or_refused);
-    int result = g_test_run();
+AFTER_TESTS {
     g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     clean_folder(photos);
     g_rmdir(photos);
     world_fixture_clean();
-    return result;
 }

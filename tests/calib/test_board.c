@@ -1,6 +1,7 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
 #include "boards/board.h"
 #include "boards/corner.h"
+#include "lib/test.h"
 #include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
@@ -38,7 +39,7 @@ static double board_value(const struct board *board, double x_mm, double y_mm) {
     return (double)value;
 }
 
-static void test_spec(void) {
+TEST(spec) {
     static const char *const bad[] = {"",
                                       "8",
                                       "8x",
@@ -64,7 +65,7 @@ static void test_spec(void) {
     g_assert_cmpmem(&board, sizeof board, &again, sizeof again);
 }
 
-static void test_upright(void) {
+TEST(upright) {
     static const char *const good[] = {"8x7,square=9", "7x8,square=9", "8x8,square=9,marker=6.75"};
     static const char *const bad[] = {"8x8,square=9", "8x6,square=9", "9x7,square=9"};
     g_autoptr(GError) error = NULL;
@@ -83,7 +84,7 @@ static void test_upright(void) {
     }
 }
 
-static void test_geometry(void) {
+TEST(geometry) {
     static const int squares[][3] = {{0, 1, 0}, {2, 0, 1}, {9, 4, 3}}; /* marker, column, row */
     const struct board board = parse("5x4,square=10,marker=7");
     double first[2], last[2];
@@ -106,7 +107,7 @@ static void test_geometry(void) {
 }
 
 /* Every pixel of the drawing, away from edges, is what board_value() says. */
-static void test_drawing(void) {
+TEST(drawing) {
     const struct board board = parse("5x4,square=10,marker=7");
     g_autoptr(Picture) picture = draw(&board, "board.png");
     int compared = 0;
@@ -128,7 +129,7 @@ static void test_drawing(void) {
     g_assert_cmpint(compared, >, 10000);
 }
 
-static void test_markers(void) {
+TEST(markers) {
     static const char *const specs[] = {"8x8,square=9,marker=6.75",
                                         "7x5,square=10,marker=8,dictionary=6x6_250",
                                         "5x6,square=12,marker=9,dictionary=7x7_50"};
@@ -156,7 +157,7 @@ static void test_markers(void) {
     }
 }
 
-static void test_chessboard(void) {
+TEST(chessboard) {
     g_autoptr(GError) error = NULL;
     const struct board board = parse("8x5,square=10");
     g_autoptr(Picture) picture = draw(&board, "board.png");
@@ -174,7 +175,7 @@ static void test_chessboard(void) {
 }
 
 /* Millimetres on paper: a PDF's page is measured in points of 1/72 inch. */
-static void test_paper(void) {
+TEST(paper) {
     g_autoptr(GError) error = NULL;
     const struct board board = parse("8x5,square=10");
     const struct board_drawing drawing = {10, 0};
@@ -239,7 +240,7 @@ static struct picture *see(const struct board *board, const struct seen *seen) {
     return picture;
 }
 
-static void test_corner(void) {
+TEST(corner) {
     const struct board board = parse("8x8,square=9,marker=6.75");
     GRand *rand = g_rand_new_with_seed(4);
     for (int i = 0; i < 30; i++) {
@@ -272,7 +273,7 @@ static void test_corner(void) {
     g_assert_false(corner_fit(empty, &board, 24, &outside, &corner));
 }
 
-static void test_bad_pictures(void) {
+TEST(bad_pictures) {
     g_autofree char *path = g_build_filename(folder, "bad.png", NULL);
     static const char *const contents[] = {"", "no picture", "\x89PNG\r\n\x1a\n\0\0\0\rIHDR"};
 
@@ -286,20 +287,11 @@ static void test_bad_pictures(void) {
     g_unlink(path);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-board-XXXXXX", NULL);
-    g_test_add_func("/board/spec", test_spec);
-    g_test_add_func("/board/upright", test_upright);
-    g_test_add_func("/board/geometry", test_geometry);
-    g_test_add_func("/board/drawing", test_drawing);
-    g_test_add_func("/board/markers", test_markers);
-    g_test_add_func("/board/chessboard", test_chessboard);
-    g_test_add_func("/board/paper", test_paper);
-    g_test_add_func("/board/corner", test_corner);
-    g_test_add_func("/board/bad pictures", test_bad_pictures);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     g_rmdir(folder);
     g_free(folder);
-    return code;
 }

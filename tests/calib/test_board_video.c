@@ -4,6 +4,7 @@
 #include "calibration/calibration.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "pictures/video.h"
 #include "write_video.h"
 
@@ -85,7 +86,7 @@ static void write_it(void) {
 }
 
 /* With half as many windows as places have frames, each keeps a frame of its sharpest. */
-static void test_windows(void) {
+TEST(windows) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Video) all = video_read(path, 1000, NULL, NULL, &error);
     g_assert_no_error(error);
@@ -108,7 +109,7 @@ static void test_windows(void) {
     }
 }
 
-static void test_lens(void) {
+TEST(lens) {
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autofree char *corners = g_build_filename(folder, "corners", NULL);
     g_autofree char *out = NULL, *err = NULL, *text = NULL;
@@ -152,7 +153,7 @@ static void expect_error(const char *images, const char *board, const char *says
     g_assert_false(g_file_test(output, G_FILE_TEST_EXISTS));
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *text = g_build_filename(folder, "video.mp4", NULL);
     g_autofree char *still = g_build_filename(folder, "still.avi", NULL);
     g_autofree guint8 *grey = g_malloc0(6 * WIDTH * HEIGHT);
@@ -162,17 +163,14 @@ static void test_refused(void) {
     expect_error(still, BOARD, "none of its 6 sharpest frames of 6 shows the board");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-board-video-XXXXXX", NULL);
     path = g_build_filename(folder, "board.avi", NULL);
     write_it();
-    g_test_add_func("/board video/windows", test_windows);
-    g_test_add_func("/board video/lens", test_lens);
-    g_test_add_func("/board video/refused", test_refused);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
     g_free(path);
-    return code;
 }

@@ -1,6 +1,7 @@
 /* The calibration file: what is written comes back, and what was damaged is refused with a reason.
  */
 #include "calibration/calibration.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -122,7 +123,7 @@ static GHashTable *documented(void) {
 }
 
 /* mesorig-calibration(5) has every key that is written, and no other. */
-static void test_manual(void) {
+TEST(manual) {
     g_autoptr(Calibration) calibration = complete();
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GHashTable) page = documented();
@@ -154,7 +155,7 @@ static void test_manual(void) {
 }
 
 /* In a frame that is turned, everything sees the same: pictures, lamps and sheets of all angles. */
-static void test_turn(void) {
+TEST(turn) {
     const double angle = 0.7;
     g_autoptr(Calibration) before = complete();
     g_autoptr(Calibration) turned = complete();
@@ -204,7 +205,7 @@ static void test_turn(void) {
     g_assert_no_error(error);
 }
 
-static void test_comes_back(void) {
+TEST(comes_back) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *text = calibration_to_text(calibration);
@@ -226,7 +227,7 @@ static void test_comes_back(void) {
     g_assert_cmpfloat(calibration_age_days(back, CALIBRATION_LIGHTS), ==, -1);
 }
 
-static void test_is_a_rig(void) {
+TEST(is_a_rig) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *text = calibration_to_text(calibration);
@@ -243,7 +244,7 @@ static void test_is_a_rig(void) {
 }
 
 /* Wherever it is cut, it is refused: the last section says that it is whole. */
-static void test_cut(void) {
+TEST(cut) {
     g_autoptr(Calibration) calibration = example();
     g_autofree char *text = calibration_to_text(calibration);
     const gsize whole = strlen(text) - 1; /* without the last line's end it is still whole */
@@ -271,7 +272,7 @@ static void assert_refused(const char *find, const char *replace, const char *re
         g_error("“%s” does not say “%s”", error->message, reason);
 }
 
-static void test_nonsense(void) {
+TEST(nonsense) {
     assert_refused("pictures=41", "pictures=-1", "[part cameras] pictures: is out of range");
     assert_refused("pictures=41", "pictures=nan", "[part cameras] pictures: is not a finite");
     assert_refused("pictures=41", "pictures=41\nflavour=2", "[part cameras] flavour: is not known");
@@ -289,7 +290,7 @@ static void test_nonsense(void) {
 }
 
 /* Of a file that is none, nothing is quoted: it may be one that others must not read. */
-static void test_not_quoted(void) {
+TEST(not_quoted) {
     static const char *const texts[] = {"root:secret:0\n", "[a]\n\nsecret\n", "secret=1\n[a]\n",
                                         "[a]\nEncoding=secret\n"};
     static const char *const where[] = {"x: not a calibration file: line 1 is", "file: line 3 is",
@@ -305,7 +306,7 @@ static void test_not_quoted(void) {
 }
 
 /* Bytes changed at random: refused, or read as something that can be written and read again. */
-static void test_random_damage(void) {
+TEST(random_damage) {
     g_autoptr(Calibration) calibration = example();
     g_autofree char *text = calibration_to_text(calibration);
     const gsize length = strlen(text);
@@ -330,7 +331,7 @@ static void test_random_damage(void) {
 }
 
 /* What could not be read back is refused before anything is written over. */
-static void test_unreadable(void) {
+TEST(unreadable) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *folder = g_dir_make_tmp("mesorig-calibration-XXXXXX", NULL);
@@ -348,7 +349,7 @@ static void test_unreadable(void) {
     g_assert_cmpint(g_rmdir(folder), ==, 0);
 }
 
-static void test_files(void) {
+TEST(files) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *folder = g_dir_make_tmp("mesorig-calibration-XXXXXX", NULL);
@@ -368,7 +369,7 @@ static void test_files(void) {
     g_assert_cmpint(g_rmdir(folder), ==, 0);
 }
 
-static void test_other_rig(void) {
+TEST(other_rig) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     struct rig rig = nominal();
@@ -382,20 +383,4 @@ static void test_other_rig(void) {
     rig.cameras[1].height = 47;
     g_assert_false(calibration_check_rig(calibration, "x.conf", &rig, &error));
     g_assert_nonnull(strstr(error->message, "64 × 47"));
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/calibration/comes back", test_comes_back);
-    g_test_add_func("/calibration/is a rig", test_is_a_rig);
-    g_test_add_func("/calibration/cut", test_cut);
-    g_test_add_func("/calibration/nonsense", test_nonsense);
-    g_test_add_func("/calibration/not quoted", test_not_quoted);
-    g_test_add_func("/calibration/random damage", test_random_damage);
-    g_test_add_func("/calibration/unreadable", test_unreadable);
-    g_test_add_func("/calibration/files", test_files);
-    g_test_add_func("/calibration/other rig", test_other_rig);
-    g_test_add_func("/calibration/manual", test_manual);
-    g_test_add_func("/calibration/turn", test_turn);
-    return g_test_run();
 }

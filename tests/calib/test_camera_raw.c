@@ -3,6 +3,7 @@
 #include "calibration/calibration.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/write_dng.h"
 #include "pictures/picture_read.h"
 #include "pictures/raw.h"
@@ -77,7 +78,7 @@ static void expect_error(const char *path, const char *says) {
     g_assert_nonnull(strstr(error->message, says));
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *path = g_build_filename(folder, "refused.dng", NULL);
     g_autofree char *bytes = NULL;
     guint16 values[WIDTH * HEIGHT];
@@ -104,7 +105,7 @@ static void test_refused(void) {
 
 /* A file on which LibRaw 0.20 ends with a signal: an error of one picture, not the end of the
  * program. */
-static void test_crash(void) {
+TEST(crash) {
     static const char path[] = SOURCE_DIR "/tests/fuzz/corpus/camera_raw/57594b45be5b";
     char cfa[RAW_CFA];
     g_autoptr(GError) error = NULL;
@@ -124,7 +125,7 @@ static gpointer use_memory(gpointer unused) {
 
 /* The reader does not depend on what other threads do at the moment at which it is started. A child
  * that is only forked inherits their locks, and waits for ever for the one of the memory. */
-static void test_busy_threads(void) {
+TEST(busy_threads) {
     g_autofree char *path = g_build_filename(folder, "busy.dng", NULL);
     guint16 values[WIDTH * HEIGHT];
     struct dng dng = {
@@ -178,7 +179,7 @@ static void write_mosaic(const char *name) {
                                 .white = 16383});
 }
 
-static void test_boards(void) {
+TEST(boards) {
     g_autofree char *boards = g_build_filename(folder, "boards", NULL);
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autofree char *out = NULL, *err = NULL;
@@ -201,17 +202,13 @@ static void test_boards(void) {
     g_assert_cmpfloat(sigma, <, 2.5);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-camera-raw-XXXXXX", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(levels); i++)
         g_test_add_data_func(levels[i].path, &levels[i], test_levels);
-    g_test_add_func("/camera raw/refused", test_refused);
-    g_test_add_func("/camera raw/crash", test_crash);
-    g_test_add_func("/camera raw/busy threads", test_busy_threads);
-    g_test_add_func("/camera raw/boards", test_boards);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return code;
 }

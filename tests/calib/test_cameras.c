@@ -6,6 +6,7 @@
 
 #include "base/residual.h"
 #include "boards/board_find.h"
+#include "lib/test.h"
 
 #define N_STOPS 8
 
@@ -15,7 +16,7 @@ static struct cameras_task whole_task(void) {
     return (struct cameras_task){f.board, f.pictures, f.n_pictures, boards_read, NULL, &f};
 }
 
-static void test_truth(void) {
+TEST(truth) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
     const struct cameras_task task = whole_task();
@@ -75,7 +76,7 @@ static void assert_refused(const struct cameras_task *task, const char *reason) 
     g_assert_cmpstr(before, ==, after);
 }
 
-static void test_never_flat(void) {
+TEST(never_flat) {
     g_autofree struct cameras_picture *leaning =
         g_memdup2(f.pictures + f.n_pictures / 2, sizeof *leaning * (gsize)f.n_pictures / 2);
     struct fixture half = f;
@@ -99,14 +100,14 @@ static struct picture *read_empty(int i, gpointer data, GError **error) {
     return picture;
 }
 
-static void test_empty(void) {
+TEST(empty) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Picture) picture = read_empty(0, NULL, NULL);
     g_assert_null(board_find(picture, &f.board, FALSE, &error));
     g_assert_cmpstr(error->message, ==, "no board is visible");
 }
 
-static void test_mirrored(void) {
+TEST(mirrored) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Picture) picture = boards_copy(f.taken[0]);
     for (int y = 0; y < picture->height; y++)
@@ -195,7 +196,7 @@ static struct picture *read_spoilt(int i, gpointer data, GError **error) {
     return picture;
 }
 
-static void test_spoilt_pictures(void) {
+TEST(spoilt_pictures) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
     struct cameras_task task = whole_task();
@@ -237,7 +238,7 @@ static struct picture *read_shaken(int i, gpointer data, GError **error) {
 
 /* What no parameter describes is in the residual, which speaks, and in the cameras' covariances; it
  * is not taken for a wobble. */
-static void test_shaken(void) {
+TEST(shaken) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
     struct cameras_task task = whole_task();
@@ -261,7 +262,7 @@ static void test_shaken(void) {
 /* The lens alone, from pictures that are said to be photographs of a board held anyhow. */
 /* A chessboard whose first square has the other colour than said is taken upside down. Markers tell
  * up from down themselves, so a board of them may lie half a turn from the nominal azimuths. */
-static void test_board_azimuth(void) {
+TEST(board_azimuth) {
     static const double degrees[] = {0, 2, -90, 160, 179.5, -179.5, -172};
     struct cameras_lay lays[2] = {{.tilt_deg = 20, .azimuth_deg = 77}, {.tilt_deg = 0.1}};
     struct cameras_result result = {.lays = g_array_new(FALSE, FALSE, sizeof *lays)};
@@ -284,7 +285,7 @@ static void test_board_azimuth(void) {
     g_array_unref(result.lays);
 }
 
-static void test_lens(void) {
+TEST(lens) {
     g_autoptr(GError) error = NULL;
     struct rig rig = {.id = "photographs", .n_cameras = 1};
     struct cameras_picture pictures[2 * N_STOPS];
@@ -384,25 +385,17 @@ static void test_wobble(gconstpointer data) {
     boards_close(&turning);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
     boards_capture(&f, N_STOPS);
-    g_test_add_func("/cameras/truth", test_truth);
     for (gsize i = 0; i < G_N_ELEMENTS(refusals); i++)
         g_test_add_data_func(refusals[i].path, &refusals[i], test_refused);
     for (gsize i = 0; i < G_N_ELEMENTS(noted); i++)
         g_test_add_data_func(noted[i].path, &noted[i], test_noted);
-    g_test_add_func("/cameras/never flat", test_never_flat);
-    g_test_add_func("/cameras/board azimuth", test_board_azimuth);
-    g_test_add_func("/cameras/empty", test_empty);
-    g_test_add_func("/cameras/mirrored", test_mirrored);
-    g_test_add_func("/cameras/spoilt pictures", test_spoilt_pictures);
-    g_test_add_func("/cameras/shaken", test_shaken);
-    g_test_add_func("/cameras/lens", test_lens);
     for (gsize i = 0; i < G_N_ELEMENTS(wobblings); i++)
         g_test_add_data_func(wobblings[i].path, &wobblings[i], test_wobble);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     boards_close(&f);
-    return code;
 }

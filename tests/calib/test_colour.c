@@ -1,5 +1,6 @@
 /* Colour matrices: of made-up charts, and of one in a session of the simulated rig. */
 #include "lib/grey_fixture.h"
+#include "lib/test.h"
 #include "radiometry/colour.h"
 #include "targets/chart_session.h"
 
@@ -97,7 +98,7 @@ static void refused(const struct colour_patch *patches, int n, enum colour_error
     g_assert_false(found.known);
 }
 
-static void bad_charts(void) {
+TEST(bad_charts) {
     struct colour_patch patches[8];
     for (int i = 0; i < 8; i++) {
         for (int k = 0; k < 3; k++)
@@ -127,7 +128,7 @@ static void bad_charts(void) {
 }
 
 /* As spreadsheets save it. */
-static void chart_forms(void) {
+TEST(chart) {
     static const char *const forms[] = {"1.5,2,3,0.25,1,0.5\n1,2,3,1,1,1\n",
                                         "1,5;2;3;0,25;1;0,5\r\n1;2;3;1;1;1\r\n",
                                         "1.5\t2\t3\t0,25\t1\t0.5\r1\t2\t3\t1\t1\t1"};
@@ -194,15 +195,13 @@ static void session(void) {
     radiometry_rig_remove(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/colour/difference", difference);
     g_test_add_func("/colour/matrix", matrix);
     g_test_add_func("/colour/scales", scales);
-    g_test_add_func("/colour/bad-charts", bad_charts);
-    g_test_add_func("/colour/chart", chart_forms);
     g_test_add_func("/colour/session", session);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -1,5 +1,6 @@
 #include "fiducials/fiducials.h"
 #include "lib/radiometry_fixture.h"
+#include "lib/test.h"
 
 #define PIXELS (FIXTURE_SIZE * FIXTURE_SIZE)
 
@@ -132,7 +133,7 @@ static void check_one(int seed, const char *nudge, double slip_deg, struct fiduc
     g_assert_true((text != NULL) == (nudge || slip_deg != 0));
 }
 
-static void nothing_moved(void) {
+TEST(nothing_moved) {
     struct fiducials_check check;
     for (int seed = 1; seed <= 5; seed++) {
         check_one(seed, NULL, 0, &check);
@@ -142,7 +143,7 @@ static void nothing_moved(void) {
 
 /* A bright sample that reaches nearly to the fiducials pulls them to one side: then less is said of
  * where they are. */
-static void bright_beside(void) {
+TEST(bright_beside) {
     struct offsets offsets = {0};
     sample = BRIGHT;
     for (int seed = 1; seed <= 5; seed++) {
@@ -159,7 +160,7 @@ static void bright_beside(void) {
     g_assert_cmpfloat(offsets.normalised / offsets.n, <, 1);
 }
 
-static void camera_nudged(void) {
+TEST(camera_nudged) {
     static const char *const nudges[] = {"turn_deg=0.1;0;0", "turn_deg=0;-0.1;0",
                                          "turn_deg=0;0;0.1"};
     for (int seed = 1; seed <= 5; seed++)
@@ -173,7 +174,7 @@ static void camera_nudged(void) {
         }
 }
 
-static void turntable_slipped(void) {
+TEST(turntable_slipped) {
     double normalised = 0;
     for (int seed = 1; seed <= 5; seed++)
         for (int side = -1; side <= 1; side += 2) {
@@ -190,7 +191,7 @@ static void turntable_slipped(void) {
 }
 
 /* What is not a fiducial is not taken for one. */
-static void nothing_seen(void) {
+TEST(nothing_seen) {
     struct fiducials_check check;
     double output, error;
     g_autofree float *mosaic = g_new0(float, PIXELS);
@@ -214,16 +215,11 @@ static void nothing_seen(void) {
     g_assert_null(fiducials_describe(&rig, &check));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     fiducials_rig();
     g_test_add_func("/fiducials/found", found);
-    g_test_add_func("/fiducials/nothing-moved", nothing_moved);
-    g_test_add_func("/fiducials/bright-beside", bright_beside);
-    g_test_add_func("/fiducials/camera-nudged", camera_nudged);
-    g_test_add_func("/fiducials/turntable-slipped", turntable_slipped);
-    g_test_add_func("/fiducials/nothing-seen", nothing_seen);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -1,5 +1,6 @@
 /* Robust least squares against the closed form of a straight line. */
 #include "geometry/fit.h"
+#include "lib/test.h"
 
 #include <math.h>
 
@@ -26,7 +27,7 @@ static void make(struct line *line, GRand *rand) {
     }
 }
 
-static void line_with_outliers(void) {
+TEST(line_with_outliers) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
     double chi2 = 0;
     for (int trial = 0; trial < 40; trial++) {
@@ -90,10 +91,7 @@ static void refused(void) {
     g_assert_false(fit_solve(&fit, p, &result));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/fit/line-with-outliers", line_with_outliers);
+BEFORE_TESTS {
     g_test_add_func("/fit/undetermined", undetermined);
     g_test_add_func("/fit/refused", refused);
-    return g_test_run();
 }

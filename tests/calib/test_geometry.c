@@ -1,4 +1,5 @@
 #include "geometry/rig.h"
+#include "lib/test.h"
 
 #include <locale.h>
 #include <string.h>
@@ -37,7 +38,7 @@ static struct rig_camera pinhole(void) {
 
 /* From straight above at 500 mm with 1000 px: two pixels a millimetre. A camera at azimuth 0 tilted
  * up to the zenith has +y to its right and, upside, −x: image down is +x. */
-static void test_overhead(void) {
+TEST(overhead) {
     struct rig_camera camera = pinhole();
     double x, y;
 
@@ -52,7 +53,7 @@ static void test_overhead(void) {
 }
 
 /* At 45° over +x, 500·√2 mm away: the ray to (0, 0, z) leaves the axis by hand-made triangles. */
-static void test_oblique(void) {
+TEST(oblique) {
     struct rig_camera camera = pinhole();
 
     rig_camera_look_at(&camera, vec3(500, 0, 500), vec3(0, 0, 0));
@@ -65,7 +66,7 @@ static void test_oblique(void) {
 }
 
 /* OpenCV's manual, with numbers: at x' = 0.3, y' = −0.2 r² is 0.13. */
-static void test_distortion(void) {
+TEST(distortion) {
     struct rig_camera camera = pinhole();
 
     camera.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -81,7 +82,7 @@ static void test_distortion(void) {
 }
 
 /* With k1 = −0.3 alone the distorted radius is largest at r² = 1/0.9. */
-static void test_fold(void) {
+TEST(fold) {
     struct rig_camera camera = pinhole();
     double x, y, edge = sqrt(1 / 0.9);
 
@@ -118,7 +119,7 @@ static struct rig_camera random_camera(GRand *rand) {
     return camera;
 }
 
-static void test_ray_round_trip(void) {
+TEST(ray_round_trip) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
     double worst = 0;
 
@@ -136,7 +137,7 @@ static void test_ray_round_trip(void) {
     g_assert_cmpfloat(worst, <, 1e-8); /* the inversion itself is to 1e-9 */
 }
 
-static void test_wild_pixels(void) {
+TEST(wild_pixels) {
     struct rig_camera camera = pinhole();
     const double wild[] = {-1e300, -1e6, 0, 1e6, 1e300};
 
@@ -149,7 +150,7 @@ static void test_wild_pixels(void) {
     rig_pixel_ray(&camera, NAN, INFINITY);
 }
 
-static void test_look_at(void) {
+TEST(look_at) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(2);
 
     for (int i = 0; i < 1000; i++) {
@@ -168,7 +169,7 @@ static void test_look_at(void) {
     }
 }
 
-static void test_turn_and_angles(void) {
+TEST(turn_and_angles) {
     double theta, phi;
 
     assert_vec(rig_turn(vec3(1, 0, 5), RAD(90)), vec3(0, 1, 5), 1e-15);
@@ -186,7 +187,7 @@ static void test_turn_and_angles(void) {
     assert_vec(rig_direction(RAD(30), RAD(90)), vec3(0, 0.5, sqrt(0.75)), 1e-15);
 }
 
-static void test_lamp(void) {
+TEST(lamp) {
     struct rig_lamp lamp = {.position_mm = vec3(300, 0, 400),
                             .aim = vec3(-0.6, 0, -0.8),
                             .exponent = 2,
@@ -210,7 +211,7 @@ static struct rig_laser laser_at(double theta, double distance) {
     return laser;
 }
 
-static void test_laser(void) {
+TEST(laser) {
     struct rig_laser laser = laser_at(RAD(45), 480);
     struct rig_plane sheet = rig_laser_sheet(NULL, &laser, 0, 0);
 
@@ -228,7 +229,7 @@ static void test_laser(void) {
 }
 
 /* An arc that hangs crooked, worked out by hand: tilted by 90° about x, z becomes −y. */
-static void test_crooked_arc(void) {
+TEST(crooked_arc) {
     const struct rig_arc arc = {
         .zero_rad = RAD(90), .tilt_rad = {G_PI_2, 0}, .centre_mm = {10, 20}};
     struct vec3 p = vec3(300, 0, 400); /* turned by −90 + 90°, tilted, moved */
@@ -254,7 +255,7 @@ static void test_crooked_arc(void) {
 
 /* What stands by itself is where it says, however the arc hangs and stands; and what is carried is
  * as it would be without being asked. */
-static void test_fixed(void) {
+TEST(fixed) {
     const struct rig_arc crooked = {RAD(20), {0.1, -0.2}, {3, -4}};
     struct rig_laser laser = laser_at(RAD(40), 480);
     struct rig_lamp lamp = {.position_mm = {300, 0, 400},
@@ -285,7 +286,7 @@ static void test_fixed(void) {
 
 /* A bent sheet: its light at a point is on the plane that is turned by the bend there, and the
  * lever of each error is what a change of that parameter does. */
-static void test_bent_sheet(void) {
+TEST(bent_sheet) {
     const struct rig_arc crooked = {RAD(20), {0.1, -0.2}, {3, -4}};
     g_autoptr(GRand) rand = g_rand_new_with_seed(9);
 
@@ -312,7 +313,7 @@ static void test_bent_sheet(void) {
     }
 }
 
-static void test_sheet_through_points(void) {
+TEST(sheet_through_points) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(3);
 
     for (int i = 0; i < 5000; i++) {
@@ -331,7 +332,7 @@ static void test_sheet_through_points(void) {
     }
 }
 
-static void test_clearance(void) {
+TEST(clearance) {
     struct rig rig = {.n_cameras = 1, .arc_radius_mm = 500, .arc_width_mm = 30};
 
     rig.cameras[0] = pinhole();
@@ -384,7 +385,7 @@ static struct rig random_rig(GRand *rand) {
 
 /* In the frame of rig_at() the sample turns about z, and everything is seen as in the rig frame
  * with the wobble; rig_back() undoes it. */
-static void test_wobble(void) {
+TEST(wobble) {
     g_autofree struct rig *rig = g_new0(struct rig, 1), *at = g_new0(struct rig, 1);
     rig->n_cameras = rig->n_lamps = rig->n_lasers = 1;
     rig->cameras[0] = pinhole();
@@ -443,7 +444,7 @@ static void test_wobble(void) {
     g_assert_null(strstr(without, "wobble"));
 }
 
-static void test_text_round_trip(void) {
+TEST(text_round_trip) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(4);
 
     for (int i = 0; i < 50; i++) {
@@ -471,7 +472,7 @@ static void test_text_round_trip(void) {
 }
 
 /* As written before arcs were measured: an ideal one. */
-static void test_text_without_arc(void) {
+TEST(text_without_arc) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(8);
     g_autoptr(GError) error = NULL;
     struct rig rig = random_rig(rand), read;
@@ -487,7 +488,7 @@ static void test_text_without_arc(void) {
     g_assert_true(read.lasers[1].stretch == 0);
 }
 
-static void test_text_truncated(void) {
+TEST(text_truncated) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(5);
     struct rig rig = random_rig(rand);
     g_autofree char *text = rig_to_text(&rig);
@@ -520,7 +521,7 @@ static void assert_refused(const char *text, const char *from, const char *to, c
     g_assert_nonnull(strstr(error->message, says));
 }
 
-static void test_text_refused(void) {
+TEST(text_refused) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(6);
     struct rig rig = random_rig(rand);
     rig.cameras[0].k2 = 0.125;
@@ -550,28 +551,6 @@ static void test_text_refused(void) {
     assert_refused(text, "[rig]", "[rig\001]", "x.conf");
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     setlocale(LC_ALL, "");
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/rig/overhead", test_overhead);
-    g_test_add_func("/rig/oblique", test_oblique);
-    g_test_add_func("/rig/distortion", test_distortion);
-    g_test_add_func("/rig/fold", test_fold);
-    g_test_add_func("/rig/ray-round-trip", test_ray_round_trip);
-    g_test_add_func("/rig/wild-pixels", test_wild_pixels);
-    g_test_add_func("/rig/look-at", test_look_at);
-    g_test_add_func("/rig/turn-and-angles", test_turn_and_angles);
-    g_test_add_func("/rig/lamp", test_lamp);
-    g_test_add_func("/rig/laser", test_laser);
-    g_test_add_func("/rig/sheet-through-points", test_sheet_through_points);
-    g_test_add_func("/rig/bent-sheet", test_bent_sheet);
-    g_test_add_func("/rig/crooked-arc", test_crooked_arc);
-    g_test_add_func("/rig/fixed", test_fixed);
-    g_test_add_func("/rig/clearance", test_clearance);
-    g_test_add_func("/rig/wobble", test_wobble);
-    g_test_add_func("/rig/text-round-trip", test_text_round_trip);
-    g_test_add_func("/rig/text-without-arc", test_text_without_arc);
-    g_test_add_func("/rig/text-truncated", test_text_truncated);
-    g_test_add_func("/rig/text-refused", test_text_refused);
-    return g_test_run();
 }

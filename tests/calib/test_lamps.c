@@ -1,6 +1,7 @@
 /* Several lamps, and light from all around. */
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
+#include "lib/test.h"
 #include "methods/microfacet.h"
 #include "scene/environment_made.h"
 #include "shapes/scene.h"
@@ -65,7 +66,7 @@ static void test_sum(struct fixture *f, gconstpointer data) {
 }
 
 /* An even sky of radiance 1 lights a white diffuser as much as a lamp from its normal does. */
-static void test_even(void) {
+TEST(even) {
     g_autofree float *rgb = g_new(float, 3 * 64 * 32);
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     for (int k = 0; k < 3 * 64 * 32; k++)
@@ -85,7 +86,7 @@ static void test_even(void) {
 }
 
 /* One bright pixel is one lamp, just where it is; left of the middle is +y. */
-static void test_point(void) {
+TEST(point) {
     g_autofree float *rgb = g_new0(float, 3 * 16 * 8);
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     g_assert_cmpint(environment_lamps(rgb, 16, 8, 9, lamps), ==, 0);
@@ -112,7 +113,7 @@ static void sum_light(const struct environment *e, double *ret_all, double *ret_
         }
 }
 
-static void test_overcast(void) {
+TEST(overcast) {
     struct environment *sky = environment_open("overcast", NULL);
     double all, up;
     sum_light(sky, &all, &up);
@@ -122,7 +123,7 @@ static void test_overcast(void) {
     environment_free(sky);
 }
 
-static void test_studio(void) {
+TEST(studio) {
     struct environment *room = environment_open("studio", NULL);
     double all, up, expected = 4 * ENVIRONMENT_ROOM;
     for (int k = 0; k < ENVIRONMENT_BOXES; k++) {
@@ -149,7 +150,7 @@ static void test_studio(void) {
 }
 
 /* Turned lamps are where they were, turned; and no more than are asked for. */
-static void test_turned(void) {
+TEST(turned) {
     struct environment *room = environment_open("studio", NULL);
     struct viewer_settings s = viewer_settings_default, turned = s;
     s.environment_lamps = turned.environment_lamps = 9;
@@ -180,7 +181,7 @@ static void check_file(const char *path, int width, int height, float value, con
     g_assert_cmpint(s.n_lamps, ==, good ? 1 : 0);
 }
 
-static void test_files(void) {
+TEST(files) {
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "sky.exr", NULL);
     check_file(path, 8, 4, 3, NULL);
@@ -195,7 +196,7 @@ static void test_files(void) {
 }
 
 /* With all lamps given, an environment has no place. */
-static void test_full(void) {
+TEST(full) {
     g_autoptr(GError) error = NULL;
     float rgb[6] = {1, 1, 1, 1, 1, 1};
     const struct environment even = {2, 1, rgb};
@@ -322,22 +323,13 @@ static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
     g_assert_nonnull(strstr(large->message, "make it smaller"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add("/lamps/sum", struct fixture, NULL, gpu_fixture_set_up, test_sum,
                gpu_fixture_tear_down);
-    g_test_add_func("/lamps/even", test_even);
-    g_test_add_func("/lamps/point", test_point);
-    g_test_add_func("/lamps/overcast", test_overcast);
-    g_test_add_func("/lamps/studio", test_studio);
-    g_test_add_func("/lamps/turned", test_turned);
-    g_test_add_func("/lamps/files", test_files);
-    g_test_add_func("/lamps/full", test_full);
     g_test_add("/lamps/backdrop", struct fixture, NULL, gpu_fixture_set_up, test_backdrop,
                gpu_fixture_tear_down);
     g_test_add("/lamps/source", struct fixture, NULL, gpu_fixture_set_up, test_source,
                gpu_fixture_tear_down);
     g_test_add("/lamps/refused", struct fixture, NULL, gpu_fixture_set_up, test_backdrop_refused,
                gpu_fixture_tear_down);
-    return g_test_run();
 }

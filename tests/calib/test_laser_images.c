@@ -11,6 +11,7 @@
 #include "laser/laser_plane.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -307,7 +308,7 @@ static void take_all(const struct test *test, const struct scene *scene, int n, 
     g_rand_free(rand);
 }
 
-static void test_colour(void) {
+TEST(colour) {
     struct test test;
     int code;
     begin(&test);
@@ -333,7 +334,7 @@ static void test_colour(void) {
 
 /* A chessboard, on which the line hides corners, photographed with and without the laser, in grey.
  */
-static void test_pairs(void) {
+TEST(pairs) {
     struct scene scene = usual;
     struct test test;
     int code;
@@ -354,7 +355,7 @@ static void test_pairs(void) {
 }
 
 /* The lens from the photographs without the laser: its errors are in the plane's. */
-static void test_lens(void) {
+TEST(lens) {
     struct test test;
     int code;
     g_autofree char *out = NULL, *err = NULL;
@@ -372,7 +373,7 @@ static void test_lens(void) {
     end(&test);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     struct test test;
     int code;
     begin(&test);
@@ -412,7 +413,7 @@ static void test_refused(void) {
     end(&test);
 }
 
-static void test_usage(void) {
+TEST(usage) {
     struct test test;
     int code;
     begin(&test);
@@ -433,14 +434,4 @@ static void test_usage(void) {
         g_assert_nonnull(strstr(err, says[i]));
     }
     end(&test);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/laser_images/colour", test_colour);
-    g_test_add_func("/laser_images/pairs", test_pairs);
-    g_test_add_func("/laser_images/lens", test_lens);
-    g_test_add_func("/laser_images/refused", test_refused);
-    g_test_add_func("/laser_images/usage", test_usage);
-    return g_test_run();
 }

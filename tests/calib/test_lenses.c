@@ -8,6 +8,7 @@
 #include "cameras/bundle_private.h"
 #include "cameras/cameras_private.h"
 #include "geometry/rig.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -320,7 +321,7 @@ static void test_slopes(gconstpointer data) {
 
 /* A fisheye of k = 0 images 60° off and 120° off its axis at radii of π/3 and 2π/3 focal lengths;
  * with k1 = −0.1 its radius stops growing where 1 = 0.3 θ². */
-static void test_fisheye(void) {
+TEST(fisheye) {
     struct rig_camera camera = {.lens = RIG_LENS_FISHEYE,
                                 .fx_px = 300,
                                 .fy_px = 300,
@@ -343,7 +344,7 @@ static void test_fisheye(void) {
 
 /* A fisheye and its covariance come back from a file bit for bit; a polynomial's file has no key
  * that an earlier version does not know. */
-static void test_file(void) {
+TEST(file) {
     g_autoptr(GError) error = NULL;
     struct rig rig = {.id = "x", .n_cameras = 1};
     struct rig_camera *camera = &rig.cameras[0];
@@ -452,8 +453,7 @@ static void test_one_bend(gconstpointer data) {
     g_assert_cmpfloat(inflation, <, 2);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     work_use_one_blas_thread(); /* as cameras_calibrate_lens() does */
     for (gsize i = 0; i < G_N_ELEMENTS(lenses); i++) {
         const struct lens *lens = &lenses[i];
@@ -473,7 +473,4 @@ int main(int argc, char **argv) {
         if (g_str_equal(lens->name, "polynomial") || lens->model == RIG_LENS_FISHEYE)
             g_test_add_data_func(one, lens, test_one_bend);
     }
-    g_test_add_func("/lenses/fisheye", test_fisheye);
-    g_test_add_func("/lenses/file", test_file);
-    return g_test_run();
 }

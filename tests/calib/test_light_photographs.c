@@ -1,6 +1,7 @@
 /* mesorig calibrate lights --images on pictures of mirror balls as a camera far away gives them: by
  * formula, sRGB of 8 bits, clipped, with dust, second lamps and circles that somebody misread. */
 #include "lib/process.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 
 #include <png.h>
@@ -234,7 +235,7 @@ static void dusty(void) {
     assert_said(out, "only.png: ball 1 shows no lamp: its bright spots are specks or streaks");
 }
 
-static void two_highlights(void) {
+TEST(two_highlights) {
     const struct lamp lamps[] = {{polar(35, 20), FALSE, 3, 8}, {polar(50, 200), FALSE, 2.5, 8}};
     const struct lamp fainter[] = {lamps[0], {polar(50, 200), FALSE, 3, 0.1}};
     begin();
@@ -248,7 +249,7 @@ static void two_highlights(void) {
 
 /* Off by up to 3 % the circle is put right, by more it is refused; where no outline is to be seen,
  * a highlight beside the circle tells. */
-static void wrong_circle(void) {
+TEST(wrong_circle) {
     const struct xyz truth = polar(50, 120);
     const struct lamp lamp = {truth, FALSE, 3, 20};
     begin();
@@ -276,7 +277,7 @@ static void wrong_circle(void) {
 }
 
 /* As of a ball on a dark table: only the upper half of its outline is before something bright. */
-static void half_an_outline(void) {
+TEST(half_an_outline) {
     const struct xyz truth = polar(45, 300);
     const struct ball given = {one.x + 1.6, one.y - 2.3, one.r + 1.9};
     struct scene *scene = scene_new(0.01);
@@ -324,7 +325,7 @@ static void contradictions(void) {
 }
 
 /* A lamp 1 m away from balls of 30 mm radius: where it is, within its errors. */
-static void near_lamp(void) {
+TEST(near_lamp) {
     const double mm = 30 / three[0].r;
     const struct xyz place = {700, 500, 1850};
     const struct lamp lamp = {place, TRUE, 2, 10};
@@ -349,19 +350,15 @@ static void near_lamp(void) {
     assert_said(json, "\"place_mm\"");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/light-photographs/clipped", clipped);
     g_test_add_func("/light-photographs/dusty", dusty);
-    g_test_add_func("/light-photographs/two-highlights", two_highlights);
-    g_test_add_func("/light-photographs/wrong-circle", wrong_circle);
-    g_test_add_func("/light-photographs/half-an-outline", half_an_outline);
     g_test_add_func("/light-photographs/contradictions", contradictions);
-    g_test_add_func("/light-photographs/near-lamp", near_lamp);
-    int result = g_test_run();
+}
+
+AFTER_TESTS {
     g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     clean_folder(photos);
     g_rmdir(photos);
     world_fixture_clean();
-    return result;
 }

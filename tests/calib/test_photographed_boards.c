@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "pictures/picture_read.h"
 #include "pictures/vision.h"
 
@@ -116,7 +117,7 @@ static struct picture *read_zoomed(int i, gpointer data, GError **error) {
     return picture;
 }
 
-static void test_other_zoom(void) {
+TEST(other_zoom) {
     g_autoptr(GError) error = NULL;
     double rms_px;
     g_autoptr(Calibration) calibration =
@@ -181,7 +182,7 @@ static struct picture *draw(int i, gpointer data, GError **error) {
     return picture;
 }
 
-static void test_understated(void) {
+TEST(understated) {
     struct board board;
     g_autoptr(GError) error = NULL;
     double rms_px;
@@ -261,7 +262,7 @@ static struct picture *draw_bent(const struct board *board, struct rig_camera *c
     return picture;
 }
 
-static void test_bent(void) {
+TEST(bent) {
     struct board board;
     struct rig_camera camera;
     g_autoptr(GError) error = NULL;
@@ -327,7 +328,7 @@ static char *run(const char *board, const char *const *names, int *ret_code,
     return both;
 }
 
-static void test_six(void) {
+TEST(six) {
     static const char *const names[] = {"left01.jpg", "left02.jpg", "left03.jpg", "left04.jpg",
                                         "left05.jpg", "left06.jpg", NULL};
     gboolean written;
@@ -342,7 +343,7 @@ static void test_six(void) {
 }
 
 /* The first by name has another size, and so has the last. */
-static void test_other_sizes(void) {
+TEST(other_sizes) {
     static const char *const names[] = {"aloeL.jpg",  "left01.jpg", "left02.jpg",
                                         "left03.jpg", "baboon.jpg", NULL};
     gboolean written;
@@ -357,7 +358,7 @@ static void test_other_sizes(void) {
 }
 
 /* What OpenCV's programs ask for. The boards have no margin and outer squares that are cut. */
-static void test_inner_corners(void) {
+TEST(inner_corners) {
     static const char *const names[] = {"aero1.jpg", "left01.jpg", "left02.jpg", "left03.jpg",
                                         NULL};
     gboolean written;
@@ -370,7 +371,7 @@ static void test_inner_corners(void) {
 }
 
 /* Four of seven show no board. */
-static void test_minority(void) {
+TEST(minority) {
     static const char *const names[] = {"left01.jpg", "left02.jpg", "left03.jpg", "aero1.jpg",
                                         "aero3.jpg",  "stuff.jpg",  "board.jpg",  NULL};
     gboolean written;
@@ -442,7 +443,7 @@ static void write_as(const char *folder, int i, const guint8 *grey, guint32 widt
     write_bytes(folder, name, bytes);
 }
 
-static void test_formats(void) {
+TEST(formats) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-formats-XXXXXX", NULL);
     g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
     g_autofree char *corners = g_build_filename(folder, "corners.vnl", NULL);
@@ -500,19 +501,9 @@ static void test_formats(void) {
     remove_tree(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(sets); i++)
         g_test_add_data_func(sets[i].path, &sets[i], test_set);
-    g_test_add_func("/photographed boards/other zoom", test_other_zoom);
-    g_test_add_func("/photographed boards/understated", test_understated);
     for (gsize i = 0; i < G_N_ELEMENTS(alikes); i++)
         g_test_add_data_func(alikes[i].path, &alikes[i], test_alike);
-    g_test_add_func("/photographed boards/bent", test_bent);
-    g_test_add_func("/photographed boards/formats", test_formats);
-    g_test_add_func("/photographed boards/six", test_six);
-    g_test_add_func("/photographed boards/other sizes", test_other_sizes);
-    g_test_add_func("/photographed boards/inner corners", test_inner_corners);
-    g_test_add_func("/photographed boards/minority", test_minority);
-    return g_test_run();
 }

@@ -6,6 +6,7 @@
  */
 #include "boards/board_find.h"
 #include "geometry/rig.h"
+#include "lib/test.h"
 #include "pictures/vision.h"
 
 #include <math.h>
@@ -227,7 +228,7 @@ static void test_print(gconstpointer data) {
 }
 
 /* A rig's board must be told as it is. */
-static void test_first_square(void) {
+TEST(first_square) {
     static const struct print *const old = &prints[4];
     struct board board;
     struct view view;
@@ -246,12 +247,9 @@ static void test_first_square(void) {
     g_assert_nonnull(corners);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(prints); i++) {
         g_autofree char *path = g_strdup_printf("/prints/%s", prints[i].name);
         g_test_add_data_func(path, &prints[i], test_print);
     }
-    g_test_add_func("/prints/first square", test_first_square);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 #include "base/residual.h"
 #include "lib/radiometry_fixture.h"
+#include "lib/test.h"
 #include "radiometry/photon_transfer.h"
 #include "radiometry/radiometry.h"
 
@@ -210,7 +211,7 @@ static void refused(const struct pairs *pairs, int n_dark, int n_lit, enum trans
     g_assert_nonnull(strstr(error->message, says));
 }
 
-static void bad_pairs(void) {
+TEST(bad_pairs) {
     g_autoptr(World) world = tile_world(1);
     struct pairs pairs, changed;
     take_pairs(world, 0, 1, &pairs);
@@ -236,7 +237,7 @@ static void bad_pairs(void) {
 }
 
 /* A sensor that bends as is said: signal = linear (1 − c·linear/range). */
-static void bent_sensor(void) {
+TEST(bent_sensor) {
     const double range = 4095 - 64, bend = 0.05;
     struct transfer_sensor sensor = {FIXTURE_SIZE, FIXTURE_SIZE, 12};
     struct transfer found;
@@ -271,7 +272,7 @@ static void tile_refused(const struct tile_shot *shots, int n_shots, const GArra
     g_assert_cmpmem(&rig, sizeof rig, &before, sizeof before);
 }
 
-static void bad_tiles(void) {
+TEST(bad_tiles) {
     g_autoptr(World) world = tile_world(1);
     struct rig rig;
     struct tile_shot shots[N_SHOTS], same[N_SHOTS];
@@ -299,7 +300,7 @@ static void bad_tiles(void) {
 /* Pictures that are coded as sRGB is, nearly, and taken for linear: the fit takes it for another
  * fall-off of the lamps; a tile with spots leaves residuals. Without either nothing is in excess.
  */
-static void wrong_tones(void) {
+TEST(wrong_tones) {
     struct tile_shot shots[N_SHOTS];
     struct rig nominal;
     g_autoptr(World) world = tile_world(3);
@@ -331,15 +332,11 @@ static void wrong_tones(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/radiometry/tile", tile);
-    g_test_add_func("/radiometry/wrong-tones", wrong_tones);
     g_test_add_func("/radiometry/photon-transfer", photon_transfer);
-    g_test_add_func("/radiometry/bent-sensor", bent_sensor);
-    g_test_add_func("/radiometry/bad-pairs", bad_pairs);
-    g_test_add_func("/radiometry/bad-tiles", bad_tiles);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -1,6 +1,7 @@
 /* The axis of a camera arm from the poses of its stops, which are computed here with quaternions:
  * about a direction a by an angle b, (cos b/2, a sin b/2). */
 #include "geometry/swing.h"
+#include "lib/test.h"
 
 #include <math.h>
 
@@ -50,7 +51,7 @@ static struct rig rig_about(struct vec3 axis, struct vec3 centre, double zero_ra
     return rig;
 }
 
-static void test_moves(void) {
+TEST(moves) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
     const struct vec3 axis = vec3_unit(vec3(0.1, 1, -0.2)), centre = vec3(3, -2, 1);
     const struct rig rig = rig_about(axis, centre, 0, 0, rand);
@@ -69,7 +70,7 @@ static void test_moves(void) {
     g_assert_cmpfloat(rig_arm_deg(&rig, 0), ==, -10); /* the first stop */
 }
 
-static void test_fit(void) {
+TEST(fit) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(2);
     const struct vec3 meant = vec3(0, 1, 0), axis = vec3_unit(vec3(0.002, 1, -0.003));
     const struct vec3 centre = vec3(0.4, 0, -0.3);
@@ -100,7 +101,7 @@ static void test_fit(void) {
     g_assert_cmpint(fit.n_pairs, ==, 1);
 }
 
-static void test_text(void) {
+TEST(text) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(3);
     g_autoptr(GError) error = NULL;
     struct rig rig = rig_about(vec3(0, 1, 0), vec3(1, 2, 3), 0, 0, rand), back;
@@ -119,12 +120,4 @@ static void test_text(void) {
     g_autofree char *bad = rig_to_text(&rig);
     g_assert_false(rig_from_text(&back, bad, "c", &error));
     g_assert_error(error, RIG_ERROR, RIG_ERROR_VALUE);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/swing/moves", test_moves);
-    g_test_add_func("/swing/fit", test_fit);
-    g_test_add_func("/swing/text", test_text);
-    return g_test_run();
 }

@@ -1,4 +1,5 @@
 #include "drivers/clock.h"
+#include "lib/test.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -33,7 +34,7 @@ static void run_until(Clock *clock, gint64 at_us) {
         g_main_context_iteration(NULL, TRUE);
 }
 
-static void test_order(void) {
+TEST(order) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct log log = {g_string_new(NULL), clock};
     struct call a = {&log, "a", 0}, b = {&log, "b", 0}, c = {&log, "c", 0}, d = {&log, "d", 0};
@@ -49,7 +50,7 @@ static void test_order(void) {
     g_string_free(log.text, TRUE);
 }
 
-static void test_repeat_and_cancel(void) {
+TEST(repeat_and_cancel) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct log log = {g_string_new(NULL), clock};
     struct call tick = {&log, "t", 100}, never = {&log, "never", 0};
@@ -76,7 +77,7 @@ static void start_idle(gpointer data) {
 }
 
 /* What a call has made ready goes before the next jump. */
-static void test_behind_everything(void) {
+TEST(behind_everything) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct log log = {g_string_new(NULL), clock};
     struct call a = {&log, "a", 0}, b = {&log, "b", 0};
@@ -102,7 +103,7 @@ static gpointer work_thread(gpointer data) {
 }
 
 /* Time stands while another thread works, and goes on when it is done, without a push. */
-static void test_hold(void) {
+TEST(hold) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct log log = {g_string_new(NULL), clock};
     struct call a = {&log, "a", 0};
@@ -123,7 +124,7 @@ static void test_hold(void) {
     g_string_free(log.text, TRUE);
 }
 
-static void test_real(void) {
+TEST(real) {
     g_autoptr(Clock) clock = clock_new_real();
     struct log log = {g_string_new(NULL), clock};
     struct call a = {&log, "a", 0}, b = {&log, "b", 0};
@@ -147,7 +148,7 @@ static void test_real(void) {
 }
 
 /* Pending calls are dropped with the clock. */
-static void test_dropped(void) {
+TEST(dropped) {
     struct log log = {g_string_new(NULL), NULL};
     struct call a = {&log, "a", 0};
     for (int real = 0; real < 2; real++) {
@@ -166,7 +167,7 @@ static void test_dropped(void) {
 }
 
 /* Threads ask for it; a clock alone makes no difference. */
-static void test_lockstep(void) {
+TEST(lockstep) {
     g_autoptr(Clock) clock = clock_new_virtual();
     g_assert_false(clock_is_lockstep(clock));
     clock_set_lockstep(clock);
@@ -205,7 +206,7 @@ static void random_due(gpointer data) {
     ++*call->n_made;
 }
 
-static void test_random(void) {
+TEST(random) {
     g_autoptr(Clock) clock = clock_new_virtual();
     struct random_call calls[500];
     int n_made = 0, n_cancelled = 0;
@@ -221,17 +222,4 @@ static void test_random(void) {
     }
     run_until(clock, 101);
     g_assert_cmpint(n_made, ==, (int)G_N_ELEMENTS(calls) - n_cancelled);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/clock/order", test_order);
-    g_test_add_func("/clock/repeat-and-cancel", test_repeat_and_cancel);
-    g_test_add_func("/clock/behind-everything", test_behind_everything);
-    g_test_add_func("/clock/hold", test_hold);
-    g_test_add_func("/clock/real", test_real);
-    g_test_add_func("/clock/dropped", test_dropped);
-    g_test_add_func("/clock/lockstep", test_lockstep);
-    g_test_add_func("/clock/random", test_random);
-    return g_test_run();
 }

@@ -1,5 +1,7 @@
 /* docs/develop/driver.md shows the shortest driver: each piece of it is in that file, word for
  * word, but for the one that is for a test, and the file is as long as the guide says. */
+#include "lib/test.h"
+
 #include <glib.h>
 #include <string.h>
 
@@ -18,7 +20,7 @@ static int count_lines(const char *text) {
     return n;
 }
 
-static void test_pieces(void) {
+TEST(pieces) {
     g_autofree char *guide = load(SOURCE_DIR "/docs/develop/driver.md");
     g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
     g_auto(GStrv) parts = g_strsplit(guide, "```", -1);
@@ -36,16 +38,9 @@ static void test_pieces(void) {
     g_assert_cmpint(n, ==, 5);
 }
 
-static void test_length(void) {
+TEST(length) {
     g_autofree char *guide = load(SOURCE_DIR "/docs/develop/driver.md");
     g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
     g_autofree char *says = g_strdup_printf("in %d lines", count_lines(source));
     g_assert_nonnull(strstr(guide, says));
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/guide/pieces", test_pieces);
-    g_test_add_func("/guide/length", test_length);
-    return g_test_run();
 }

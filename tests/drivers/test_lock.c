@@ -2,6 +2,7 @@
  */
 #include "drivers/device.h"
 #include "drivers/lock.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <signal.h>
@@ -63,7 +64,7 @@ static void assert_free(const char *key) {
     lock_release(lock);
 }
 
-static void test_one_process(void) {
+TEST(one_process) {
     g_autofree char *key = unique_key("own");
     g_autoptr(GError) error = NULL;
     pid_t pid;
@@ -79,7 +80,7 @@ static void test_one_process(void) {
     assert_free(key);
 }
 
-static void test_other_process(void) {
+TEST(other_process) {
     g_autofree char *key = unique_key("other");
     const pid_t other = hold(key, LOCK_ALONE, LOCK_OWNER, 0);
     pid_t pid;
@@ -94,7 +95,7 @@ static void test_other_process(void) {
 }
 
 /* A stopped holder is named, however many have asked it. */
-static void test_stopped(void) {
+TEST(stopped) {
     g_autofree char *key = unique_key("stopped");
     const pid_t other = hold(key, LOCK_ALONE, LOCK_OWNER, 0);
     pid_t pid;
@@ -107,7 +108,7 @@ static void test_stopped(void) {
     assert_free(key);
 }
 
-static void test_long_keys(void) {
+TEST(long_keys) {
     g_autofree char *key = unique_key("long"), *tail = g_strnfill(150, 'x');
     g_autofree char *a = g_strconcat(key, tail, "a", NULL), *b = g_strconcat(key, tail, "b", NULL);
     Lock *one = lock_take(a, LOCK_ALONE, "a", NULL), *two = lock_take(b, LOCK_ALONE, "b", NULL);
@@ -118,7 +119,7 @@ static void test_long_keys(void) {
 }
 
 /* A link is the device that it points to. */
-static void test_links(void) {
+TEST(links) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-lock-XXXXXX", NULL);
     g_autofree char *file = g_build_filename(folder, "ttyUSB0", NULL);
     g_autofree char *other = g_build_filename(folder, "ttyUSB1", NULL);
@@ -139,7 +140,7 @@ static void test_links(void) {
 }
 
 /* What a program that makes a rig safe may open while a daemon has it. */
-static void test_roles(void) {
+TEST(roles) {
     static const struct {
         enum lock_role role;
         enum lock_kind kind;
@@ -169,7 +170,7 @@ static void test_roles(void) {
 
 /* A daemon that starts while a device is being made safe waits for the end of that; two that make
  * it safe take turns. */
-static void test_waits_for_rescue(void) {
+TEST(waits_for_rescue) {
     g_autofree char *key = unique_key("rescue"), *board = unique_key("board");
     const pid_t rescuer = hold(key, LOCK_ALONE, LOCK_GUARDIAN, 1);
     pid_t pid;
@@ -186,16 +187,4 @@ static void test_waits_for_rescue(void) {
     const pid_t beside = hold(board, LOCK_SHARED, LOCK_GUARDIAN, 0);
     assert_free(board);
     end(beside);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/lock/one-process", test_one_process);
-    g_test_add_func("/lock/other-process", test_other_process);
-    g_test_add_func("/lock/stopped", test_stopped);
-    g_test_add_func("/lock/long-keys", test_long_keys);
-    g_test_add_func("/lock/links", test_links);
-    g_test_add_func("/lock/roles", test_roles);
-    g_test_add_func("/lock/waits-for-rescue", test_waits_for_rescue);
-    return g_test_run();
 }

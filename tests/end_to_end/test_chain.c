@@ -5,6 +5,7 @@
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
@@ -113,7 +114,7 @@ static void check_page(const char *path) {
     g_assert_null(strstr(page, "nan"));
 }
 
-static void test_calibrate(void) {
+TEST(calibrate) {
     g_autofree char *script = in_folder("calibrate"), *path = in_folder("rig.calibration"),
                     *targets = in_folder("targets"), *world_path = in_folder("world.conf"),
                     *page = in_folder("calibration.html");
@@ -188,7 +189,7 @@ static float btf_error(const char *directory) {
 }
 
 /* With what was found, without it, and with it again. */
-static void test_process(void) {
+TEST(process) {
     g_autofree char *rig = in_folder("rig.conf"), *conf = in_folder("session.conf"),
                     *directory = in_folder("weave.session"),
                     *calibration = in_folder("rig.calibration");
@@ -210,7 +211,7 @@ static void test_process(void) {
 }
 
 /* One of another rig would be a plausible wrong answer. */
-static void test_process_refuses(void) {
+TEST(process_refuses) {
     g_autofree char *directory = in_folder("weave.session"), *path = in_folder("rig.calibration"),
                     *other = in_folder("other.calibration");
     g_autoptr(GError) error = NULL;
@@ -224,15 +225,12 @@ static void test_process_refuses(void) {
     g_assert_nonnull(strstr(err, "is of rig other, but this is rig demo"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-chain-XXXXXX", NULL);
     write_files();
-    g_test_add_func("/chain/calibrate", test_calibrate);
-    g_test_add_func("/chain/process", test_process);
-    g_test_add_func("/chain/process refuses", test_process_refuses);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return code;
 }

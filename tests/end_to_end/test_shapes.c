@@ -9,6 +9,7 @@
 #include "geometry/swing.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
 #include "world/truth.h"
@@ -185,7 +186,7 @@ static double error_of(const char *session, const char *method) {
 }
 
 /* One view under 64 lights: planned as such, captured without an axis, fitted, drawn. */
-static void test_dome(void) {
+TEST(dome) {
     g_autofree char *conf = NULL, *session = NULL, *world = NULL, *plan = NULL, *height = NULL;
     g_autofree char *picture = g_build_filename(folder, "dome.png", NULL);
 
@@ -274,7 +275,7 @@ static double worst_lamp_deg(const struct rig *rig, World *world) {
     return worst;
 }
 
-static void test_fixed_lamps(void) {
+TEST(fixed_lamps) {
     g_autofree char *to = g_build_filename(folder, "rig.calibration", NULL);
     g_autoptr(GError) error = NULL;
 
@@ -308,7 +309,7 @@ static void test_fixed_lamps(void) {
 #define PROBE_LIGHTS(n) "rings=15:" n ";30:" n ";45:" n ";60:" n ";75:" n "\noffset_deg=22.5"
 
 /* Five stops of one lamp, each calibrated as a lamp; the arc turns all of them. */
-static void test_probe(void) {
+TEST(probe) {
     g_autofree char *to = g_build_filename(folder, "probe.calibration", NULL);
     g_autoptr(GError) error = NULL;
 
@@ -440,7 +441,7 @@ static char *calibrate_boards(const char *name, int code, const char *to) {
 }
 
 /* Nothing is written of an arm that says it moves, and does not. */
-static void test_stuck_arm(void) {
+TEST(stuck_arm) {
     g_autofree char *to = g_build_filename(folder, "stuck.calibration", NULL);
     g_autofree char *told = calibrate_boards("stuck", 1, to);
 
@@ -450,7 +451,7 @@ static void test_stuck_arm(void) {
 }
 
 /* Boards at the arm's stops: every stop's pose, the axis, and the stop that was left out. */
-static void test_arm(void) {
+TEST(arm) {
     g_autofree char *to = g_build_filename(folder, "arm.calibration", NULL);
     g_autoptr(GError) error = NULL;
 
@@ -509,7 +510,7 @@ static void test_arm(void) {
 
 /* Four cameras around a board that lies flat and leans in five directions, and nothing that turns.
  * The lamps are calibrated from posts. */
-static void test_still(void) {
+TEST(still) {
     static const char *const lays[] = {
         "turn_deg=3\noffset_mm=1;-2\n",
         "tilt_deg=20\ntilt_towards_deg=10\nturn_deg=63\noffset_mm=1;0\n",
@@ -565,17 +566,11 @@ static void test_still(void) {
     g_assert_cmpfloat(lamp_deg, <, 0.2);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-shapes-XXXXXX", NULL);
-    g_test_add_func("/shapes/dome", test_dome);
-    g_test_add_func("/shapes/fixed-lamps", test_fixed_lamps);
-    g_test_add_func("/shapes/arm", test_arm);
-    g_test_add_func("/shapes/stuck-arm", test_stuck_arm);
-    g_test_add_func("/shapes/probe", test_probe);
-    g_test_add_func("/shapes/still", test_still);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return code;
 }

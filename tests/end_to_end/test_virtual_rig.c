@@ -4,6 +4,7 @@
 #include "lib/find_guardian.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/twin_sessions.h"
 
 #include "virtual_rig/rig.h"
@@ -73,7 +74,7 @@ static void capture_virtual(const char *name) {
     g_assert_false(g_file_test(rig, G_FILE_TEST_EXISTS));
 }
 
-static void through_real_protocols(void) {
+TEST(through_real_protocols) {
     capture_virtual("virtual.session");
     g_assert_cmpfloat(twin_value("virtual.session", "frames"), ==, 144);
     twin_assert_noise_alone("virtual.session");
@@ -239,7 +240,7 @@ static double mean_dn(const char *address) {
 }
 
 /* Plugs are pulled and put in again, and another sample is laid on it, while it runs. */
-static void by_hand(void) {
+TEST(by_hand) {
     g_autofree char *rig = twin_path("hand.conf"), *socket = twin_path("hand");
     g_autofree char *other = twin_path("other.conf"), *text = NULL;
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
@@ -303,16 +304,14 @@ static void refused(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     twin_folder = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
-    g_test_add_func("/virtual-rig/by-hand", by_hand);
     g_test_add_func("/virtual-rig/mishaps", mishaps);
     g_test_add_func("/virtual-rig/abandoned", abandoned);
-    g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
-    int failed = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(twin_folder);
     g_free(twin_folder);
-    return failed;
 }

@@ -3,6 +3,7 @@
  * lattice that closes, and mean and variance of the sample. */
 #include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
 
@@ -34,7 +35,7 @@ static void moments(const double *values, int n, double *ret_mean, double *ret_v
 
 /* Of a sample that is no square, at many points: no place is beyond the edges, weights are those of
  * the variance, and the nearest texels' values have mean and variance of the sample. */
-static void test_places(void) {
+TEST(places) {
     const int width = 48, height = 40;
     g_autofree float *noise = new_noise(width, height, 3);
     g_autoptr(Endless) e =
@@ -80,7 +81,7 @@ static void test_places(void) {
 
 /* A smooth function of the places changes little over little steps, and the same on both sides of
  * where the shape's coordinates close. */
-static void test_continuous(void) {
+TEST(continuous) {
     g_autofree float *noise = new_noise(SIDE, SIDE, 1);
     g_autoptr(Endless) e =
         endless_new(SIDE, SIDE, &(struct endless_pictures){SIDE, SIDE, 1, noise});
@@ -217,13 +218,9 @@ static void test_depth(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(wrong, <, n / 50);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/endless-view/places", test_places);
-    g_test_add_func("/endless-view/continuous", test_continuous);
+BEFORE_TESTS {
     g_test_add("/endless-view/reference", struct fixture, NULL, gpu_fixture_set_up, test_reference,
                gpu_fixture_tear_down);
     g_test_add("/endless-view/depth", struct fixture, NULL, gpu_fixture_set_up, test_depth,
                gpu_fixture_tear_down);
-    return g_test_run();
 }

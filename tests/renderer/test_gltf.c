@@ -1,6 +1,7 @@
 /* Shapes of glTF files: a square whose frame is known, in every way a file may say it, and files
  * that lie. */
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -108,7 +109,7 @@ static void check_square(const struct mesh *mesh, guint n_vertices) {
 }
 
 /* With indices in three modes; without a scene; and flat, where there are no normals. */
-static void test_square(void) {
+TEST(square) {
     static const struct {
         const char *rest;
         guint n_vertices;
@@ -133,7 +134,7 @@ static void test_square(void) {
 }
 
 /* A node turns, mirrors and stretches; the file's up becomes z. */
-static void test_places(void) {
+TEST(places) {
     static const struct {
         const char *node;
         enum scene_up up;
@@ -168,7 +169,7 @@ static void test_places(void) {
 }
 
 /* Those of the file are taken, of unit length and along the surface; a mirror turns their sense. */
-static void test_tangents(void) {
+TEST(tangents) {
     g_autoptr(GError) error = NULL;
     const char *with = "\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0%s}], " MESH(
         ATTRIBUTES ", \"TANGENT\": 3}, \"indices\": 4");
@@ -211,7 +212,7 @@ static GByteArray *binary_file(void) {
 }
 
 /* One file, or bytes in a file beside it. */
-static void test_files(void) {
+TEST(files) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GByteArray) file = binary_file(), bytes = buffer_bytes();
     struct mesh *mesh = read_bytes("A.GLB", file->data, file->len, SCENE_Z_UP, &error);
@@ -235,7 +236,7 @@ static void test_files(void) {
 }
 
 /* Cut off anywhere, and with any byte changed: a sentence or a mesh, never a crash. */
-static void test_damaged(void) {
+TEST(damaged) {
     g_autoptr(GByteArray) file = binary_file();
     g_autoptr(GRand) rand = g_rand_new_with_seed(3);
     for (guint n = 0; n < file->len; n += 1 + file->len / 150) {
@@ -263,7 +264,7 @@ static void test_damaged(void) {
 #define VIEW(offset, length)                                                                       \
     "{\"buffer\": 0, \"byteOffset\": " offset ", \"byteLength\": " length "}"
 
-static void test_lies(void) {
+TEST(lies) {
     g_autofree char *deep = g_strnfill(200000, '[');
     const struct {
         const char *json, *said;
@@ -314,7 +315,7 @@ static void refuse_square(const char *rest, int code, const char *said) {
     g_assert_nonnull(strstr(error->message, said));
 }
 
-static void test_refused(void) {
+TEST(refused) {
     refuse_square(MESH("\"attributes\": {\"POSITION\": 0, \"NORMAL\": 1}"), SCENE_ERROR_NO_TEXTURE,
                   "TEXCOORD_0");
     refuse_square(MESH("\"attributes\": {\"POSITION\": 0, \"TEXCOORD_0\": 0}"), SCENE_ERROR_FORMAT,
@@ -329,16 +330,4 @@ static void test_refused(void) {
     refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, \"scale\": [0, "
                   "0, 0]}], " MESH(ATTRIBUTES "}, \"indices\": 4"),
                   SCENE_ERROR_FORMAT, "the same");
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/gltf/square", test_square);
-    g_test_add_func("/gltf/places", test_places);
-    g_test_add_func("/gltf/tangents", test_tangents);
-    g_test_add_func("/gltf/files", test_files);
-    g_test_add_func("/gltf/damaged", test_damaged);
-    g_test_add_func("/gltf/lies", test_lies);
-    g_test_add_func("/gltf/refused", test_refused);
-    return g_test_run();
 }

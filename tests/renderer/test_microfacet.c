@@ -1,5 +1,6 @@
 /* The rotation of microfacets, and pictures of metal and fabric against microfacet_evaluate(). */
 #include "lib/formula_fixture.h"
+#include "lib/test.h"
 #include "methods/microfacet.h"
 
 static struct vec3 random_normal(GRand *random) {
@@ -60,7 +61,7 @@ static void check_normal(struct vec3 n) {
     assert_rows(&approximate, 1 - n.y * n.y, 1 - n.y * n.y, 1);
 }
 
-static void test_rotation(void) {
+TEST(rotation) {
     g_autoptr(GRand) random = g_rand_new_with_seed(3);
     for (int k = 0; k < 1000; k++)
         check_normal(random_normal(random));
@@ -78,7 +79,7 @@ static void test_rotation(void) {
 
 /* Where both angles are the same about one plane, so must the reflectance be: Ward's formula by
  * hand, in the plane of x. */
-static void test_ward(void) {
+TEST(ward) {
     const struct microfacet s = {MICROFACET_WARD, {0.1F, 0.2F, 0.3F}, {1, 1, 1}, {0.25F, 0.5F}};
     const double tilt = 0.2, half = 0.3; /* of the normal; of light and view from it */
     const struct vec3 n = {sin(tilt), 0, cos(tilt)};
@@ -146,10 +147,6 @@ static void test_pictures(gconstpointer data) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/microfacet/rotation", test_rotation);
-    g_test_add_func("/microfacet/ward", test_ward);
+BEFORE_TESTS {
     gpu_fixture_add("/microfacet/pictures", test_pictures, NULL);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
 #include "exr/exr.h"
 #include "lib/formula_fixture.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "methods/microfacet.h"
 #include "methods/normal_map.h"
 
@@ -81,7 +82,7 @@ static void check_read(double tolerance) {
     g_assert_cmpint(g_unlink(path), ==, 0);
 }
 
-static void test_read(void) {
+TEST(read) {
     name_file("map.png");
     guint8 pixels[3 * W * H];
     for (int k = 0; k < 3 * W * H; k++)
@@ -106,7 +107,7 @@ static void refuse(const char *said) {
     g_unlink(path);
 }
 
-static void test_bad(void) {
+TEST(bad) {
     guint8 pixels[3 * W * H] = {0};
     name_file("map.png");
     refuse("cannot read ");
@@ -129,7 +130,7 @@ static void test_bad(void) {
     refuse("X, Y, Z");
 }
 
-static void test_cut(void) {
+TEST(cut) {
     g_autofree char *bytes = NULL;
     gsize length;
     name_file("map.png");
@@ -216,17 +217,14 @@ static void test_command(gconstpointer data) {
     g_assert_nonnull(strstr(missing, "map.exr"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("normals-XXXXXX", NULL);
-    g_test_add_func("/normal-map/read", test_read);
-    g_test_add_func("/normal-map/bad", test_bad);
-    g_test_add_func("/normal-map/cut", test_cut);
     gpu_fixture_add("/normal-map/pictures", test_pictures, NULL);
     gpu_fixture_add("/normal-map/command", test_command, NULL);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     g_rmdir(folder);
     g_free(folder);
     g_free(path);
-    return status;
 }

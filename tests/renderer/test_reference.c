@@ -1,5 +1,6 @@
 /* Pictures from the whole BTF: against the formula, and against eigen-maps that are exact. */
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "scene/compose.h"
 #include "scene/measured.h"
@@ -170,7 +171,7 @@ static void test_reference_file(gconstpointer data) {
     remove_tree(folder);
 }
 
-static void test_bad_reference(void) {
+TEST(bad) {
     g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
     g_autofree char *dir = view_fixture_write_btf(GREY, 1, 4);
     g_assert_null(reference_open("/nowhere", &none));
@@ -258,7 +259,7 @@ static void test_compose(gconstpointer data) {
 }
 
 /* Views that come one after the other are in what is shown. */
-static void test_live(void) {
+TEST(live) {
     g_autofree char *made = view_fixture_write_btf(LIGHT, 2, 4);
     g_autofree char *session = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *products = g_build_filename(session, "products", NULL);
@@ -409,17 +410,13 @@ static void test_along_surface(gconstpointer data) {
     remove_folder(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     gpu_fixture_add("/reference/formula", test_reference, NULL);
     gpu_fixture_add("/reference/agrees", test_reference_agrees, NULL);
     gpu_fixture_add("/reference/shadows", test_reference_shadows, NULL);
     gpu_fixture_add("/reference/library", test_reference_library, NULL);
     gpu_fixture_add("/reference/along_surface", test_along_surface, NULL);
     gpu_fixture_add("/reference/file", test_reference_file, NULL);
-    g_test_add_func("/reference/bad", test_bad_reference);
     gpu_fixture_add("/reference/measured", test_measured, NULL);
     gpu_fixture_add("/reference/compose", test_compose, NULL);
-    g_test_add_func("/reference/live", test_live);
-    return g_test_run();
 }

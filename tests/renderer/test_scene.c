@@ -1,3 +1,4 @@
+#include "lib/test.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -63,7 +64,7 @@ static void check_triangles(const struct mesh *mesh) {
     }
 }
 
-static void test_shapes(void) {
+TEST(shapes) {
     const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
     for (gsize k = 0; k < G_N_ELEMENTS(names); k++) {
         g_autoptr(GError) error = NULL;
@@ -79,7 +80,7 @@ static void test_shapes(void) {
     g_assert_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE);
 }
 
-static void test_torus(void) {
+TEST(torus) {
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 64, 32);
     for (guint k = 0; k < mesh->n_vertices; k++) {
         const float *p = mesh->vertices[k].position;
@@ -104,7 +105,7 @@ static const char square[] = "# a square\r\n"
                              "usemtl none\ns off\n"
                              "f 1/1/1 2/2/1 3/3/1 4/4/1\n";
 
-static void test_obj_square(void) {
+TEST(obj__square) {
     g_autoptr(Mesh) mesh = parse(square, SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_vertices, ==, 4);
     g_assert_cmpuint(mesh->n_indices, ==, 6);
@@ -118,7 +119,7 @@ static void test_obj_square(void) {
 
 /* A quarter around the first vertex has its texture's +x along x; the next one, in three slivers,
  * along y. Weighted by angles, as MikkTSpace has it, the vertex's tangent lies half way between. */
-static void test_obj_tangent(void) {
+TEST(obj__tangent) {
     g_autoptr(GString) text = g_string_new("v 0 0 0\nvt 0 0\nvn 0 0 1\nv 1 0 0\nvt 1 0\n"
                                            "v 0 1 0\nvt 0 1\nf 1/1/1 2/2/1 3/3/1\n");
     const double angles[] = {0.0, 10.0, 35.0, 90.0};
@@ -136,7 +137,7 @@ static void test_obj_tangent(void) {
 }
 
 /* The floor touches the shape, and its tiles are as large as the shape's in the mean. */
-static void test_floor(void) {
+TEST(floor) {
     const struct scene_options options = {8, 4, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_make("torus", &options, &error);
@@ -154,14 +155,14 @@ static void test_floor(void) {
 }
 
 /* y of the file becomes z, and its z comes towards the camera, which is at −y. */
-static void test_obj_y_up(void) {
+TEST(obj__y_up) {
     g_autoptr(Mesh) mesh = parse(square, SCENE_Y_UP);
     g_assert_cmpfloat_with_epsilon(mesh->vertices[0].normal[1], -1.0, 1e-6);
     g_assert_cmpfloat(mesh->vertices[2].position[2], >, 0.5);
     g_assert_cmpfloat_with_epsilon(mesh->vertices[0].tangent[0], 1.0, 1e-6);
 }
 
-static void test_obj_negative_and_ngon(void) {
+TEST(obj__negative_and_ngon) {
     g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 2 0\nv -1 1 0\n"
                                  "vt 0 0\nvt 2 0\nvt 3 1\nvt 1 2\nvt -1 1\n"
                                  "f -5/-5 -4/-4 -3/-3 \\\n-2/-2 -1/-1\n",
@@ -175,7 +176,7 @@ static void test_obj_negative_and_ngon(void) {
 }
 
 /* The second triangle's texture is mirrored: the shared edge must have vertices of both senses. */
-static void test_obj_mirrored(void) {
+TEST(obj__mirrored) {
     g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nv -1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
                                  "f 1/1 2/2 3/3\nf 1/1 3/3 4/2\n",
                                  SCENE_Z_UP);
@@ -193,21 +194,21 @@ static void test_obj_mirrored(void) {
 }
 
 /* The normals, not the winding, say what is outside. */
-static void test_obj_wound_backwards(void) {
+TEST(obj__wound_backwards) {
     g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 5\n"
                                  "f 1/1/1 3/3/1 2/2/1\n",
                                  SCENE_Z_UP);
     check_triangles(mesh);
 }
 
-static void test_obj_degenerate(void) {
+TEST(obj__degenerate) {
     g_autoptr(Mesh) mesh = parse("v 0 0 0\nv 1 0 0\nv 2 0 0\nvt 0.5 0.5\nvn 0 0 0\n"
                                  "f 1/1/1 2/1/1 3/1/1\n",
                                  SCENE_Z_UP);
     g_assert_cmpuint(mesh->n_indices, ==, 3);
 }
 
-static void test_obj_bad(void) {
+TEST(obj__bad) {
     const struct {
         const char *text;
         enum scene_error code;
@@ -243,7 +244,7 @@ static void test_obj_bad(void) {
 }
 
 /* Whatever is done to a file, it is read or refused. */
-static void test_obj_damaged(void) {
+TEST(obj__damaged) {
     g_autoptr(GRand) random = g_rand_new_with_seed(11);
     static const char letters[] = "0123456789-/. \n\\vtnfe#";
     for (int k = 0; k < 3000; k++) {
@@ -261,7 +262,7 @@ static void test_obj_damaged(void) {
     }
 }
 
-static void test_obj_files(void) {
+TEST(obj__files) {
     g_autofree char *path = NULL;
     g_autoptr(GError) error = NULL, missing = NULL, binary = NULL;
     int file = g_file_open_tmp("mesorig-XXXXXX.obj", &path, &error);
@@ -276,22 +277,4 @@ static void test_obj_files(void) {
     g_unlink(path);
     g_assert_null(scene_shape(path, SCENE_Z_UP, &missing));
     g_assert_error(missing, SCENE_ERROR, SCENE_ERROR_IO);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/scene/shapes", test_shapes);
-    g_test_add_func("/scene/torus", test_torus);
-    g_test_add_func("/scene/obj/square", test_obj_square);
-    g_test_add_func("/scene/floor", test_floor);
-    g_test_add_func("/scene/obj/tangent", test_obj_tangent);
-    g_test_add_func("/scene/obj/y-up", test_obj_y_up);
-    g_test_add_func("/scene/obj/negative-and-ngon", test_obj_negative_and_ngon);
-    g_test_add_func("/scene/obj/mirrored", test_obj_mirrored);
-    g_test_add_func("/scene/obj/wound-backwards", test_obj_wound_backwards);
-    g_test_add_func("/scene/obj/degenerate", test_obj_degenerate);
-    g_test_add_func("/scene/obj/bad", test_obj_bad);
-    g_test_add_func("/scene/obj/damaged", test_obj_damaged);
-    g_test_add_func("/scene/obj/files", test_obj_files);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
+#include "lib/test.h"
 #include "lib/trace_fixture.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
@@ -26,7 +27,7 @@ static char *write_scene(void) {
     return trace_fixture_write(text);
 }
 
-static void test_bindings(void) {
+TEST(bindings) {
     const struct {
         const char *text, *name, *path;
         double tiles;
@@ -52,7 +53,7 @@ static void test_bindings(void) {
     }
 }
 
-static void test_parts(void) {
+TEST(parts) {
     g_autofree char *path = write_scene(), *folder = g_path_get_dirname(path);
     const struct scene_binding bindings[] = {{"ground", "x", 1.0}, {"other", "y", 1.0}};
     g_autoptr(GError) error = NULL;
@@ -83,7 +84,7 @@ static void test_parts(void) {
     remove_tree(folder);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *path = write_scene(), *folder = g_path_get_dirname(path);
     g_autoptr(Mesh) sphere = scene_sphere();
     const struct trace_object bare = {.mesh = sphere, .material = 0, .scale = 1.0F, .bare = TRUE};
@@ -250,12 +251,7 @@ static void test_relief(gconstpointer data) {
     remove_tree(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/scene-parts/bindings", test_bindings);
-    g_test_add_func("/scene-parts/parts", test_parts);
-    g_test_add_func("/scene-parts/refused", test_refused);
+BEFORE_TESTS {
     gpu_fixture_add("/scene-parts/drawn", test_drawn, NULL);
     gpu_fixture_add("/scene-parts/relief", test_relief, NULL);
-    return g_test_run();
 }

@@ -1,12 +1,13 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
 #include "lib/capturing_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "window/live.h"
 #include "window/series.h"
 
 #include <gio/gio.h>
 
-static void test_parse(void) {
+TEST(parse) {
     int percent[SERIES_MAX];
     g_assert_cmpint(series_parse("20,40,100", percent), ==, 3);
     g_assert_cmpint(percent[0], ==, 20);
@@ -155,11 +156,8 @@ static void test_refused(gconstpointer data) {
     remove_tree(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/series/parse", test_parse);
+BEFORE_TESTS {
     gpu_fixture_add("/series/stripes", test_stripes, NULL);
     gpu_fixture_add("/series/series", test_series, NULL);
     gpu_fixture_add("/series/refused", test_refused, NULL);
-    return g_test_run();
 }

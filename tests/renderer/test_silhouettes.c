@@ -1,6 +1,7 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
 #include "lib/silhouettes_fixture.h"
+#include "lib/test.h"
 #include "shapes/mesh_shape.h"
 
 #include <string.h>
@@ -32,7 +33,7 @@ static struct mdf_table *flat_mdf(int n, double depth_mm) {
     return t;
 }
 
-static void test_shapes_of_torus(void) {
+TEST(shapes__torus) {
     const double R = 1.0, r = 0.4;
     g_autoptr(Mesh) mesh = scene_torus(R, r, 256, 128);
     g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
@@ -48,7 +49,7 @@ static void test_shapes_of_torus(void) {
 }
 
 /* Triangles without size in space or in the texture leave finite numbers. */
-static void test_shapes_degenerate(void) {
+TEST(shapes__degenerate) {
     struct vertex vertices[3] = {{.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}}};
     guint32 indices[3] = {0, 1, 2};
     struct mesh mesh = {.vertices = vertices, .n_vertices = 3, .indices = indices, .n_indices = 3};
@@ -368,7 +369,7 @@ static void write_bad(const struct bad *bad, const char *path) {
     exr_file_free(file);
 }
 
-static void test_bad_files(void) {
+TEST(table__bad) {
     static const struct bad bads[] = {
         {"NaN", "not a number of millimetres", .value = NAN},
         {"infinite", "not a number of millimetres", .value = INFINITY},
@@ -399,7 +400,7 @@ static void test_bad_files(void) {
 }
 
 /* What was not seen takes what is around it, across the tile's edges too. */
-static void test_holes(void) {
+TEST(table__holes) {
     g_autoptr(GError) error = NULL;
     static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
@@ -422,7 +423,7 @@ static void test_holes(void) {
 }
 
 /* Over ridges that are known, flat rays stop where a closed form says. */
-static void test_grazing(void) {
+TEST(table__grazing) {
     struct mdf_table *t = flat_mdf(32, 2.0);
     int before = t->n_views, n = 32 * 32;
     mdf_table_add_grazing(t);
@@ -435,7 +436,7 @@ static void test_grazing(void) {
 
 /* A flat structure needs no raised relief. One whose flattest views end higher than its steep views
  * say needs a higher one, and grazing views over it end higher, too. */
-static void test_raised(void) {
+TEST(table__raised) {
     g_autoptr(MdfTable) flat = flat_mdf(32, 2.0);
     g_autoptr(MdfTable) waves = flat_mdf(32, 2.0);
     const int n = 32 * 32;
@@ -472,15 +473,8 @@ static void test_missing(gconstpointer data) {
     g_assert_false(viewer_settings_check(&s, &layers));
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     static const struct material weave = {"weave", 1.2, 1.75}, brick = {"brick", 1.8, 2.4};
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/silhouettes/shapes/torus", test_shapes_of_torus);
-    g_test_add_func("/silhouettes/shapes/degenerate", test_shapes_degenerate);
-    g_test_add_func("/silhouettes/table/bad", test_bad_files);
-    g_test_add_func("/silhouettes/table/holes", test_holes);
-    g_test_add_func("/silhouettes/table/grazing", test_grazing);
-    g_test_add_func("/silhouettes/table/raised", test_raised);
     gpu_fixture_add("/silhouettes/sphere", test_sphere, NULL);
     gpu_fixture_add("/silhouettes/volume", test_volume, NULL);
     gpu_fixture_add("/silhouettes/smooth", test_smooth, NULL);
@@ -491,7 +485,8 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/silhouettes/missing", test_missing, NULL);
     gpu_fixture_add("/silhouettes/truth/weave", test_truth, &weave);
     gpu_fixture_add("/silhouettes/truth/brick", test_truth, &brick);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

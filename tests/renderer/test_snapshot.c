@@ -1,5 +1,6 @@
 /* What a picture of the viewer says about itself. */
 #include "exr/exr.h"
+#include "lib/test.h"
 #include "window/snapshot.h"
 
 #include <glib/gstdio.h>
@@ -28,7 +29,7 @@ static gboolean use_comma(const char *folder) {
 }
 
 /* The texts have decimal points, and the user's own numbers are as before. */
-static void test_comma(void) {
+TEST(comma) {
     static const float rgb[3] = {0.5F, 0.5F, 0.5F};
     static const struct method method = {.title = "a method"};
     static const struct viewer_options options = {NULL};
@@ -58,10 +59,4 @@ static void test_comma(void) {
     g_assert_cmpstr(own, ==, "1,5");
     setlocale(LC_NUMERIC, "C");
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/snapshot/comma", test_comma);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
 #include "base/data_error.h"
 #include "lib/process.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
@@ -246,7 +247,7 @@ static void test_bad_material(gconstpointer data) {
     refuse(m, "no texels or directions");
 }
 
-static void test_bad_settings(void) {
+TEST(bad_settings) {
     struct viewer_settings s = viewer_settings_default;
     g_autoptr(GError) error = NULL, nan = NULL;
     g_assert_true(viewer_settings_check(&s, &error));
@@ -266,7 +267,7 @@ static void test_too_large(gconstpointer data) {
     g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 
-static void test_png(void) {
+TEST(png) {
     g_autoptr(GError) error = NULL, folder = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "a.png", NULL);
@@ -453,8 +454,7 @@ static void test_program_no_display(gconstpointer data) {
     view_fixture_remove_session(dir, (const char *[]){NULL});
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     gpu_fixture_add("/view/plane", test_plane, NULL);
     gpu_fixture_add("/view/plane-from-above", test_plane_from_above, NULL);
     gpu_fixture_add("/view/torus", test_torus, NULL);
@@ -464,9 +464,7 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/view/magnified", test_magnified, NULL);
     gpu_fixture_add("/view/fit", test_fit, NULL);
     gpu_fixture_add("/view/bad-material", test_bad_material, NULL);
-    g_test_add_func("/view/bad-settings", test_bad_settings);
     gpu_fixture_add("/view/too-large", test_too_large, NULL);
-    g_test_add_func("/view/png", test_png);
     gpu_fixture_add("/view/program/usage", test_program_usage, NULL);
     gpu_fixture_add("/view/program/renders", test_program_renders, NULL);
     gpu_fixture_add("/view/program/relief", test_program_relief, NULL);
@@ -474,5 +472,4 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/view/program/reference", test_program_reference, NULL);
     gpu_fixture_add("/view/program/window", test_program_window, NULL);
     gpu_fixture_add("/view/program/no-display", test_program_no_display, NULL);
-    return g_test_run();
 }

@@ -6,6 +6,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
 #include "lpca/lpca_levels.h"
@@ -517,7 +518,7 @@ static void test_shapes(gconstpointer data) {
 }
 
 /* Without the package's sample. */
-static void test_no_sample(void) {
+TEST(no_sample) {
     if (!view_fixture_have_program())
         return;
     const char *arguments[] = {VIEWER, "--sample", "-o", "out.png", NULL, NULL};
@@ -562,8 +563,7 @@ static void test_least_gl(gconstpointer data) {
     remove_tree(dir);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     gpu_fixture_add("/view-mistakes/products", test_products, NULL);
     gpu_fixture_add("/view-mistakes/default-method", test_default_method, NULL);
     gpu_fixture_add("/view-mistakes/distances", test_distances, NULL);
@@ -572,6 +572,4 @@ int main(int argc, char **argv) {
     gpu_fixture_add("/view-mistakes/no-library", test_no_library, NULL);
     gpu_fixture_add("/view-mistakes/shapes", test_shapes, NULL);
     gpu_fixture_add("/view-mistakes/least-gl", test_least_gl, NULL);
-    g_test_add_func("/view-mistakes/no-sample", test_no_sample);
-    return g_test_run();
 }

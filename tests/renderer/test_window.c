@@ -1,6 +1,7 @@
 /* The window as a user has it: keys and mouse on a display without a screen, and what its
  * screenshots say of themselves. */
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lib/window_user.h"
 
@@ -25,7 +26,7 @@ static void check_change(GHashTable *before, GHashTable *after, const char *text
                                    1e-6);
 }
 
-static void test_mouse(void) {
+TEST(mouse) {
     struct user u;
     if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
         return;
@@ -56,7 +57,7 @@ static void test_mouse(void) {
     g_free(user_leave(&u));
 }
 
-static void test_keys(void) {
+TEST(keys) {
     struct user u;
     if (!user_sit_down(&u, NULL, (const char *[]){SMALL, "--shape", "cylinder", NULL}))
         return;
@@ -121,7 +122,7 @@ static guint8 *settled(struct user *u, const guint8 *before, int at_least, int *
 
 /* F1 shows the keys, Tab hides the panel, and both put back what was there. The mouse is moved
  * aside, for what it lies on may be lit. */
-static void test_help(void) {
+TEST(help) {
     struct user u;
     int n;
     const int help_pixels = 100 * 200, panel_pixels = 200 * 300;
@@ -158,7 +159,7 @@ static double spent_s(const char *pid) {
 }
 
 /* With nobody at it the window takes under 2 % of a core, and then answers at once. */
-static void test_idle(void) {
+TEST(idle) {
     struct user u;
     const double watched_s = 5;
     int n;
@@ -195,7 +196,7 @@ static void add_letters(GHashTable *to, const char *path) {
 }
 
 /* The window's font has every letter that the sources of what it shows have. */
-static void test_glyphs(void) {
+TEST(glyphs) {
     const char *const folders[] = {"window", "methods"};
     g_autoptr(GHashTable) letters = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(folders); k++) {
@@ -231,7 +232,7 @@ static void close_window(struct user *u, enum closing how) {
 }
 
 /* Asked by the desktop, and the display gone: an end without a crash. */
-static void test_closed(void) {
+TEST(closed) {
     for (int how = BY_DESKTOP; how < N_CLOSINGS; how++) {
         struct user u;
         if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
@@ -277,7 +278,7 @@ static char *link_session(const char *session) {
 
 /* While a large file is opened, keys are answered with what there is, and the window closes: by
  * key, asked by the desktop, and with the display gone. */
-static void test_opening(void) {
+TEST(opening) {
     struct user u;
     g_autofree char *session = write_large_session(), *first = link_session(session);
     if (!user_sit_down(&u, first, (const char *[]){SMALL, NULL}))
@@ -297,16 +298,4 @@ static void test_opening(void) {
         close_window(&u, how);
     }
     remove_tree(session);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/window/mouse", test_mouse);
-    g_test_add_func("/window/keys", test_keys);
-    g_test_add_func("/window/help", test_help);
-    g_test_add_func("/window/idle", test_idle);
-    g_test_add_func("/window/glyphs", test_glyphs);
-    g_test_add_func("/window/closed", test_closed);
-    g_test_add_func("/window/opening", test_opening);
-    return g_test_run();
 }

@@ -4,6 +4,7 @@
 #include "lib/fields_fixture.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 #include "lib/window_user.h"
 
 #include <fcntl.h>
@@ -196,7 +197,7 @@ static gboolean start(struct user *u, const char *const *options) {
 }
 
 /* Methods, shapes, two halves of the picture and their difference. */
-static void test_choosers(void) {
+TEST(choosers) {
     struct user u;
     if (!start(&u, (const char *[]){WINDOW, "--size", "400x460", NULL}))
         return;
@@ -264,7 +265,7 @@ static void give_back(int fd) {
 
 /* A method of another file, and shapes, while that file takes its time: what
  * was chosen comes. */
-static void test_while_opening(void) {
+TEST(while_opening) {
     struct user u;
     g_autofree char *session = view_fixture_write_session(), *map = NULL, *shape = NULL;
     write_own(session, &map, &shape);
@@ -321,7 +322,7 @@ static void wait_for_split(struct user *u, double expected, double tolerance) {
 
 /* Where the picture is split: pressed, dragged, and dragged beyond its ends;
  * right of a third of the picture there is then the one material or the other. */
-static void test_split(void) {
+TEST(split) {
     struct user u;
     static const struct box beside = {335, 0, 400, 460};
     if (!start(&u, (const char *[]){WINDOW, "--size", "400x460", "--split", "fields", "--shape",
@@ -358,7 +359,7 @@ static void test_split(void) {
 }
 
 /* What is chosen while views come stays; eigen-maps of those that are there can be had back. */
-static void test_while_capturing(void) {
+TEST(while_capturing) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *session = capturing_session_new(folder),
                     *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
@@ -384,13 +385,4 @@ static void test_while_capturing(void) {
     }
     remove_tree(made);
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/window-choosers/choosers", test_choosers);
-    g_test_add_func("/window-choosers/while-opening", test_while_opening);
-    g_test_add_func("/window-choosers/split", test_split);
-    g_test_add_func("/window-choosers/while-capturing", test_while_capturing);
-    return g_test_run();
 }

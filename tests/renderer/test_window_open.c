@@ -3,6 +3,7 @@
 #include "lib/file_portal.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lib/window_user.h"
 #include "window/settings.h"
@@ -52,7 +53,7 @@ static void type_path(struct user *u, const char *key, const char *path) {
 
 /* The page at the start opens what was opened last; the dialog opens another; an error leaves all
  * as it is; and both are in the desktop's list. */
-static void test_start(void) {
+TEST(start) {
     struct user u;
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *first = view_fixture_write_session(), *second = view_fixture_write_session();
@@ -95,7 +96,7 @@ static void test_start(void) {
 }
 
 /* Things let go over the window. */
-static void test_drop(void) {
+TEST(drop) {
     struct user u;
     g_autofree char *session = view_fixture_write_session();
     g_autofree char *shape = NULL, *text = NULL, *sky = NULL;
@@ -128,7 +129,7 @@ static void test_drop(void) {
 }
 
 /* The desktop's dialogs, where there are any. */
-static void test_portal(void) {
+TEST(portal) {
     struct user u;
     g_autofree char *session = view_fixture_write_session();
     FilePortal *portal = file_portal_new();
@@ -158,7 +159,7 @@ static void test_portal(void) {
 }
 
 /* Without a display there is no window; where there is no terminal either, the desktop says why. */
-static void test_notice(void) {
+TEST(notice) {
     FilePortal *portal = file_portal_new();
     g_auto(GStrv) environment = g_get_environ();
     g_autofree char *err = NULL;
@@ -180,7 +181,7 @@ static void test_notice(void) {
 }
 
 /* What cannot be opened at the start is a sentence; the window stays, and opens something else. */
-static void test_mistakes(void) {
+TEST(mistakes) {
     struct user u;
     g_autofree char *session = view_fixture_write_session();
     char *empty = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -203,7 +204,7 @@ static void test_mistakes(void) {
 }
 
 /* A name is given once: what is there already is not written over. */
-static void test_save(void) {
+TEST(save) {
     struct user u;
     if (!user_sit_down(&u, NULL, (const char *[]){SIZE, NULL}))
         return;
@@ -263,7 +264,7 @@ static void wait_centred(struct user *u, int from, int to) {
 
 /* The shape is in the middle of what the panel leaves, and of all when it is folded; full screen
  * and back; Esc never quits. */
-static void test_panel(void) {
+TEST(panel) {
     struct user u;
     int width, height;
     if (!user_sit_down(&u, NULL, (const char *[]){"--size", "700x300", NULL}))
@@ -291,7 +292,7 @@ static void test_panel(void) {
 }
 
 /* Lamps come, move and go; so does an environment, which lights and turns. */
-static void test_lamps(void) {
+TEST(lamps) {
     struct user u;
     if (!user_sit_down(&u, NULL, (const char *[]){SIZE, "--environment-lamps", "2", NULL}))
         return;
@@ -321,7 +322,7 @@ static void test_lamps(void) {
 }
 
 /* The command that the window gives draws the window's picture, after changes of every kind. */
-static void test_command(void) {
+TEST(command) {
     struct user u;
     if (!user_sit_down(&u, NULL,
                        (const char *[]){SIZE, "--environment", "overcast", "--environment-lamps",
@@ -377,7 +378,7 @@ static void test_command(void) {
 
 /* Every control of the panel is an option of the command line, and every option of the table is in
  * the manual page. */
-static void test_table(void) {
+TEST(table) {
     struct viewer_options options;
     g_autofree char *manual = NULL;
     viewer_options_init(&options);
@@ -397,19 +398,4 @@ static void test_table(void) {
         n_labels += setting->label != NULL;
     }
     g_assert_cmpint(n_labels, >, 20);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/window-open/start", test_start);
-    g_test_add_func("/window-open/drop", test_drop);
-    g_test_add_func("/window-open/portal", test_portal);
-    g_test_add_func("/window-open/notice", test_notice);
-    g_test_add_func("/window-open/mistakes", test_mistakes);
-    g_test_add_func("/window-open/save", test_save);
-    g_test_add_func("/window-open/panel", test_panel);
-    g_test_add_func("/window-open/lamps", test_lamps);
-    g_test_add_func("/window-open/command", test_command);
-    g_test_add_func("/window-open/table", test_table);
-    return g_test_run();
 }

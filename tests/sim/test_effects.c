@@ -1,4 +1,5 @@
 /* Effects of real rigs in the simulated world, each against a formula of its own. */
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -88,7 +89,7 @@ static void off(void) {
 }
 
 /* The line of a laser at θ from the zenith on a plate: b of the sheet moves it by b / cos θ. */
-static void bent_sheet(void) {
+TEST(bent_sheet) {
     static const char sheet[] = QUIET MONO PLATE "[laser l]\ntheta_deg=50\nphi_deg=0\nwidth_mm=2\n";
     g_autofree char *bent = g_strconcat(sheet, "sheet_bend_mm=0.8\n", NULL);
     g_autofree double *was = g_new(double, PIXELS), *is = g_new(double, PIXELS);
@@ -127,7 +128,7 @@ static void leaning(double w_deg, int n, double turn_deg, double ret[3]) {
 #define WOBBLE QUIET "turntable_albedo=0\nbearing_wobble_deg=2\nbearing_wobble_per_turn=3\n"
 #define FAR    "distance_mm=9000\nexponent=0\nintensity=4000\n"
 
-static void wobble_truth(void) {
+TEST(wobble__truth) {
     g_autoptr(World) world = world_fixture_new(WOBBLE MONO PLATE "[lamp l]\ntheta_deg=40\n");
     for (double turn = 0; turn < 360; turn += 24) {
         double up[3], axis[3], there[3], back[3];
@@ -153,7 +154,7 @@ static void wobble_truth(void) {
 }
 
 /* A white disc moves in the picture as the truth says. */
-static void wobble_view(void) {
+TEST(wobble__view) {
     static const char rest[] = MONO "[lamp l]\ntheta_deg=20\n" FAR
                                     "[sample]\nkind=flat\nalbedo=0\nwidth_mm=2\nheight_mm=2\n"
                                     "[mark]\nx_mm=15\ny_mm=8\nz_mm=9\nradius_mm=4\n";
@@ -187,7 +188,7 @@ static void wobble_view(void) {
 
 /* Lamps and lasers stay where they are while the plate leans: light by the cosine to its normal,
  * and the line where the sheet cuts it. */
-static void wobble_light(void) {
+TEST(wobble__light) {
     static const char *const lamps[] = {"", "phi_deg=70\n"};
     g_autofree double *level = g_new(double, PIXELS), *leans = g_new(double, PIXELS);
     for (int fixed = 0; fixed < 2; fixed++) {
@@ -253,7 +254,7 @@ static void glare(void) {
                                        0.03 * mean[filter_of(i)] / n[filter_of(i)], 1.01);
 }
 
-static void halves_and_columns(void) {
+TEST(halves_and_columns) {
     g_autofree double *plain = g_new(double, PIXELS), *seen = g_new(double, PIXELS);
     g_autofree double *dark = g_new(double, PIXELS);
     const struct world_state lit = lamp_state(0), unlit = {0};
@@ -428,7 +429,7 @@ static double from_line(double x_mm, double z_mm) {
 
 /* Light that enters a block near its edge goes through the material to a lower block next to it;
  * it does not come out of the turntable. */
-static void bleeding_at_a_step(void) {
+TEST(bleeding_at_a_step) {
     g_autofree double *was = g_new(double, PIXELS), *is = g_new(double, PIXELS);
     double out[2], expected[2] = {0};
     for (int step = 0; step < 2; step++) {
@@ -501,21 +502,15 @@ static void flicker(void) {
     g_assert_cmpfloat(again.lamp_output[0], ==, state.lamp_output[0]);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/effects/off", off);
-    g_test_add_func("/effects/bent-sheet", bent_sheet);
-    g_test_add_func("/effects/wobble/truth", wobble_truth);
-    g_test_add_func("/effects/wobble/view", wobble_view);
-    g_test_add_func("/effects/wobble/light", wobble_light);
     g_test_add_func("/effects/glare", glare);
-    g_test_add_func("/effects/halves-and-columns", halves_and_columns);
     g_test_add_func("/effects/lateral-colour", lateral_colour);
     g_test_add_func("/effects/speckle", speckle);
     g_test_add_func("/effects/bleeding", bleeding);
-    g_test_add_func("/effects/bleeding-at-a-step", bleeding_at_a_step);
     g_test_add_func("/effects/flicker", flicker);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return result;
 }

@@ -1,4 +1,5 @@
 /* The world's own truth against closed forms: planes, a sphere, a box, a ramp. */
+#include "lib/test.h"
 #include "world/truth.h"
 
 #include "lib/world_fixture.h"
@@ -28,7 +29,7 @@ static void ray(const double eye[3], const double p[3], double ret[3]) {
         ret[k] = d[k] / length;
 }
 
-static void view_centre(void) {
+TEST(view_centre) {
     g_autoptr(World) world = world_fixture_new(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\n");
     double eye[3];
     truth_view_centre_mm(world, 1, 100, eye);
@@ -135,7 +136,7 @@ static void ramp(void) {
     }
 }
 
-static void laser_seen(void) {
+TEST(laser_seen) {
     g_autoptr(GString) obj = g_string_new(NULL);
     world_fixture_box(obj, 0, -5, 5, -25, 25, 4);
     g_autofree char *path = world_fixture_write("box.obj", obj->str);
@@ -189,7 +190,7 @@ static void reflectance(void) {
 }
 
 /* Every kind of sample stays below the reference plane, and reflects no more than it gets. */
-static void all_kinds(void) {
+TEST(all_kinds) {
     const char *kinds[] = {"weave", "brushed", "brick",    "peanuts", "ridges",
                            "flat",  "grass",   "bluepipe", "block"};
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
@@ -297,7 +298,7 @@ static void overhangs(void) {
 }
 
 /* A lamp on a crooked arc goes round the arc's own axis, from where its zero is. */
-static void crooked_arc(void) {
+TEST(crooked_arc) {
     g_autoptr(World) world = world_fixture_new(
         "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_zero_error_deg=0.5\n"
         "arc_tilt_error_deg=1\narc_error_mm=2\n" CAMERAS "[sample]\nkind=flat\ngrid=2\n");
@@ -328,7 +329,7 @@ static void crooked_arc(void) {
 
 /* The shadow of a post's top ends where the ray from the lamp over it comes down, also where the
  * arc is crooked; a picture shows it there. */
-static void shadow_of_a_post(void) {
+TEST(shadow_of_a_post) {
     g_autoptr(World) world = world_fixture_new(
         "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_tilt_error_deg=1\narc_error_mm=2\n"
         "[camera a]\ntheta_deg=0\nwidth=401\nheight=401\nfocal_px=3250\ncfa=mono\n"
@@ -357,19 +358,14 @@ static void shadow_of_a_post(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/truth/view-centre", view_centre);
+BEFORE_TESTS {
     g_test_add_func("/truth/plane", plane);
     g_test_add_func("/truth/ball", ball);
     g_test_add_func("/truth/ramp", ramp);
-    g_test_add_func("/truth/laser-seen", laser_seen);
     g_test_add_func("/truth/reflectance", reflectance);
-    g_test_add_func("/truth/all-kinds", all_kinds);
     g_test_add_func("/truth/overhangs", overhangs);
-    g_test_add_func("/truth/crooked-arc", crooked_arc);
-    g_test_add_func("/truth/shadow-of-a-post", shadow_of_a_post);
-    int result = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return result;
 }

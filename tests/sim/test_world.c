@@ -2,6 +2,7 @@
  * refuses. */
 #include "base/config.h"
 #include "geometry/rig.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 
 #include <png.h>
@@ -27,7 +28,7 @@ static struct world_state lamp_state(int lamp, double arc_deg) {
     return state;
 }
 
-static void white_diffuser(void) {
+TEST(white_diffuser) {
     g_autoptr(World) world = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\nbase_mm=2\n"
                                                                 "albedo=1\ngrid=4\n");
     struct world_state state = lamp_state(0, 90);
@@ -47,7 +48,7 @@ static void white_diffuser(void) {
     }
 }
 
-static void lens_and_filters(void) {
+TEST(lens_and_filters) {
     g_autoptr(World) world = world_fixture_new(
         QUIET "[camera above]\ntheta_deg=0\nwidth=101\nheight=101\nfocal_px=10000\nbits=16\n"
               "black_level=0\nvignetting=0.4\nfalloff=4\ncolour=1;0.5;0.25\n"
@@ -64,7 +65,7 @@ static void lens_and_filters(void) {
     g_assert_cmpfloat_with_epsilon(pixels[0] / red, corner, 1e-3);
 }
 
-static void black_and_full(void) {
+TEST(black_and_full) {
     g_autoptr(World) world = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=4\n");
     struct world_state state = {0};
     guint16 pixels[101 * 101];
@@ -104,7 +105,7 @@ static void check_place(const World *world, int index, double theta, double phi,
     *sum_dy += sy / sum - y;
 }
 
-static void same_place_as_rig(void) {
+TEST(same_place_as_rig) {
     g_autofree char *obj =
         world_fixture_write("square.obj", "v 8 5 2\nv 10 5 2\nv 10 7 2\nv 8 7 2\n"
                                           "f 1 2 3 4\n");
@@ -123,7 +124,7 @@ static void same_place_as_rig(void) {
     }
 }
 
-static void shadow_of_a_step(void) {
+TEST(shadow_of_a_step) {
     g_autoptr(GString) obj = g_string_new(NULL);
     world_fixture_box(obj, 0, -5, 5, -20, 20, 4);
     g_autofree char *path = world_fixture_write("box.obj", obj->str);
@@ -160,7 +161,7 @@ static void line_moments(const guint16 *pixels, double z, double *ret_sum, doubl
     *ret_sigma = sqrt(second / sum - *ret_mean * *ret_mean);
 }
 
-static void laser_line(void) {
+TEST(laser_line) {
     g_autoptr(World) world = world_fixture_new(
         QUIET ABOVE "[laser l]\ntheta_deg=45\nwidth_mm=2\nfan_deg=20\npower_w=0.02\n"
                     "[sample]\nkind=flat\nbase_mm=1.5\nalbedo=0.6\ngrid=4\nwidth_mm=90\n"
@@ -187,7 +188,7 @@ static void laser_line(void) {
     }
 }
 
-static void laser_in_shadow(void) {
+TEST(laser_in_shadow) {
     g_autoptr(GString) obj = g_string_new(NULL);
     world_fixture_box(obj, 0, -5, 5, -20, 20, 4);
     g_autofree char *path = world_fixture_write("box.obj", obj->str);
@@ -260,7 +261,7 @@ static float output_at(World *world, double start_s, double exposure_s) {
     return state.lamp_output[0];
 }
 
-static void warm_up(void) {
+TEST(warm_up) {
     g_autoptr(World) world = world_fixture_new("[world]\nwarm_up_s=4\nwarm_up_start=0.5\n" LAMP
                                                "[sample]\nkind=flat\ngrid=2\n");
     g_assert_cmpfloat(world_lamp_warm_up_s(world), ==, 4);
@@ -303,7 +304,7 @@ static void drift(void) {
     "[camera "                                                                                     \
     "s]\ntheta_deg=0\nwidth=16\nheight=16\nfocal_px=20000\nresponse=100\nfull_well_e=10000\n"
 
-static void noise_statistics(void) {
+TEST(noise_statistics) {
     g_autoptr(World) world = world_fixture_new("[world]\ngather_rays=0\nsupersample=1\n" SMALL LAMP
                                                "[sample]\nkind=flat\ngrid=2\nalbedo=1\n");
     const double exposures_s[] = {0, 0.05, 0.3};
@@ -366,7 +367,7 @@ static const char woven[] =
     "[laser s]\ntheta_deg=45\n"
     "[sample]\nkind=weave\nwidth_mm=12.5\nheight_mm=12.5\nrelief_mm=3\n";
 
-static void same_snapshot_same_picture(void) {
+TEST(same_snapshot_same_picture) {
     g_autofree guint16 *pixels = g_new0(guint16, 4 * N_STATES * N_PIXELS);
     gsize bytes = sizeof(guint16) * N_STATES * N_PIXELS;
     for (int round = 0; round < 2; round++) {
@@ -429,7 +430,7 @@ static void mean_rows(int gather, double rows[101]) {
 
 /* A wall sees the other one, at a right angle, by F = (1 − x/√(x² + L²))/2 where x is the distance
  * from the corner; both are lit alike from far above, so one bounce adds albedo·F. */
-static void light_in_a_groove(void) {
+TEST(light_in_a_groove) {
     g_autofree char *obj = groove();
     g_autofree char *path = world_fixture_write("groove.obj", obj);
     double direct[101], all[101];
@@ -463,7 +464,7 @@ static void deviations(void) {
     g_assert_cmpfloat(fabs(change - 1), <, 0.15);
 }
 
-static void shared_by_path(void) {
+TEST(shared_by_path) {
     g_autoptr(World) a = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=2\n");
     g_autofree char *other = g_build_filename(world_fixture_folder(), ".", "world.conf", NULL);
     g_autoptr(World) b = world_get(other, NULL);
@@ -485,7 +486,7 @@ static void shared_by_path(void) {
     g_assert_cmpfloat(state.arc_deg, ==, -3);
 }
 
-static void demo_world(void) {
+TEST(demo_world) {
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = world_get(SOURCE_DIR "/etc/demo/world.conf", &error);
     g_assert_no_error(error);
@@ -543,7 +544,7 @@ static void refuse_file(const char *kind, const char *content, gsize size, const
     refuse(text, words);
 }
 
-static void refused_files(void) {
+TEST(refused_files) {
     const char *objs[] = {"v 0 0 nan\n",
                           "v 0 0\n",
                           "v 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 4\n",
@@ -568,27 +569,13 @@ static void refused_files(void) {
     refuse_file("picture", (const char *)file, 20, "bad.file");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/world/white-diffuser", white_diffuser);
-    g_test_add_func("/world/lens-and-filters", lens_and_filters);
-    g_test_add_func("/world/black-and-full", black_and_full);
-    g_test_add_func("/world/same-place-as-rig", same_place_as_rig);
-    g_test_add_func("/world/shadow-of-a-step", shadow_of_a_step);
-    g_test_add_func("/world/laser-line", laser_line);
-    g_test_add_func("/world/laser-in-shadow", laser_in_shadow);
+BEFORE_TESTS {
     g_test_add_func("/world/turning", turning);
-    g_test_add_func("/world/warm-up", warm_up);
     g_test_add_func("/world/drift", drift);
-    g_test_add_func("/world/noise-statistics", noise_statistics);
-    g_test_add_func("/world/same-snapshot-same-picture", same_snapshot_same_picture);
-    g_test_add_func("/world/light-in-a-groove", light_in_a_groove);
     g_test_add_func("/world/deviations", deviations);
-    g_test_add_func("/world/shared-by-path", shared_by_path);
-    g_test_add_func("/world/demo-world", demo_world);
     g_test_add_func("/world/refused", refused);
-    g_test_add_func("/world/refused-files", refused_files);
-    int result = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return result;
 }

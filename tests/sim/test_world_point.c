@@ -1,4 +1,5 @@
 /* Points of a view: what packing may change of them is far below what a sensor sees. */
+#include "lib/test.h"
 #include "world/world_private.h"
 
 static double angle_between(const float a[3], const float b[3]) {
@@ -34,7 +35,7 @@ static void check(const struct surface *from, enum cfa_colour colour) {
 }
 
 /* The axes and the octahedron's edges are among them: x, y and z run over −1, 0 and 1, too. */
-static void test_all_directions(void) {
+TEST(all_directions) {
     struct surface surface = {.p = {-12.345f, 6.789f, 0.1f},
                               .albedo = {0.1f, 0.5f, 1},
                               .gloss = 0.3f,
@@ -54,7 +55,7 @@ static void test_all_directions(void) {
     }
 }
 
-static void test_narrow_lobe(void) {
+TEST(narrow_lobe) {
     struct surface surface = {.n = {0, 0, 1},
                               .t = {1, 0, 0},
                               .ng = {0, 0, 1},
@@ -68,11 +69,4 @@ static void test_narrow_lobe(void) {
     g_assert_cmpfloat(to.along, >, 0);
     g_assert_cmpfloat(to.across, >, 0);
     g_assert_true(isfinite(scene_reflect(&to, v3(0, 0, 500), v3(0, 0, 600), CFA_GREEN)));
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/world/point/directions", test_all_directions);
-    g_test_add_func("/world/point/narrow-lobe", test_narrow_lobe);
-    return g_test_run();
 }

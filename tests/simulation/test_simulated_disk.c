@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "disk_model.h"
+#include "lib/test.h"
 #include "session/session.h"
 
 struct bench {
@@ -91,7 +92,7 @@ static void assert_file(const struct bench *bench, const char *name, const char 
 }
 
 /* Contents need fsync() of the file, its name that of the folder. */
-static void test_sync(void) {
+TEST(sync) {
     struct bench *bench = bench_new();
     bench_write(bench, "named", "1", FALSE);
     bench_sync_folder(bench);
@@ -112,7 +113,7 @@ static void test_sync(void) {
 }
 
 /* A renaming is one change: there is always the old file or the new one. */
-static void test_rename(void) {
+TEST(rename) {
     int n_new = 0;
     for (guint32 seed = 0; seed < 40; seed++) {
         struct bench *bench = bench_new();
@@ -132,7 +133,7 @@ static void test_rename(void) {
 }
 
 /* What one fsync() failed to write no later one writes. */
-static void test_failed_sync(void) {
+TEST(failed_sync) {
     struct bench *bench = bench_new();
     g_autofree char *path = bench_path(bench, "file");
     bench_write(bench, "file", "aa", TRUE);
@@ -154,7 +155,7 @@ static void test_failed_sync(void) {
 }
 
 /* Each unsynced write is kept, lost, or torn between sectors. */
-static void test_torn(void) {
+TEST(torn) {
     gboolean kept = FALSE, lost = FALSE, torn = FALSE;
     for (guint32 seed = 0; seed < 100; seed++) {
         struct bench *bench = bench_new();
@@ -175,7 +176,7 @@ static void test_torn(void) {
 }
 
 /* Calls that take space fail while the disk is full; a short write does half. */
-static void test_faults(void) {
+TEST(faults) {
     struct bench *bench = bench_new();
     g_autofree char *path = bench_path(bench, "file"), *other = bench_path(bench, "other");
     const int fd = g_open(path, O_WRONLY | O_CREAT, 0666);
@@ -217,7 +218,7 @@ static int count_rows(const char *path) {
 
 /* SQLite goes through the simulated disk: what it says is committed survives any power cut with
  * synchronous = FULL; with OFF some cuts lose it. */
-static void test_sqlite(void) {
+TEST(sqlite) {
     int lost[2] = {0};
     for (guint32 seed = 0; seed < 20; seed++)
         for (int full = 0; full < 2; full++) {
@@ -248,7 +249,7 @@ static void test_sqlite(void) {
 
 /* Whichever fsync() fails while a session is made: if it is there nevertheless, and is opened to go
  * on with it, it survives a power cut. */
-static void test_session(void) {
+TEST(session) {
     int left = 0;
     gboolean failed = TRUE;
     for (int k = 1; failed; k++) {
@@ -280,7 +281,7 @@ static void test_session(void) {
 
 /* Whichever call fails while a session is made, the error is the disk's: there is no session yet
  * that a backup could have. */
-static void test_new_session(void) {
+TEST(new_session) {
     static const struct session_texts texts = {"", "", "", NULL};
     const struct session_plan plan = {
         .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1}};
@@ -332,7 +333,7 @@ static gboolean store_before_a_cut(struct bench *bench, const char *path, int k,
 
 /* The write-ahead log has its name before anything is in it, or the session is not opened: SQLite
  * goes on when it cannot open the folder to sync that name. */
-static void test_log_has_its_name(void) {
+TEST(log_has_its_name) {
     static const struct session_texts texts = {"", "", "", NULL};
     const struct session_plan plan = {
         .grid = {.width = 4, .height = 4, .width_mm = 10, .height_mm = 10, .depth_mm = 1}};
@@ -402,7 +403,7 @@ static void use_session(Session *session, int *ret_refused) {
 
 /* Whichever call fails while a session is opened, read and written: an error says so, and without
  * the fault the session is whole. */
-static void test_session_in_use(void) {
+TEST(session_in_use) {
     static const struct session_texts texts = {"", "", "", NULL};
     const struct session_shot shot = {
         .id = 1, .kind = SHOT_DARK, .source = -1, .device = -1, .cameras = 1};
@@ -443,19 +444,4 @@ static void test_session_in_use(void) {
         if (kind == DISK_READ || kind == DISK_WRITE || kind == DISK_SYNC || kind == DISK_OPEN)
             g_assert_cmpint(refused, >, 0);
     }
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/disk/sync", test_sync);
-    g_test_add_func("/disk/rename", test_rename);
-    g_test_add_func("/disk/failed-sync", test_failed_sync);
-    g_test_add_func("/disk/torn", test_torn);
-    g_test_add_func("/disk/faults", test_faults);
-    g_test_add_func("/disk/sqlite", test_sqlite);
-    g_test_add_func("/disk/session", test_session);
-    g_test_add_func("/disk/new-session", test_new_session);
-    g_test_add_func("/disk/log-has-its-name", test_log_has_its_name);
-    g_test_add_func("/disk/session-in-use", test_session_in_use);
-    return g_test_run();
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/capture_run.h"
+#include "lib/test.h"
 
 static const struct change changes[] = {
     {"[lasers]", "rings = 30:4; 60:4"},
@@ -101,7 +102,7 @@ static struct outcome undisturbed(void) {
     return undisturbed_of(changes, "no further sweep is expected to add to that");
 }
 
-static void test_rounds(void) {
+TEST(rounds) {
     struct outcome outcome = undisturbed();
     g_test_message("%d sweeps taken, %d left out, %d rounds", outcome.done, outcome.left_out,
                    outcome.rounds);
@@ -139,7 +140,7 @@ static void check_resume(const struct change *with, const char *said, const int 
     outcome_clear(&expected);
 }
 
-static void test_resume(void) {
+TEST(resume) {
     static const int every[] = {60, 95, 150, 210};
     check_resume(changes, "no further sweep is expected to add to that", every,
                  G_N_ELEMENTS(every));
@@ -147,7 +148,7 @@ static void test_resume(void) {
 
 /* The flat matt sample is predicted to within the error asked for from a part of the pictures: more
  * than the first round, since that is sparse, and fewer than all. */
-static void test_lamps(void) {
+TEST(lamps) {
     struct outcome outcome = undisturbed_of(lamps, "error_pct = 4 asks for no more");
     g_test_message("%d shots taken, %d left out, %d rounds, %.2f %%", outcome.lamps_done,
                    outcome.lamps_left_out, outcome.lamp_rounds, outcome.error_pct);
@@ -164,7 +165,7 @@ static void test_lamps(void) {
 
 /* Lamps and sweeps in rounds together. Numbers of shots differ from those of a session in which the
  * sweeps do not come in rounds, and with them noise and what is chosen. */
-static void test_both(void) {
+TEST(both) {
     static const int every[] = {50, 121};
     struct outcome outcome = undisturbed_of(both, "error_pct = 4 asks for no more");
     g_assert_cmpint(outcome.lamps_done, >, 8);
@@ -186,7 +187,7 @@ static void flip_a_bit(const struct run *run, const struct session_frame *frame)
 /* Frames that are damaged, one of a lamp and one of a sweep: nothing is chosen without them,
  * however often the session is told to go on; resumed, it takes them again, and chooses as if
  * nothing had happened. */
-static void test_damaged(void) {
+TEST(damaged) {
     struct outcome expected = undisturbed_of(both, "error_pct = 4 asks for no more");
     struct run *run = run_begin(both);
     run_until(run, 121);
@@ -221,7 +222,7 @@ static void test_damaged(void) {
 
 /* An error that nothing reaches: all are taken, as they are with a budget that suffices for them. A
  * budget for little more than the first round ends it, and the lamps take no longer. */
-static void test_lamp_bounds(void) {
+TEST(lamp_bounds) {
     static const struct change all[] = {LAMPS, {"[lights]", "error_pct = 0"}, {NULL, NULL}};
     static const struct change budget[] = {
         LAMPS, {"[lights]", "error_pct = 0"}, {"[lights]", "budget_min = 0.6"}, {NULL, NULL}};
@@ -238,7 +239,7 @@ static void test_lamp_bounds(void) {
 
 /* With a bound that nothing reaches, the first round is all; with none, all may be taken, and with
  * the default everything is. */
-static void test_bounds(void) {
+TEST(bounds) {
     static const struct change none[] = {{"[lasers]", "rings = 30:4; 60:4"},
                                          {"[lasers]", "stop = covered"},
                                          {"[lasers]", "first = 2"},
@@ -260,7 +261,7 @@ static void test_bounds(void) {
 
 /* What is made by a process of its own before a capture begins has the first rounds: the daemon's
  * main loop chooses none. */
-static void test_first(void) {
+TEST(first) {
     g_autoptr(GError) error = NULL;
     struct run *run = run_begin(both);
     g_autofree char *path = g_strconcat(run->session, ".second", NULL);
@@ -280,7 +281,7 @@ static void test_first(void) {
 }
 
 /* A value that names a shot that there is not. */
-static void test_values(void) {
+TEST(values) {
     g_autoptr(GError) error = NULL;
     struct run *run = run_begin(changes);
     run_until(run, 20);
@@ -298,7 +299,7 @@ static void test_values(void) {
 
 /* What is expected of a session, before it begins, of a material like that of an earlier one: more
  * shots take longer, and leave a smaller error. */
-static void test_expected(void) {
+TEST(expected) {
     g_autoptr(GError) error = NULL;
     struct run *run = run_begin(lamps);
     run_to_end(run);
@@ -335,17 +336,4 @@ static void test_expected(void) {
     run_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/adaptive/first", test_first);
-    g_test_add_func("/adaptive/rounds", test_rounds);
-    g_test_add_func("/adaptive/resume", test_resume);
-    g_test_add_func("/adaptive/bounds", test_bounds);
-    g_test_add_func("/adaptive/values", test_values);
-    g_test_add_func("/adaptive/lamps", test_lamps);
-    g_test_add_func("/adaptive/both", test_both);
-    g_test_add_func("/adaptive/damaged", test_damaged);
-    g_test_add_func("/adaptive/lamp-bounds", test_lamp_bounds);
-    g_test_add_func("/adaptive/expected", test_expected);
-    return run_tests();
-}
+TESTS_RUN_BY(run_tests);

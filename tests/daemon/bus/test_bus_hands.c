@@ -10,6 +10,7 @@
 
 #include "lib/bus_peer.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 /* Where calls are to meet, the clock is real: a virtual one may jump to the end of what the first
  * call has begun before the second comes in. */
@@ -52,7 +53,7 @@ static GVariant *name_of(const char *axis) {
     return g_variant_new("(s)", axis);
 }
 
-static void test_names(void) {
+TEST(names) {
     static const struct change bare[] = {{"[camera cam60]", NULL},  {"[laser laser30]", NULL},
                                          {"[laser laser60]", NULL}, {"[axis sweep30]", NULL},
                                          {"[axis sweep60]", NULL},  {0}};
@@ -79,7 +80,7 @@ static void test_names(void) {
 }
 
 /* Two lamps of a bank, a laser: what one call does leaves the others as they are. */
-static void test_lights(void) {
+TEST(lights) {
     static const struct change slow[] = {
         {"[rig]", "clock = real"}, {"[laser laser30]", "warm_up_ms = 500"}, {0}};
     struct bus_peer *peer = bus_peer_open(slow);
@@ -106,7 +107,7 @@ static void test_lights(void) {
 }
 
 /* A client that goes takes with it what it has begun, and nothing of another's. */
-static void test_gone(void) {
+TEST(gone) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);
     g_autoptr(GDBusConnection) other = bus_peer_join(peer);
@@ -139,7 +140,7 @@ static void test_gone(void) {
 }
 
 /* What is on goes off; no laser shines and no axis moves behind an open door, lamps do. */
-static void test_door(void) {
+TEST(door) {
     static const struct change changes[] = {
         {"[rig]", "clock = real"}, {"[interlock door]", "open_after_s = 3"}, {0}};
     struct bus_peer *peer = bus_peer_open(changes);
@@ -160,7 +161,7 @@ static void test_door(void) {
     bus_peer_free(peer);
 }
 
-static void test_axes(void) {
+TEST(axes) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     static const struct change stalls[] = {{"[axis arc]", "fault_stall_at = 1"}, {0}};
     static const struct change silent[] = {
@@ -219,7 +220,7 @@ static void park_arc(struct bus_peer *peer) {
     g_assert_no_error(error);
 }
 
-static void test_park(void) {
+TEST(park) {
     static const struct change changes[] = {{"[rig]", "clock = real"},
                                             {"[axis arc]", "park_deg = 40"},
                                             {"[axis arc]", "speed_deg_s = 300"},
@@ -262,7 +263,7 @@ static void test_park(void) {
     bus_peer_free(peer);
 }
 
-static void test_pictures(void) {
+TEST(pictures) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     static const struct change lost[] = {{"[camera cam30]", "fault_lost = 1"}, {0}};
     static const struct change stale[] = {{"[camera cam30]", "fault_stale = 1"}, {0}};
@@ -296,7 +297,7 @@ static gboolean is_all_off(const Bus *bus) {
 }
 
 /* The daemon measures how long a light is on. */
-static void test_lease(void) {
+TEST(lease) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);
     g_autoptr(GDBusConnection) other = bus_peer_join(peer);
@@ -342,7 +343,7 @@ static void test_lease(void) {
     bus_peer_free(peer);
 }
 
-static void test_warming(void) {
+TEST(warming) {
     static const struct change slow[] = {
         {"[rig]", "clock = real"}, {"[laser laser30]", "warm_up_ms = 600000"}, {0}};
     struct bus_peer *peer = bus_peer_open(slow);
@@ -363,7 +364,7 @@ static void test_warming(void) {
 }
 
 /* A client that sends a call and closes its connection at once leaves nothing on. */
-static void test_gone_at_once(void) {
+TEST(gone_at_once) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);
     for (int i = 0; i < 40; i++) {
@@ -421,7 +422,7 @@ static int call_and_go(const char *address) {
 
 /* A client connects, calls and closes while the main loop is busy. GDBus then reports the end of
  * the connection before it passes the calls on. */
-static void test_gone_before_the_call(void) {
+TEST(gone_before_the_call) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);
     for (int i = 0; i < 10; i++) {
@@ -439,7 +440,7 @@ static void test_gone_before_the_call(void) {
 }
 
 /* A laser that does not obey: whoever asked is told, and so is everybody. */
-static void test_deaf(void) {
+TEST(deaf) {
     static const struct change deaf[] = {{"[laser laser30]", "fault_deaf = 99"}, {0}};
     struct bus_peer *peer = bus_peer_open(deaf);
     bus_peer_tell(peer, "SetLaser", on("laser30"));
@@ -498,27 +499,12 @@ static void check_unheard(const char *section, const char *method, const char *d
     bus_peer_free(peer);
 }
 
-static void test_unheard(void) {
+TEST(unheard) {
     check_unheard("[laser laser30]", "SetLaser", "laser30");
     check_unheard("[lamps bank]", "SetLamp", "lamp30");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     /* Faults of devices are told as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
-    g_test_add_func("/bus-hands/names", test_names);
-    g_test_add_func("/bus-hands/lights", test_lights);
-    g_test_add_func("/bus-hands/gone", test_gone);
-    g_test_add_func("/bus-hands/door", test_door);
-    g_test_add_func("/bus-hands/axes", test_axes);
-    g_test_add_func("/bus-hands/park", test_park);
-    g_test_add_func("/bus-hands/pictures", test_pictures);
-    g_test_add_func("/bus-hands/lease", test_lease);
-    g_test_add_func("/bus-hands/warming", test_warming);
-    g_test_add_func("/bus-hands/gone-at-once", test_gone_at_once);
-    g_test_add_func("/bus-hands/gone-before-the-call", test_gone_before_the_call);
-    g_test_add_func("/bus-hands/deaf", test_deaf);
-    g_test_add_func("/bus-hands/unheard", test_unheard);
-    return g_test_run();
 }

@@ -8,6 +8,7 @@
 
 #include "lib/bus_peer.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
 
@@ -71,7 +72,7 @@ static void test_overtakes(gconstpointer same_client) {
     bus_peer_free(peer);
 }
 
-static void test_holds(void) {
+TEST(holds) {
     struct bus_peer *peer = bus_peer_open(real_clock);
     GVariant *start[2];
     for (int i = 0; i < 2; i++)
@@ -118,7 +119,7 @@ static void test_holds(void) {
 }
 
 /* A Release that arrived before SafeState does not undo it. */
-static void test_release_is_late(void) {
+TEST(release_is_late) {
     struct bus_peer *peer = bus_peer_open(real_clock);
     GAsyncResult *release = NULL, *safe = NULL;
     bus_peer_begin(peer->client, "Release", NULL, &release);
@@ -133,7 +134,7 @@ static void test_release_is_late(void) {
     bus_peer_free(peer);
 }
 
-static void test_without_rig(void) {
+TEST(without_rig) {
     struct bus_peer *peer = bus_peer_new(real_clock);
     bus_peer_refused(peer, "SafeState", NULL, "NoRig", "OpenRig");
     g_assert_false(is_set(peer->bus));
@@ -143,7 +144,7 @@ static void test_without_rig(void) {
 }
 
 /* The latch outlives the rig. */
-static void test_reopened(void) {
+TEST(reopened) {
     struct bus_peer *peer = bus_peer_open(real_clock);
     bus_peer_tell(peer, "SafeState", NULL);
     bus_peer_tell(peer, "CloseRig", NULL);
@@ -153,7 +154,7 @@ static void test_reopened(void) {
 }
 
 /* A laser that does not answer: SafeState is answered while the laser still has time to do so. */
-static void test_slow_device(void) {
+TEST(slow_device) {
     static const struct change changes[] = {
         {"[rig]", "clock = real"}, {"[laser laser30]", "fault_deaf = 2"}, {0}};
     struct bus_peer *peer = bus_peer_open(changes);
@@ -200,7 +201,7 @@ static gpointer ask_in_thread(gpointer data) {
 }
 
 /* The main loop stands still until the call is answered; then the rig is made safe all the same. */
-static void test_busy_loop(void) {
+TEST(busy_loop) {
     struct bus_peer *peer = bus_peer_open(real_clock);
     struct asking asking = {peer->address, NULL};
     bus_peer_tell(peer, "SetLaser", on("laser30"));
@@ -223,17 +224,9 @@ static void test_busy_loop(void) {
     bus_peer_free(peer);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     /* Faults of devices, and the safe state, are told as warnings. */
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
     g_test_add_data_func("/bus-latch/overtakes/same-client", GINT_TO_POINTER(TRUE), test_overtakes);
     g_test_add_data_func("/bus-latch/overtakes/another", NULL, test_overtakes);
-    g_test_add_func("/bus-latch/holds", test_holds);
-    g_test_add_func("/bus-latch/release-is-late", test_release_is_late);
-    g_test_add_func("/bus-latch/without-rig", test_without_rig);
-    g_test_add_func("/bus-latch/reopened", test_reopened);
-    g_test_add_func("/bus-latch/slow-device", test_slow_device);
-    g_test_add_func("/bus-latch/busy-loop", test_busy_loop);
-    return g_test_run();
 }

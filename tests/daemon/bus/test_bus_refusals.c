@@ -17,12 +17,13 @@
 #include "lib/bus_peer.h"
 #include "lib/long_session.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 static GVariant *session(const struct bus_peer *peer, const char *directory, const char *options) {
     return g_variant_new("(ss@a{sv})", peer->conf, directory, g_variant_new_parsed(options));
 }
 
-static void test_options(void) {
+TEST(options) {
     static const char *const wrong[] = {"{'hurry': <true>}", "{'process': <'yes'>}",
                                         "{'yes': <1>}",      "{'calibration': <true>}",
                                         "{'chosen': <2.5>}", "{'session_text': <['a']>}"};
@@ -57,7 +58,7 @@ static void test_options(void) {
 }
 
 /* Each client has one check at a time, and all together a few. */
-static void test_checks(void) {
+TEST(checks) {
     struct bus_peer *peer = bus_peer_open(NULL);
     g_autofree char *large = long_session_write(peer->folder, "30:140; 60:140");
     GDBusConnection *others[8] = {0};
@@ -87,7 +88,7 @@ static void test_checks(void) {
 }
 
 /* A queue whose rig stays shut: what it takes, and what not. */
-static void test_queue(void) {
+TEST(queue) {
     struct bus_peer *peer = bus_peer_open(NULL);
     g_autofree char *file = g_build_filename(peer->folder, "queue", NULL);
     g_autofree char *second = g_build_filename(peer->folder, "second.session", NULL);
@@ -126,7 +127,7 @@ static void test_queue(void) {
 }
 
 /* A file that is no queue's is told, and the daemon keeps none then. */
-static void test_no_queue(void) {
+TEST(no_queue) {
     struct bus_peer *peer = bus_peer_open(NULL);
     bus_keep_queue(peer->bus, "/no/such/folder/queue");
     bus_peer_refused(peer, "QueueResume", NULL, "Failed", "/no/such/folder");
@@ -139,7 +140,7 @@ static GError *client_error(const char *address) {
     return error;
 }
 
-static void test_client(void) {
+TEST(client) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-client-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "bus", NULL);
     g_autofree char *address = g_strconcat("unix:path=", path, NULL);
@@ -173,7 +174,7 @@ static void test_client(void) {
 }
 
 /* Where the folders of clients cannot be made, or have a name that is too long. */
-static void test_folders_inside(void) {
+TEST(folders__subprocess) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = bus_client_make_folder(&error);
     g_assert_null(folder);
@@ -188,7 +189,7 @@ static void test_folders_inside(void) {
     assert_has(error->message, "is not an address");
 }
 
-static void test_folders(void) {
+TEST(folders) {
     g_autofree char *exe = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *longest = g_strnfill(90, 'x');
     g_autofree char *far = g_strconcat("XDG_RUNTIME_DIR=/tmp/", longest, NULL);
@@ -202,7 +203,7 @@ static void test_folders(void) {
 }
 
 /* Owners of folders that are not there, or are no folders. */
-static void test_caller(void) {
+TEST(caller) {
     static const struct bus_caller nobody = {.uid = 65534};
     g_autofree char *folder = g_dir_make_tmp("mesorig-caller-XXXXXX", NULL);
     g_autofree char *loop = g_build_filename(folder, "loop", NULL);
@@ -227,7 +228,7 @@ static void test_caller(void) {
 }
 
 /* A socket's path has 107 bytes at most. */
-static void test_long_address(void) {
+TEST(long_address) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-long-XXXXXX", NULL);
     g_autofree char *name = g_strnfill(120, 'x');
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -241,17 +242,6 @@ static void test_long_address(void) {
     g_rmdir(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_log_set_always_fatal(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK);
-    g_test_add_func("/bus-refusals/options", test_options);
-    g_test_add_func("/bus-refusals/checks", test_checks);
-    g_test_add_func("/bus-refusals/queue", test_queue);
-    g_test_add_func("/bus-refusals/no-queue", test_no_queue);
-    g_test_add_func("/bus-refusals/client", test_client);
-    g_test_add_func("/bus-refusals/folders", test_folders);
-    g_test_add_func("/bus-refusals/folders/subprocess", test_folders_inside);
-    g_test_add_func("/bus-refusals/caller", test_caller);
-    g_test_add_func("/bus-refusals/long-address", test_long_address);
-    return g_test_run();
 }

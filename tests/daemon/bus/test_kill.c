@@ -18,6 +18,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
+#include "lib/test.h"
 #include "session/session.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
@@ -163,7 +164,7 @@ static void process_as(const char *session, const char *reference) {
     }
 }
 
-static void test_kill(void) {
+TEST(products_are_bit_identical) {
     const char *asked = g_getenv("MESORIG_KILLS");
     const int wanted = asked ? atoi(asked) : 40;
     g_autoptr(GRand) random = g_rand_new_with_seed(20);
@@ -210,7 +211,7 @@ static char *content_of(const char *path) {
     return g_string_free(text, FALSE);
 }
 
-static void test_adaptive(void) {
+TEST(adaptive) {
     static const struct change changes[] = {
         {"[lasers]", "rings = 30:4; 60:4"},  {"[lasers]", "stop = covered"},
         {"[lasers]", "first = 2"},           {"[lasers]", "gain_pct = 1"},
@@ -242,11 +243,4 @@ static void test_adaptive(void) {
     g_test_message("%d kills in %d sessions, %d between first and last shot", kills, runs, amid);
     g_assert_cmpint(amid, >=, wanted / 2);
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/kill/adaptive", test_adaptive);
-    g_test_add_func("/kill/products-are-bit-identical", test_kill);
-    return g_test_run();
 }

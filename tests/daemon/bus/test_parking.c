@@ -2,6 +2,7 @@
 #include "bus/bus.h"
 #include "bus/bus_private.h"
 #include "bus/bus_unattended.h"
+#include "lib/test.h"
 #include "queue/queue.h"
 
 #include <string.h>
@@ -71,7 +72,7 @@ static void run_one(const struct change *changes, double *ret_turntable_deg, dou
     remove_tree(folder);
 }
 
-static void test_park(void) {
+TEST(park) {
     static const struct change changes[] = {
         {"[axis arc]", "park_deg = 123"}, {"[axis turntable]", "park_deg = -30"}, {NULL, NULL}};
     double turntable_deg, arc_deg;
@@ -80,17 +81,13 @@ static void test_park(void) {
     g_assert_cmpfloat_with_epsilon(remainder(turntable_deg + 30, 360), 0, 0.01);
 }
 
-static void test_home(void) {
+TEST(home) {
     double turntable_deg, arc_deg;
     run_one(NULL, &turntable_deg, &arc_deg);
     g_assert_cmpfloat_with_epsilon(remainder(arc_deg, 360), 0, 0.01);
     g_assert_cmpfloat_with_epsilon(remainder(turntable_deg, 360), 0, 0.01);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_log_set_always_fatal(G_LOG_FATAL_MASK | G_LOG_LEVEL_CRITICAL);
-    g_test_add_func("/parking/park", test_park);
-    g_test_add_func("/parking/home", test_home);
-    return g_test_run();
 }

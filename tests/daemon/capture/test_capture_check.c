@@ -12,9 +12,10 @@
 #include "exr/exr.h"
 #include "lib/capture_run.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "plan/report.h"
 
-static void test_disk(void) {
+TEST(disk) {
     struct run *run = run_new(NULL);
     g_autofree char *deep = g_build_filename(run->directory, "no", "such", "folder", NULL);
     g_autofree char *loop = g_build_filename(run->directory, "loop", NULL);
@@ -49,7 +50,7 @@ static Session *create(struct run *run) {
     return session;
 }
 
-static void test_rig(void) {
+TEST(rig) {
     static const struct {
         struct change changes[3];
         const char *words; /* NULL: it is the session's */
@@ -83,7 +84,7 @@ static void test_rig(void) {
 }
 
 /* A rig file that was changed between pause and resume. */
-static void test_options(void) {
+TEST(options) {
     static const struct {
         struct change changes[3];
         const char *words; /* NULL: no warning */
@@ -122,7 +123,7 @@ static void reopen_with(struct run *run, const char *serial_30, const char *seri
 }
 
 /* Another device that answers to the same options. */
-static void test_devices(void) {
+TEST(devices) {
     struct run *run = run_new(NULL);
     g_autoptr(GPtrArray) kept = g_ptr_array_new_with_free_func(g_free);
     reopen_with(run, "7", "8");
@@ -151,7 +152,7 @@ static void test_devices(void) {
 }
 
 /* Sentences about a session are kept once each. */
-static void test_suspicions(void) {
+TEST(suspicions) {
     struct run *run = run_new(NULL);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) all = g_ptr_array_new_with_free_func(g_free);
@@ -200,7 +201,7 @@ static void read_calibration(const struct run *run, guint n_warnings, const char
         g_assert_null(words);
 }
 
-static void test_calibration(void) {
+TEST(calibration) {
     static const struct change named[] = {{"[rig]", "calibration = rig.calibration"}, {0}};
     struct run *run = run_new(named);
     g_autofree char *path = g_build_filename(run->directory, "rig.calibration", NULL);
@@ -242,7 +243,7 @@ static void test_calibration(void) {
     run_free(run);
 }
 
-static void test_duration(void) {
+TEST(duration) {
     static const double never_s[] = {NAN, INFINITY, -1, 1e10};
     static const struct {
         double seconds;
@@ -259,14 +260,4 @@ static void test_duration(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/capture-check/disk", test_disk);
-    g_test_add_func("/capture-check/rig", test_rig);
-    g_test_add_func("/capture-check/options", test_options);
-    g_test_add_func("/capture-check/devices", test_devices);
-    g_test_add_func("/capture-check/suspicions", test_suspicions);
-    g_test_add_func("/capture-check/calibration", test_calibration);
-    g_test_add_func("/capture-check/duration", test_duration);
-    return run_tests();
-}
+TESTS_RUN_BY(run_tests);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "lib/capture_run.h"
+#include "lib/test.h"
 
 static const struct retakes {
     const char *path, *told;
@@ -45,7 +46,7 @@ static void test_retakes(gconstpointer data) {
     run_finish(run);
 }
 
-static void test_slow(void) {
+TEST(slow) {
     struct run *run =
         run_begin((const struct change[]){{"[camera cam30]", "fault_slow_ms = 300"}, {0}});
     g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
@@ -55,7 +56,7 @@ static void test_slow(void) {
 }
 
 /* Never in time: that ends, in words. */
-static void test_too_slow(void) {
+TEST(too_slow) {
     struct run *run =
         run_begin((const struct change[]){{"[camera cam30]", "fault_slow_ms = 60000"}, {0}});
     run_to_pause(run, "cam30");
@@ -66,7 +67,7 @@ static void test_too_slow(void) {
 }
 
 /* A camera that comes back by itself is waited for. */
-static void test_disconnect(void) {
+TEST(disconnect) {
     struct run *run =
         run_begin((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"}, {0}});
     run_to_end(run);
@@ -75,7 +76,7 @@ static void test_disconnect(void) {
     run_free(run);
 }
 
-static void test_disconnect_for_long(void) {
+TEST(disconnect_for_long) {
     struct run *run =
         run_begin((const struct change[]){{"[camera cam60]", "fault_disconnect_after = 30"},
                                           {"[camera cam60]", "fault_reconnect_s = 3000"},
@@ -101,14 +102,14 @@ static void check_stall(const char *head, const char *kind, const char *line) {
     run_finish(run);
 }
 
-static void test_stall(void) {
+TEST(stall) {
     check_stall("[axis turntable]", "fault_stall_kind = reported", "fault_stall_at = 2");
     check_stall("[axis arc]", "fault_stall_kind = silent", "fault_stall_at = 2");
     check_stall("[axis sweep60]", "fault_stall_kind = reported", "fault_stall_at = 7");
     check_stall("[axis sweep30]", "fault_stall_kind = silent", "fault_stall_at = 9");
 }
 
-static void test_dead_lamp(void) {
+TEST(dead_lamp) {
     struct run *run = run_begin((const struct change[]){
         {"[lamps bank]", "fault_dead = lamp60"}, {"[lamps bank]", "fault_dead_after = 2"}, {0}});
     run_to_pause(run, "lamp lamp60 gives no light");
@@ -122,7 +123,7 @@ static void test_dead_lamp(void) {
 }
 
 /* A lamp that dies while one camera's only picture is taken again: the other one has seen it. */
-static void test_lamp_dies_before_retake(void) {
+TEST(lamp_dies_before_retake) {
     struct run *run = run_begin((const struct change[]){{"[capture]", "exposures_us = 16000"},
                                                         {"[lamps bank]", "fault_dead = lamp30"},
                                                         {"[lamps bank]", "fault_dead_after = 1"},
@@ -140,7 +141,7 @@ static void test_lamp_dies_before_retake(void) {
     run_free(run);
 }
 
-static void test_laser_stays_on(void) {
+TEST(laser_stays_on) {
     struct run *run =
         run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"}, {0}});
     run_to_pause(run, "laser laser30 stays on");
@@ -152,7 +153,7 @@ static void test_laser_stays_on(void) {
 
 /* The same, while pictures of the shot before the sweep are lost: none of them, taken again, shows
  * the laser. */
-static void test_laser_stays_on_and_lost(void) {
+TEST(laser_stays_on_and_lost) {
     struct run *run = run_begin((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"},
                                                         {"[camera cam30]", "fault_lost = 0.297"},
                                                         {"[camera cam30]", "fault_seed = 665"},
@@ -215,7 +216,7 @@ static void lose_first_frame(const struct run *run) {
 
 /* The other laser stays on: the dark frame and the first laser's sweep, which it may have lit, are
  * not stored. */
-static void test_other_laser_stays_on(void) {
+TEST(other_laser_stays_on) {
     int n_stored;
     struct run *run = stall_in_sweep(&n_stored);
     lose_first_frame(run);
@@ -230,7 +231,7 @@ static void test_other_laser_stays_on(void) {
 }
 
 /* What waits until the lasers are checked does not hold up a pause; it is taken again. */
-static void test_pause_before_check(void) {
+TEST(pause_before_check) {
     int n_stored;
     struct run *run = stall_in_sweep(&n_stored);
     lose_first_frame(run);
@@ -245,7 +246,7 @@ static void test_pause_before_check(void) {
 }
 
 /* A file that a failing disk neither wrote nor removed is gone when the session is done. */
-static void test_left_over(void) {
+TEST(left_over) {
     struct run *run = run_begin(NULL);
     g_autofree char *left =
         g_build_filename(run->session, "frames", "000007_cam60.exr.0123abcd.part", NULL);
@@ -258,7 +259,7 @@ static void test_left_over(void) {
 
 /* A laser that does not answer when it is told to go off: said again as often as it happens, and
  * gone on with only when it is dark, which its class sees to by itself. */
-static void test_deaf_laser(void) {
+TEST(deaf_laser) {
     struct run *run =
         run_begin((const struct change[]){{"[laser laser30]", "fault_deaf = 12"}, {0}});
     run_to_pause(run, "THE RIG COULD NOT BE MADE SAFE: laser laser30");
@@ -293,32 +294,18 @@ static void check_interlock(double after_s) {
     run_finish(run);
 }
 
-static void test_interlock(void) {
+TEST(interlock) {
     check_interlock(1); /* while homing */
     for (int i = 0; i < 3; i++)
         check_interlock(g_test_rand_double_range(3, 22));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+TESTS_RUN_BY(run_tests);
+
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(retakes); i++)
         g_test_add_data_func(retakes[i].path, &retakes[i], test_retakes);
-    g_test_add_func("/fault/slow", test_slow);
-    g_test_add_func("/fault/too-slow", test_too_slow);
-    g_test_add_func("/fault/disconnect", test_disconnect);
-    g_test_add_func("/fault/disconnect-for-long", test_disconnect_for_long);
-    g_test_add_func("/fault/stall", test_stall);
-    g_test_add_func("/fault/dead-lamp", test_dead_lamp);
-    g_test_add_func("/fault/lamp-dies-before-retake", test_lamp_dies_before_retake);
-    g_test_add_func("/fault/laser-stays-on", test_laser_stays_on);
     g_test_add_data_func("/fault/laser-stays-on-in-a-pause", NULL, test_laser_stays_on_in_a_pause);
     g_test_add_data_func("/fault/laser-stays-on-without-dark", "dark",
                          test_laser_stays_on_in_a_pause);
-    g_test_add_func("/fault/laser-stays-on-and-lost", test_laser_stays_on_and_lost);
-    g_test_add_func("/fault/other-laser-stays-on", test_other_laser_stays_on);
-    g_test_add_func("/fault/pause-before-check", test_pause_before_check);
-    g_test_add_func("/fault/left-over", test_left_over);
-    g_test_add_func("/fault/deaf-laser", test_deaf_laser);
-    g_test_add_func("/fault/interlock", test_interlock);
-    return run_tests();
 }

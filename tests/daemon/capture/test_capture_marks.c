@@ -6,6 +6,7 @@
 
 #include "calibration/calibration.h"
 #include "lib/capture_run.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 #include "session/outputs.h"
 
@@ -105,7 +106,7 @@ static char *value_of(const struct run *run, const char *key) {
 }
 
 /* Nothing has moved: the quick check says so, and each shot's output is that of its lamp. */
-static void test_in_place(void) {
+TEST(in_place) {
     static const struct scene scene = {.lamp_line = "intensity = 44", .placed = TRUE, .lit = TRUE};
     struct run *run = new_run(&scene);
     run_start(run);
@@ -165,19 +166,19 @@ static void moved(const struct scene *scene, const char *what, guint accepted_bi
     run_free(run);
 }
 
-static void test_camera(void) {
+TEST(camera) {
     static const struct scene scene = {.camera_line = "phi_deg = 0.5", .placed = TRUE};
     moved(&scene, "camera cam60 is turned by", 1u << 1);
 }
 
-static void test_turntable(void) {
+TEST(turntable) {
     static const struct scene scene = {.turned_deg = 0.5, .placed = TRUE};
     moved(&scene, "the turntable has slipped by ", 1u << 31);
 }
 
 /* One that the rig file alone describes is not held against it. Without radiometry nothing is said
  * of lamps. */
-static void test_uncalibrated(void) {
+TEST(uncalibrated) {
     static const struct scene scenes[] = {
         {.camera_line = "phi_deg = 0.5", .lit = TRUE},
         {.camera_line = "phi_deg = 0.5"},
@@ -194,7 +195,7 @@ static void test_uncalibrated(void) {
 }
 
 /* As dark as what is around them: told, once, and no reason to stop. */
-static void test_unseen(void) {
+TEST(unseen) {
     static const struct scene scene = {.albedo = "0.04", .placed = TRUE, .lit = TRUE};
     struct run *run = new_run(&scene);
     run_start(run);
@@ -206,12 +207,4 @@ static void test_unseen(void) {
     run_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/capture-marks/in-place", test_in_place);
-    g_test_add_func("/capture-marks/camera", test_camera);
-    g_test_add_func("/capture-marks/turntable", test_turntable);
-    g_test_add_func("/capture-marks/uncalibrated", test_uncalibrated);
-    g_test_add_func("/capture-marks/unseen", test_unseen);
-    return run_tests();
-}
+TESTS_RUN_BY(run_tests);

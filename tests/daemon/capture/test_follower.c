@@ -10,6 +10,7 @@
 
 #include "lib/beside.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 #define WAIT_US (20 * G_USEC_PER_SEC)
 
@@ -51,7 +52,7 @@ static Follower *start(const char *script) {
     return follower;
 }
 
-static void test_find_inside(void) {
+TEST(find__subprocess) {
     g_autoptr(GError) error = NULL;
     g_assert_null(program_find("mesorig-none", &error));
     g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
@@ -81,7 +82,7 @@ static void test_find_inside(void) {
     assert_has(error->message, expected);
 }
 
-static void test_end_inside(void) {
+TEST(end__subprocess) {
     follower_free(NULL);
     Follower *follower = start("echo \"$* at $(nice) done\" >\"$note\"");
     g_autofree char *note = wait_for_note("done");
@@ -113,7 +114,7 @@ static double free_running(const char *script) {
     return ms;
 }
 
-static void test_free_inside(void) {
+TEST(free__subprocess) {
     const double obeys_ms = free_running("echo $$ >\"$note\"; exec sleep 600");
     const double ignores_ms =
         free_running("trap '' TERM; echo $$ >\"$note\"; while :; do sleep 0.2; done");
@@ -128,7 +129,7 @@ static void test_copy(gconstpointer path) {
 }
 
 /* Of two that end only the one that fails is told of. */
-static void test_end(void) {
+TEST(end) {
     static const char told[] = "processing during the capture has failed: run `mesorig process`";
     g_autofree char *said = beside_run("/follower/end/subprocess");
     const char *at = strstr(said, told);
@@ -138,13 +139,7 @@ static void test_end(void) {
     g_assert_null(strstr(at, "one has succeeded"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_data_func("/follower/find", "/follower/find/subprocess", test_copy);
-    g_test_add_func("/follower/find/subprocess", test_find_inside);
-    g_test_add_func("/follower/end", test_end);
-    g_test_add_func("/follower/end/subprocess", test_end_inside);
     g_test_add_data_func("/follower/free", "/follower/free/subprocess", test_copy);
-    g_test_add_func("/follower/free/subprocess", test_free_inside);
-    return g_test_run();
 }

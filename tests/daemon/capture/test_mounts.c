@@ -4,6 +4,7 @@
 #include "exr/exr.h"
 #include "lib/capture_run.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>
@@ -64,7 +65,7 @@ static void spin(void) {
         ;
 }
 
-static void test_rig_file(void) {
+TEST(rig_file) {
     struct run *run = mounts_new(TRUE);
     struct devices *devices = run->devices;
     g_assert_cmpint(devices->geometry.n_lasers, ==, 2);
@@ -81,7 +82,7 @@ static void test_rig_file(void) {
     spin();
 }
 
-static void test_bad_rig_files(void) {
+TEST(bad_rig_files) {
     static const struct {
         const char *from, *to, *says;
     } cases[] = {
@@ -162,7 +163,7 @@ static int check_blocks(const struct plan *plan, const struct rig_timing *timing
 }
 
 /* All that a rig with five units takes is taken, and with one unit it takes little longer. */
-static void test_plan_demo(void) {
+TEST(plan_demo) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
@@ -205,7 +206,7 @@ static void random_mounts(GRand *rand, struct rig_timing *timing) {
     }
 }
 
-static void test_plan_random(void) {
+TEST(plan_random) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(11);
     g_auto(SessionConf) conf = {0};
     struct rig rig;
@@ -345,7 +346,7 @@ static void check_same_sweeps(const char *a, const char *b) {
 #define AT_30 "mount laser unit laser30 at 30° (laser30), then continue"
 #define AT_60 "mount laser unit laser30 at 60° (laser60), then continue"
 
-static void test_capture(void) {
+TEST(capture) {
     struct run *two = begin(FALSE), *one = begin(TRUE);
     to_end(two);
     g_assert_cmpint(times_asked(two), ==, 0);
@@ -372,7 +373,7 @@ static void test_capture(void) {
 
 /* A pause by the user is not an answer and needs none; killed while it asks, it asks again; what
  * was answered it does not. */
-static void test_resume(void) {
+TEST(resume) {
     struct run *run = begin(TRUE);
     to_prompt(run, AT_30);
     begin_again(run);
@@ -415,7 +416,7 @@ static void lose_sweeps(const char *path, int laser) {
 }
 
 /* What is lost is taken again from where the unit is before it is asked for elsewhere. */
-static void test_lost(void) {
+TEST(lost) {
     struct run *run = begin(TRUE);
     to_prompt(run, AT_30);
     run_continue(run);
@@ -442,7 +443,7 @@ static void tells(const char *const *argv, const char *words) {
     assert_has(text, words);
 }
 
-static void test_cli(void) {
+TEST(cli) {
     struct run *run = mounts_new(TRUE);
     g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
     g_autofree char *session = g_build_filename(run->directory, "session.conf", NULL);
@@ -469,7 +470,7 @@ static void wait_for_status(const char *session, const char *words) {
 }
 
 /* Asked in one terminal, killed there, asked again after a resume, and answered in another. */
-static void test_cli_continue(void) {
+TEST(cli_continue) {
     struct run *run = mounts_new(TRUE);
     g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
     g_autofree char *conf = g_build_filename(run->directory, "session.conf", NULL);
@@ -502,20 +503,11 @@ static void test_cli_continue(void) {
     run_free(run);
 }
 
-int main(int argc, char **argv) {
+TESTS_RUN_BY(run_tests);
+
+BEFORE_TESTS {
     setlocale(LC_ALL, "");
-    g_test_init(&argc, &argv, NULL);
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
-    g_test_add_func("/mounts/rig-file", test_rig_file);
-    g_test_add_func("/mounts/bad-rig-files", test_bad_rig_files);
-    g_test_add_func("/mounts/plan-demo", test_plan_demo);
-    g_test_add_func("/mounts/plan-random", test_plan_random);
-    g_test_add_func("/mounts/capture", test_capture);
-    g_test_add_func("/mounts/resume", test_resume);
-    g_test_add_func("/mounts/lost", test_lost);
-    g_test_add_func("/mounts/cli", test_cli);
-    g_test_add_func("/mounts/cli-continue", test_cli_continue);
-    return run_tests();
 }

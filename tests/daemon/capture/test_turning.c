@@ -8,6 +8,7 @@
 #include "adaptive/adaptive.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/test.h"
 #include "pipeline/pipeline.h"
 #include "world/truth.h"
 
@@ -68,7 +69,7 @@ static double clock_of(const char *path) {
 
 /* It takes as long as was planned, and less than with the table standing; the frames say where the
  * table was, and nothing else of them is another. */
-static void test_undisturbed(void) {
+TEST(undisturbed) {
     struct run *still = run_begin(standing), *run = run_begin(turning);
     g_autoptr(GError) error = NULL;
     int n_turned = 0, n_passes = 0;
@@ -136,13 +137,13 @@ static void check_resume(const struct change *with, const int *every, gsize n_ev
     }
 }
 
-static void test_resume(void) {
+TEST(resume) {
     static const int every[] = {83, 190};
     check_resume(turning, every, G_N_ELEMENTS(every));
 }
 
 /* Rounds of lamps, each with passes of its own, and of sweeps. */
-static void test_rounds(void) {
+TEST(rounds) {
     static const struct change rounds[] = {TURNING,
                                            {"[lights]", "sampling = adaptive"},
                                            {"[lights]", "first = 1"},
@@ -171,7 +172,7 @@ static void test_rounds(void) {
 }
 
 /* A pause does not wait for the end of a turn. */
-static void test_pause(void) {
+TEST(pause) {
     g_autofree char *expected = undisturbed(turning);
     struct run *run = run_begin(turning);
     int n = 0, moving = 0;
@@ -196,7 +197,7 @@ static void test_pause(void) {
 }
 
 /* Frames that are lost, or old ones again: another turn takes them, and they are the same. */
-static void test_lost_frames(void) {
+TEST(lost_frames) {
     static const struct change lost[] = {TURNING, {"[camera cam30]", "fault_lost = 0.1"}, {0}};
     static const struct change stale[] = {TURNING,
                                           {"[camera cam60]", "fault_stale = 0.1"},
@@ -226,7 +227,7 @@ static double table_deg(const struct run *run) {
 }
 
 /* The table stalls in a turn: everything stops, and the session goes on. */
-static void test_stall(void) {
+TEST(stall) {
     g_autofree char *expected = undisturbed(turning);
     for (int at = 2; at < 8; at++) {
         g_autofree char *line = g_strdup_printf("fault_stall_at = %d", at);
@@ -245,7 +246,7 @@ static void test_stall(void) {
 }
 
 /* What is saturated is taken again in another turn, with a quarter of the exposure. */
-static void test_saturated(void) {
+TEST(saturated) {
     static const struct change bright[] = {TURNING, {"[capture]", "exposures_us = 60000"}, {0}};
     static const int every[] = {83};
     struct run *run = run_begin(bright);
@@ -272,7 +273,7 @@ static void test_saturated(void) {
 }
 
 /* An axis that does not tell where it is cannot. */
-static void test_refused(void) {
+TEST(refused) {
     static const struct change silent[] = {TURNING, {"[axis turntable]", "report_ms = 0"}, {0}};
     g_autoptr(GError) error = NULL;
     struct run *run = run_new(silent);
@@ -282,15 +283,4 @@ static void test_refused(void) {
     run_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/turning/undisturbed", test_undisturbed);
-    g_test_add_func("/turning/resume", test_resume);
-    g_test_add_func("/turning/rounds", test_rounds);
-    g_test_add_func("/turning/pause", test_pause);
-    g_test_add_func("/turning/lost-frames", test_lost_frames);
-    g_test_add_func("/turning/stall", test_stall);
-    g_test_add_func("/turning/saturated", test_saturated);
-    g_test_add_func("/turning/refused", test_refused);
-    return run_tests();
-}
+TESTS_RUN_BY(run_tests);

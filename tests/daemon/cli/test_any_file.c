@@ -10,6 +10,7 @@
 
 #include "codecs/codecs.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 
 #define STEPS 4 /* sessions made of sessions; MESORIG_STEPS in the environment: more */
 #define SEED  20261123
@@ -121,7 +122,7 @@ static void read_measured(struct chain *chain) {
     }
 }
 
-static void test_chain(void) {
+TEST(chain) {
     const char *asked = g_getenv("MESORIG_STEPS");
     const int steps = asked ? atoi(asked) : STEPS;
     struct chain chain_of = {operator_new(NULL), g_rand_new_with_seed(SEED),
@@ -151,8 +152,4 @@ static void test_chain(void) {
     operator_free(chain->run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/any-file/chain", test_chain);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -2,6 +2,7 @@
 #include "calibration/calibration.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
@@ -32,7 +33,7 @@ static struct calibration *example(void) {
     return calibration;
 }
 
-static void test_capture(void) {
+TEST(capture) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *path = in_folder("small.calibration");
@@ -56,7 +57,7 @@ static void test_capture(void) {
     g_assert_true(warned);
 }
 
-static void test_capture_refuses(void) {
+TEST(capture_refuses) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *path = in_folder("other.calibration");
@@ -74,7 +75,7 @@ static void test_capture_refuses(void) {
     g_assert_false(g_file_test(directory, G_FILE_TEST_EXISTS));
 }
 
-static void test_show_and_report(void) {
+TEST(show_and_report) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
     g_autofree char *path = in_folder("shown.calibration");
@@ -106,7 +107,7 @@ static void test_show_and_report(void) {
 }
 
 /* The line at the page's top, and of many pictures that were left out a few. */
-static void test_verdict(void) {
+TEST(verdict) {
     g_autoptr(Calibration) calibration = example();
     g_autofree char *path = in_folder("verdict.calibration"), *html = in_folder("verdict.html");
     g_autofree char *good = NULL, *doubtful = NULL;
@@ -145,7 +146,7 @@ static void test_verdict(void) {
     g_unlink(path);
 }
 
-static void test_cameras_usage(void) {
+TEST(cameras_usage) {
     g_autofree char *calibration = in_folder("none.calibration");
     g_autofree char *session = in_folder("calibrated.session");
     g_autofree char *no_board = RUN(2, "calibrate", "cameras", session, "-o", calibration);
@@ -163,7 +164,7 @@ static void test_cameras_usage(void) {
     g_assert_false(g_file_test(calibration, G_FILE_TEST_EXISTS));
 }
 
-static void test_board(void) {
+TEST(board) {
     g_autofree char *png = in_folder("board.png");
     g_autofree char *calibration = in_folder("board.calibration");
     g_autofree char *told = RUN(0, "board", png, "--board", "8x8,square=9,marker=6.75", "--json");
@@ -176,17 +177,11 @@ static void test_board(void) {
     g_free(RUN(1, "board", "/nowhere/board.svg", "--board", "8x8,square=9,marker=6.75"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-calibrate-XXXXXX", NULL);
-    g_test_add_func("/calibrate/capture", test_capture);
-    g_test_add_func("/calibrate/capture refuses", test_capture_refuses);
-    g_test_add_func("/calibrate/show and report", test_show_and_report);
-    g_test_add_func("/calibrate/verdict", test_verdict);
-    g_test_add_func("/calibrate/cameras usage", test_cameras_usage);
-    g_test_add_func("/calibrate/board", test_board);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return code;
 }

@@ -4,6 +4,7 @@
 #include "lamps/ball_light.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -252,7 +253,7 @@ static void incomplete(void) {
 
 /* After lamps_then_laser(), whose sessions it uses: what is noted of the posts is wrong, and right
  * again after the same change. */
-static void mistakes_of_posts(void) {
+TEST(mistakes_of_posts) {
     static const char *const wrong[][2] = {
         {TURN_BACK, "the turntable turns against the angles that were noted"},
         {ARC_BACK, "correct the sign of steps_per_deg of [axis arc] in the rig file"},
@@ -275,7 +276,7 @@ static void mistakes_of_posts(void) {
                "-t", "target.conf", "-o", "no.conf"));
 }
 
-static void mistakes_of_balls(void) {
+TEST(mistakes_of_balls) {
     write_text("balls.target", "[target]\nkind=balls\nplane_mm=2\nplaces_mm=" BALLS "\n");
     capture("balls",
             "[sample]\nkind=balls\nwidth_mm=80\nheight_mm=80\nbase_mm=2\ntop_mm=40\n"
@@ -298,7 +299,7 @@ static void mistakes_of_balls(void) {
 }
 
 /* After lamps_then_laser(). */
-static void mistakes_of_sweeps(void) {
+TEST(mistakes_of_sweeps) {
     static const char *const sessions[] = {"low.session", "high.session"};
     g_autofree char *here = in_folder("no.conf");
     g_autofree char *planes =
@@ -396,16 +397,13 @@ static void photographs(void) {
                                    75);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/calibrate-lights/lamps-then-laser", lamps_then_laser);
     g_test_add_func("/calibrate-lights/refused", refused);
     g_test_add_func("/calibrate-lights/incomplete", incomplete);
-    g_test_add_func("/calibrate-lights/mistakes-of-posts", mistakes_of_posts);
-    g_test_add_func("/calibrate-lights/mistakes-of-balls", mistakes_of_balls);
-    g_test_add_func("/calibrate-lights/mistakes-of-sweeps", mistakes_of_sweeps);
     g_test_add_func("/calibrate-lights/photographs", photographs);
-    int result = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(world_fixture_folder());
-    return result;
 }

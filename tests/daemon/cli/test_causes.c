@@ -1,6 +1,7 @@
 /* mesorig process: why little was measured, in a sentence with its number and the key to change. */
 #include "calibration/calibration.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 
 #include <sqlite3.h>
@@ -33,7 +34,7 @@ static void sql(const struct operation *run, const char *text) {
 }
 
 /* A camera whose lens is all but covered; the other's sweeps are right at first. */
-static void test_dark(void) {
+TEST(dark) {
     struct operation *run =
         captured(TRUE, NULL, (const struct change[]){{"[camera cam60]", "response = 0.01"}, {0}});
     assert_has(run->out, "2 of 4 views (the first is view 2, 60° from the normal, camera cam60) "
@@ -52,7 +53,7 @@ static void test_dark(void) {
 }
 
 /* Saturated pictures of cameras whose response nobody has given, and lasers that no camera sees. */
-static void test_saturated(void) {
+TEST(saturated) {
     static const struct change session[] = {
         {"[capture]", "exposures_us = 4000000"}, {"[capture]", "laser_threshold_dn = 4000"}, {0}};
     struct operation *run = captured(FALSE, session, NULL);
@@ -66,7 +67,7 @@ static void test_saturated(void) {
 }
 
 /* Pictures that are bright, and a response that makes little of them. */
-static void test_large_response(void) {
+TEST(large_response) {
     struct operation *run = captured(TRUE, NULL, NULL);
     g_autofree char *path = g_build_filename(run->directory, "large.conf", NULL);
     g_autoptr(GError) error = NULL;
@@ -85,10 +86,4 @@ static void test_large_response(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/causes/dark", test_dark);
-    g_test_add_func("/causes/saturated", test_saturated);
-    g_test_add_func("/causes/large-response", test_large_response);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -4,6 +4,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -138,7 +139,7 @@ static void write_even_picture(const char *path, double light) {
 
 /* Lamps that are dead in a session whose import has not seen it, as in a captured one; a lamp that
  * is weak; and a black varnish, which is dark but where it mirrors a lamp. */
-static void dead_lamps(void) {
+TEST(dead_lamps) {
     static const struct {
         const char *name, *says;
         int dead;
@@ -180,7 +181,7 @@ static void dead_lamps(void) {
 
 /* A plate of 30 mm on the turntable, below a plane that touches it, and under one that cuts through
  * it. */
-static void plane_too_low(void) {
+TEST(plane_too_low) {
     static const struct change world[] = {{"[sample]", "width_mm = 30"},
                                           {"[sample]", "base_mm = 5"},
                                           {"[world]", "turntable_albedo = 0.5"},
@@ -205,15 +206,13 @@ static void plane_too_low(void) {
     g_free(process_mesorig(1, "check %s --strict", session));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-check-XXXXXX", NULL);
     g_test_add_func("/check/tones", tones);
     g_test_add_func("/check/depth", depth);
-    g_test_add_func("/check/dead-lamps", dead_lamps);
-    g_test_add_func("/check/plane-too-low", plane_too_low);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return code;
 }

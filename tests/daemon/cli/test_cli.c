@@ -2,6 +2,7 @@
 #include "base/json.h"
 #include "codecs/codecs.h"
 #include "exr/exr.h"
+#include "lib/test.h"
 #include "mdf_codecs/mdf_codec.h"
 #include "session/session.h"
 
@@ -100,7 +101,7 @@ static char *write_file(const char *folder, const char *name, const char *text) 
     return path;
 }
 
-static void test_json(void) {
+TEST(json) {
     static const struct {
         const char *value, *text;
     } cases[] = {
@@ -130,7 +131,7 @@ static void test_json(void) {
     g_assert_true(is_json(broken->str));
 }
 
-static void test_usage(void) {
+TEST(usage) {
     static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
                                            "pause", "abort",   "safe",     "continue", "process",
                                            "info",  "drivers", "compress", "verify"};
@@ -208,7 +209,7 @@ static void assert_in_man_page(const char *page, const char *command, const char
 }
 
 /* For every command that mesorig --help lists, and every target of mesorig calibrate. */
-static void test_man_page(void) {
+TEST(man_page) {
     static const char *const targets[] = {"cameras", "lights", "laser", "radiometry",
                                           "colour",  "show",   "report"};
     static const char *const queue[] = {"add", "list", "remove", "move", "pause", "resume"};
@@ -242,7 +243,7 @@ static void test_man_page(void) {
     clear(&all);
 }
 
-static void test_drivers(void) {
+TEST(drivers) {
     static const struct step steps[] = {
         {0, "drivers", "sim-axis"},
         {0, "drivers", "sim-camera"},
@@ -259,7 +260,7 @@ static void test_drivers(void) {
     clear(&output);
 }
 
-static void test_plan(void) {
+TEST(plan) {
     static const struct step steps[] = {
         {0, "plan " RIG " " SESSION, "4 views, 4 lights, 2 laser positions"},
         {0, "plan " RIG " " SESSION, "lower bound"},
@@ -284,7 +285,7 @@ static void test_plan(void) {
     remove_tree(folder);
 }
 
-static void test_info(void) {
+TEST(info) {
     static const struct step steps[] = {
         {0, "info two.exr", "first"},
         {0, "info two.exr", "5 × 3, half, B G R"},
@@ -440,7 +441,7 @@ static void test_check(const char *folder) {
     clear(&output);
 }
 
-static void test_capture(void) {
+TEST(capture) {
     static const struct step steps[] = {
         {0, "capture " RIG " " SESSION " -o S", "done: "},
         {0, "info S", "state      done"},
@@ -474,7 +475,7 @@ static void test_capture(void) {
 
 /* The history is a PNG of the size it should have, of a session that has one, and of nothing else.
  */
-static void test_history(void) {
+TEST(history) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *png = g_build_filename(folder, "history.png", NULL);
@@ -495,7 +496,7 @@ static void test_history(void) {
 }
 
 /* Nothing that a session or a file holds makes a terminal do anything. */
-static void test_controls(void) {
+TEST(controls) {
     static const char hostile[] = "a\033[2Jb\rc\x07"
                                   "d\xc2\x9b"
                                   "31me\u202ef";
@@ -554,7 +555,7 @@ static void ask_pause(const char *folder) {
 }
 
 /* Somebody else's session leads neither to a host nor, by a link, to another file's address. */
-static void test_control(void) {
+TEST(control) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *control = g_build_filename(folder, "control", NULL);
     g_autofree char *path = g_build_filename(folder, "bus", NULL);
@@ -592,7 +593,7 @@ static void test_control(void) {
 }
 
 /* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
-static void test_output_full(void) {
+TEST(output_full) {
     static const char *const lines[] = {"drivers", "drivers --json", "--help", "--version",
                                         "drivers --help"};
     for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
@@ -607,7 +608,7 @@ static void test_output_full(void) {
 }
 
 /* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
-static void test_plain_letters(void) {
+TEST(plain_letters) {
     struct output output = {0};
     g_setenv("LC_ALL", "C", TRUE);
     runs(0, &output, "plan", RIG, SESSION);
@@ -664,30 +665,15 @@ static void interrupt(gboolean (*begun)(const char *session)) {
 }
 
 /* In the middle, and before the client has heard that its capture has begun. */
-static void test_interrupt(void) {
+TEST(interrupt) {
     interrupt(has_frames);
     for (int i = 0; i < 3; i++)
         interrupt(is_there);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_setenv("LC_ALL", "C.UTF-8", TRUE);
     /* Whatever runs on this machine is none of ours. */
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
-    g_test_add_func("/cli/json", test_json);
-    g_test_add_func("/cli/usage", test_usage);
-    g_test_add_func("/cli/man-page", test_man_page);
-    g_test_add_func("/cli/drivers", test_drivers);
-    g_test_add_func("/cli/plan", test_plan);
-    g_test_add_func("/cli/info", test_info);
-    g_test_add_func("/cli/history", test_history);
-    g_test_add_func("/cli/controls", test_controls);
-    g_test_add_func("/cli/control", test_control);
-    g_test_add_func("/cli/output-full", test_output_full);
-    g_test_add_func("/cli/plain-letters", test_plain_letters);
-    g_test_add_func("/cli/capture", test_capture);
-    g_test_add_func("/cli/interrupt", test_interrupt);
-    return g_test_run();
 }

@@ -1,6 +1,7 @@
 /* The table of commands: a letter means the same in all of them and in all programs, every command
  * has an example that is right, and every program says its version. */
 #include "cli/commands.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -75,7 +76,7 @@ static GPtrArray *programs(void) {
     return paths;
 }
 
-static void test_letters(void) {
+TEST(letters) {
     g_autoptr(GHashTable) letters = g_hash_table_new_full(NULL, NULL, NULL, g_free);
     g_autoptr(GPtrArray) paths = programs();
     g_autoptr(GRegex) option = g_regex_new("^  -(\\w), --([\\w-]+)", G_REGEX_MULTILINE, 0, NULL);
@@ -251,7 +252,7 @@ static void note_writer(const struct command *command, gpointer data) {
                 command->writes ? "has" : "lacks", found ? "in" : "not in");
 }
 
-static void test_outputs(void) {
+TEST(outputs) {
     gboolean covered[G_N_ELEMENTS(writers)] = {FALSE};
     each_command(cli_commands(), note_writer, covered);
     for (gsize i = 0; i < G_N_ELEMENTS(writers); i++) {
@@ -268,7 +269,7 @@ static void test_outputs(void) {
     }
 }
 
-static void test_examples(void) {
+TEST(examples) {
     int n = 0;
     each_command(cli_commands(), check_examples, &n);
     g_assert_cmpint(n, >=, 30);
@@ -282,7 +283,7 @@ static void test_examples(void) {
 
 /* In any locale, and without a bus, a display or a rig. A mistyped option is told which was meant.
  */
-static void test_programs(void) {
+TEST(programs) {
     g_autoptr(GPtrArray) paths = programs();
     for (guint i = 0; i < paths->len; i++) {
         g_autofree char *name = g_path_get_basename(paths->pdata[i]);
@@ -298,13 +299,4 @@ static void test_programs(void) {
         g_autofree char *meant = said_by(2, wrong);
         assert_said(meant, "did you mean --version?");
     }
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/commands/letters", test_letters);
-    g_test_add_func("/commands/examples", test_examples);
-    g_test_add_func("/commands/outputs", test_outputs);
-    g_test_add_func("/commands/programs", test_programs);
-    return g_test_run();
 }

@@ -12,6 +12,7 @@
 #include "lib/long_session.h"
 #include "lib/operator.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 /* A disk of our own; NULL where that is not allowed. */
 static char *mount_disk(const char *size) {
@@ -31,7 +32,7 @@ static void unmount_disk(char *path) {
     g_free(path);
 }
 
-static void test_disk_too_small(void) {
+TEST(disk_too_small) {
     char *disk = mount_disk("1m");
     if (!disk)
         return;
@@ -89,7 +90,7 @@ static char *write_small_sample(const struct operation *run) {
 }
 
 /* The disk is full in the middle: nothing is lost, and when there is room again it goes on. */
-static void test_disk_full(void) {
+TEST(disk_full) {
     char *disk = mount_disk("90m");
     if (!disk)
         return;
@@ -143,7 +144,7 @@ static void change_in_wal(const char *session) {
 
 /* A session is read on a full disk, where the index of its WAL cannot be made: with an empty WAL,
  * and with one that a killed program has left. */
-static void test_verify_on_full_disk(void) {
+TEST(verify_on_full_disk) {
     char *disk = mount_disk("90m");
     if (!disk)
         return;
@@ -165,10 +166,4 @@ static void test_verify_on_full_disk(void) {
     unmount_disk(disk);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/disk/too-small", test_disk_too_small);
-    g_test_add_func("/disk/full", test_disk_full);
-    g_test_add_func("/disk/verify-on-full-disk", test_verify_on_full_disk);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -7,6 +7,7 @@
 
 #include "base/json.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 #include "session/session.h"
 
 #define DAEMON BUILD_DIR "/bin/mesorigd"
@@ -208,7 +209,7 @@ static void test_passing(gconstpointer data) {
 
 /* The door of a rig whose daemon stays: it says so as long as it is asked, refuses to go on while
  * the door is open, and goes on when it is shut. */
-static void test_daemon_stays(void) {
+TEST(daemon_stays) {
     struct operation *run = operator_new((const struct change[]){
         {"[interlock door]", "open_after_s = 9"}, {"[interlock door]", "open_for_s = 60"}, {0}});
     g_autoptr(GError) error = NULL;
@@ -250,10 +251,9 @@ static void add_faults(const char *prefix, const struct fault *list, gsize n,
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+TESTS_RUN_BY(operator_tests);
+
+BEFORE_TESTS {
     add_faults("/faults/", faults, G_N_ELEMENTS(faults), test_fault);
     add_faults("/faults/", passing, G_N_ELEMENTS(passing), test_passing);
-    g_test_add_func("/faults/daemon-stays", test_daemon_stays);
-    return operator_tests();
 }

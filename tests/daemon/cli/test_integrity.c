@@ -9,6 +9,7 @@
 
 #include "exr/exr.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 #include "session/session.h"
 
 #define ALL     96 /* damages in all; MESORIG_DAMAGES in the environment: more, in larger rounds */
@@ -87,7 +88,7 @@ static void check_whole(struct operation *run, const char *products) {
     g_assert_cmpstr(are, ==, products);
 }
 
-static void test_any(void) {
+TEST(any) {
     const char *asked = g_getenv("MESORIG_DAMAGES");
     const int all = asked ? atoi(asked) : ALL;
     struct operation *run = processed();
@@ -133,7 +134,7 @@ static void test_any(void) {
 }
 
 /* What process says of a frame is true. */
-static void test_frame(void) {
+TEST(frame) {
     static const char *const folders[] = {"frames/", "laser/"};
     for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
         struct operation *run = operator_new(NULL);
@@ -155,7 +156,7 @@ static void test_frame(void) {
 }
 
 /* Dark frames are not processed, but what is taken later is made with them. */
-static void test_dark(void) {
+TEST(dark) {
     struct operation *run = operator_new(NULL);
     operator_captures(run, 0);
     g_autofree char *frames = operator_frames(run->session);
@@ -176,7 +177,7 @@ static void refuses(struct operation *run, const char *product, const char *comm
     assert_has(run->err, ", the session has ");
 }
 
-static void test_products(void) {
+TEST(products) {
     struct operation *run = processed();
     g_autofree char *products = operator_products(run->session);
     g_autofree char *out = g_build_filename(run->directory, "out", NULL);
@@ -215,7 +216,7 @@ static void test_products(void) {
     operator_free(run);
 }
 
-static void test_viewed(void) {
+TEST(viewed) {
     struct operation *run = processed();
     g_autofree char *lpca = g_build_filename(run->session, "products/lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -234,7 +235,7 @@ static void test_viewed(void) {
     operator_free(run);
 }
 
-static void test_unknown(void) {
+TEST(unknown) {
     struct operation *run = processed();
     g_autofree char *stranger = g_build_filename(run->session, "products/stranger.exr", NULL);
     g_autofree char *link = g_build_filename(run->session, "frames/link", NULL);
@@ -260,13 +261,4 @@ static void test_unknown(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/integrity/frame", test_frame);
-    g_test_add_func("/integrity/dark", test_dark);
-    g_test_add_func("/integrity/products", test_products);
-    g_test_add_func("/integrity/viewed", test_viewed);
-    g_test_add_func("/integrity/unknown", test_unknown);
-    g_test_add_func("/integrity/any", test_any);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -1,6 +1,7 @@
 /* The manual pages: they render without a warning, their examples are files that the programs read,
  * and those that are generated have all drivers, keys and files. */
 #include "drivers/device.h"
+#include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 #include "world/world.h"
@@ -33,7 +34,7 @@ static void render(const char *path, gboolean lint) {
         g_error("%s", out);
 }
 
-static void test_rendering(void) {
+TEST(rendering) {
     static const char *const folders[] = {SOURCE, BUILT};
     int n = 0;
     for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
@@ -60,7 +61,7 @@ static char *example_of(const char *page) {
     return g_strndup(at + strlen(begin), (gsize)(end - at) - strlen(begin));
 }
 
-static void test_examples(void) {
+TEST(examples) {
     g_autoptr(GError) error = NULL;
     g_autofree struct rig *rig = g_new0(struct rig, 1);
     g_autofree char *rig_page = page_text("rig.conf.5"), *rig_conf = example_of(rig_page);
@@ -93,7 +94,7 @@ static void assert_keys(const char *page, const struct option *options) {
 }
 
 /* A class or a driver that a template forgets would be left out silently. */
-static void test_complete(void) {
+TEST(complete) {
     static const char *const session[] = {"session", "sample", "views", "capture"};
     static const char *const world[] = {"world", "sample", "camera", "lamp", "laser", "mark"};
     static const char *const rig[] = {"rig", "lamp", "camera", "laser", "mark"};
@@ -125,7 +126,7 @@ static void assert_item(const char *page, const char *macro, const char *name) {
 }
 
 /* What a session has, and what the page has: every value's key and every file. */
-static void test_session(void) {
+TEST(session) {
     static const struct {
         const char *pattern, *item;
     } files[] = {{"^frames/[0-9]{6}_cam[0-9]+\\.exr$", "frames/SHOT_CAMERA.exr"},
@@ -179,13 +180,4 @@ static void test_session(void) {
     sqlite3_finalize(values);
     sqlite3_close(db);
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/manual/rendering", test_rendering);
-    g_test_add_func("/manual/examples", test_examples);
-    g_test_add_func("/manual/complete", test_complete);
-    g_test_add_func("/manual/session", test_session);
-    return g_test_run();
 }

@@ -6,6 +6,7 @@
 #include "btf/btf_missing.h"
 #include "exr/exr.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 
 #define N_RINGS 5
 #define N_PHI   12
@@ -71,7 +72,7 @@ static void free_parts(struct exr_part **parts) {
 
 /* A plane is found again, but for what keeps it level; a lobe better than by the light beside it.
  */
-static void test_between(void) {
+TEST(between) {
     struct btf_view *view = new_view();
     double planes = 0, lobes = 0, nearest = 0;
     for (guint missing = 0; missing < N; missing++)
@@ -99,7 +100,7 @@ static void test_between(void) {
     btf_view_free(view);
 }
 
-static void test_few(void) {
+TEST(few) {
     struct btf_view *view = new_view();
     struct exr_part *parts[N] = {NULL};
     g_assert_null(btf_missing_weights(view, parts, 0));
@@ -160,7 +161,7 @@ static double difference(const struct exr_part *a, const struct exr_part *b) {
 
 /* Two of 24 lights of a session: their pictures are nearer to what was taken than the next lights'
  * are; with three there is no BTF. */
-static void test_session(void) {
+TEST(session) {
     static const struct change changes[] = {{"[views]", "rings = 30:1"},
                                             {"[lights]", "rings = 30:12; 60:12"},
                                             {"[lights]", "offset_deg = 15"},
@@ -201,10 +202,4 @@ static void test_session(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/missing/between", test_between);
-    g_test_add_func("/missing/few", test_few);
-    g_test_add_func("/missing/session", test_session);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

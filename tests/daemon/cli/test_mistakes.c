@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "lib/operator.h"
+#include "lib/test.h"
 
 struct mistake {
     const char *file;
@@ -66,7 +67,7 @@ static const struct mistake mistakes[] = {
 
 /* A mistake in a file is told with its place and what would be right, before anything moves. A
  * capture reads the files as a plan does: that is tried with every third. */
-static void test_mistakes(void) {
+TEST(mistakes) {
     for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
         const struct mistake *mistake = &mistakes[i];
         struct operation *run = operator_new(NULL);
@@ -89,7 +90,7 @@ static void test_mistakes(void) {
 
 /* What drivers know of their options is told with all other mistakes, before any device is opened.
  */
-static void test_drivers_mistakes(void) {
+TEST(drivers_mistakes) {
     static const struct change wrong[] = {{"[axis turntable]", "speed_deg_s = -1"},
                                           {"[axis arc]", "part = leg"},
                                           {"[lamps bank]", "fault_dead = lamp61"},
@@ -121,7 +122,7 @@ static const struct change late_death[] = {
     {"[lamps bank]", "fault_dead = lamp60"}, {"[lamps bank]", "fault_dead_after = 2"}, {0}};
 
 /* With the file of another rig a session is not resumed, and stays as it is. */
-static void test_other_rig(void) {
+TEST(other_rig) {
     struct operation *run = operator_new(late_death);
     g_autofree char *other = g_build_filename(run->directory, "other.conf", NULL);
     operator_captures(run, 1);
@@ -146,7 +147,7 @@ static void test_other_rig(void) {
 /* Arguments in the wrong order are one mistake, and a place where no session can be is told as
  * such.
  */
-static void test_wrong_arguments(void) {
+TEST(wrong_arguments) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 1, "plan", run->conf, run->rig, NULL);
     assert_has(run->err, "session.conf is a session file, and ");
@@ -164,7 +165,7 @@ static void test_wrong_arguments(void) {
     operator_free(run);
 }
 
-static void test_garbage_database(void) {
+TEST(garbage_database) {
     struct operation *run = operator_new(NULL);
     g_autofree char *database = g_build_filename(run->session, "session.db", NULL);
     g_autofree char *garbage = g_malloc(9000);
@@ -188,7 +189,7 @@ static void test_garbage_database(void) {
 
 /* A frame that was cut short or is gone: told by name, and mended by a resume. The views that do
  * not need it are made all the same. */
-static void test_damaged_frames(void) {
+TEST(damaged_frames) {
     struct operation *run = operator_new(NULL);
     operator_undisturbed();
     operator_captures(run, 0);
@@ -207,13 +208,4 @@ static void test_damaged_frames(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/input/mistakes", test_mistakes);
-    g_test_add_func("/input/drivers-mistakes", test_drivers_mistakes);
-    g_test_add_func("/input/other-rig", test_other_rig);
-    g_test_add_func("/input/wrong arguments", test_wrong_arguments);
-    g_test_add_func("/input/garbage-database", test_garbage_database);
-    g_test_add_func("/input/damaged-frames", test_damaged_frames);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

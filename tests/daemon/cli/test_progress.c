@@ -4,6 +4,7 @@
 #include "command/work.h"
 
 #include "lib/process.h"
+#include "lib/test.h"
 
 #include <fcntl.h>
 #include <string.h>
@@ -22,7 +23,7 @@ static int lines(void) {
     return n;
 }
 
-static void test_short(void) {
+TEST(short) {
     Progress *progress = progress_new("short");
     for (int i = 0; i <= 12; i++)
         progress_show(progress, i / 12.0, "12", i == 12);
@@ -30,7 +31,7 @@ static void test_short(void) {
     g_assert_cmpstr(told->str, ==, "");
 }
 
-static void test_long(void) {
+TEST(long) {
     Progress *progress = progress_new("long");
     progress_show(progress, 0.1, "the first", FALSE);
     g_assert_cmpint(lines(), ==, 0);
@@ -60,7 +61,7 @@ static gboolean tell_again(const struct work *work, gpointer data, GError **erro
 
 /* Work whose end is told again and again, as what follows it goes on: a line when it ends, and one
  * that stays, without time left. */
-static void test_told_again(void) {
+TEST(again) {
     double seconds;
     g_string_truncate(told, 0);
     g_assert_true(cli_work_run(tell_again, NULL, &seconds, NULL));
@@ -68,18 +69,15 @@ static void test_told_again(void) {
     g_assert_cmpint(lines(), ==, 3);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     told = g_string_new(NULL);
     /* It is a log, wherever the test itself runs. */
     const int null = open("/dev/null", O_WRONLY);
     g_assert_cmpint(dup2(null, STDERR_FILENO), ==, STDERR_FILENO);
     close(null);
     g_set_printerr_handler(keep);
-    g_test_add_func("/progress/short", test_short);
-    g_test_add_func("/progress/long", test_long);
-    g_test_add_func("/progress/again", test_told_again);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     g_string_free(told, TRUE);
-    return result;
 }

@@ -16,6 +16,7 @@
 
 #include "exr/exr.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "pictures/picture_header.h"
 #include "samples/sample.h"
 
@@ -165,7 +166,7 @@ static const char *const commands[] = {
     "mesorig-view --method metal-ward --normal-map @.exr -o out.png",
 };
 
-static void test_commands(void) {
+TEST(commands) {
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
         struct running running[SPECIALS];
         for (int k = 0; k < SPECIALS; k++) {
@@ -245,7 +246,7 @@ static void start_planted(struct running *running, gsize i, enum special which) 
     start(running, argv, copy);
 }
 
-static void test_planted(void) {
+TEST(planted) {
     for (gsize i = 0; i < G_N_ELEMENTS(planted); i++) {
         struct running fifo, device;
         start_planted(&fifo, i, A_FIFO);
@@ -257,7 +258,7 @@ static void test_planted(void) {
 }
 
 /* Playlists that FFmpeg would follow to whatever they name: here a FIFO beside them. */
-static void test_playlists(void) {
+TEST(playlists) {
     static const char *const texts[] = {
         "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\npart.ts\n#EXT-X-ENDLIST\n",
         "ffconcat version 1.0\nfile part.ts\n",
@@ -277,7 +278,7 @@ static void test_playlists(void) {
 }
 
 /* What a simulated world's file names. */
-static void test_samples(void) {
+TEST(samples) {
     for (int k = 0; k < SPECIALS; k++) {
         g_autoptr(GError) relief = NULL, obj = NULL, print = NULL;
         g_autofree char *path = special_path((enum special)k, ".sample");
@@ -367,7 +368,7 @@ static void check_bomb(const char *name, const char *const *some, void (*write)(
     }
 }
 
-static void test_bombs(void) {
+TEST(bombs) {
     static const char *const png[] = {
         "mesorig compare BOMB BOMB",
         "mesorig-view --method metal-ward --normal-map BOMB -o out.png",
@@ -387,7 +388,7 @@ static void test_bombs(void) {
 }
 
 /* What is written is read, however well it compresses. */
-static void test_own_zeros(void) {
+TEST(own_zeros) {
     static const char *const y[] = {"Y", NULL};
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(folder, "zeros.exr", NULL);
@@ -406,7 +407,7 @@ static void test_own_zeros(void) {
 
 /* Headers alone, of 300 and of 30000 pixels each way: the former are let through to a decoder, the
  * latter refused with their size. */
-static void test_headers(void) {
+TEST(headers) {
     static const struct {
         const char *kind;
         guint8 bytes[64];
@@ -454,19 +455,12 @@ static void make_session(void) {
     run(import);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-special-XXXXXX", NULL);
     session = g_build_filename(folder, "good.session", NULL);
     make_session();
-    g_test_add_func("/special-files/commands", test_commands);
-    g_test_add_func("/special-files/planted", test_planted);
-    g_test_add_func("/special-files/playlists", test_playlists);
-    g_test_add_func("/special-files/samples", test_samples);
-    g_test_add_func("/special-files/bombs", test_bombs);
-    g_test_add_func("/special-files/headers", test_headers);
-    g_test_add_func("/special-files/own-zeros", test_own_zeros);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
-    return result;
 }

@@ -9,6 +9,7 @@
 #include "base/new_file.h"
 #include "exr/exr.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define PAIRS   20 /* MESORIG_PAIRS in the environment: more */
@@ -68,7 +69,7 @@ static int run_pair(const char *const *first, const char *const *second, gulong 
     return (codes[0] == 0) + (codes[1] == 0);
 }
 
-static void test_compress(void) {
+TEST(compress) {
     struct operation *run = captured();
     g_autofree char *file = g_build_filename(run->session, "products", "same.exr", NULL);
     const char *const a[] = {MESORIG, "compress", run->session,   "-o", file,
@@ -115,7 +116,7 @@ static void remove_products(const struct operation *run) {
     }
 }
 
-static void test_process(void) {
+TEST(process) {
     struct operation *run = captured();
     const char *const argv[] = {MESORIG, "process", run->session, NULL};
     g_autoptr(GRand) random = g_rand_new_with_seed(SEED);
@@ -163,7 +164,7 @@ static void assert_is_file(const struct operation *run, const char *relative) {
     g_assert_true(S_ISREG(status.st_mode));
 }
 
-static void test_links(void) {
+TEST(links) {
     static const char *const made[] = {"products/btf/view_0001.exr", "products/mdf.exr",
                                        "products/eigenmaps.exr", "products/lpca.exr"};
     struct operation *run = captured();
@@ -193,7 +194,7 @@ static void test_links(void) {
 }
 
 /* A folder of the session that leads out of it. */
-static void test_linked_folders(void) {
+TEST(linked_folders) {
     static const struct {
         const char *folder, *command;
     } cases[] = {{"frames", "resume"},
@@ -219,7 +220,7 @@ static void test_linked_folders(void) {
 }
 
 /* One that is put there while a capture runs. */
-static void test_below(void) {
+TEST(below) {
     g_autofree char *folder = g_build_filename(operator_folder(), "below", NULL);
     g_autofree char *outside = g_build_filename(operator_folder(), "below", "outside", NULL);
     g_autofree char *link = g_build_filename(folder, "frames", NULL);
@@ -250,7 +251,7 @@ static void test_below(void) {
     g_free(file.beside);
 }
 
-static void test_lock(void) {
+TEST(lock) {
     g_autofree char *path = g_build_filename(operator_folder(), "lock", NULL);
     g_autoptr(GError) error = NULL;
     const int lock = file_lock_take(path, "it", &error);
@@ -274,13 +275,4 @@ static void test_lock(void) {
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_TOO_MANY_LINKS);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/writers/lock", test_lock);
-    g_test_add_func("/writers/below", test_below);
-    g_test_add_func("/writers/links", test_links);
-    g_test_add_func("/writers/linked-folders", test_linked_folders);
-    g_test_add_func("/writers/compress", test_compress);
-    g_test_add_func("/writers/process", test_process);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

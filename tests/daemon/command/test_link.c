@@ -4,6 +4,7 @@
 
 #include "lib/long_session.h"
 #include "lib/operator.h"
+#include "lib/test.h"
 
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
 #define WAIT_S   60
@@ -59,7 +60,7 @@ static GSubprocess *lab_captures(struct lab *lab, const char *conf) {
 }
 
 /* A daemon that listens anywhere is found, until it ends; one that was killed is not. */
-static void test_found(void) {
+TEST(found) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 1, "status", NULL);
     assert_has(run->err, "no mesorigd is running");
@@ -79,7 +80,7 @@ static void test_found(void) {
 }
 
 /* With two, whatever does not say which is refused, and both are listed. */
-static void test_two(void) {
+TEST(two) {
     static const char *const refused[] = {"status", "watch", "pause", "continue", "abort",
                                           "safe",   "test",  "close", NULL};
     struct lab mine = lab_new(), other = lab_new();
@@ -125,7 +126,7 @@ static void test_two(void) {
 }
 
 /* “resume” reaches the daemon that has the session's rig open, whatever else runs. */
-static void test_resume(void) {
+TEST(resume) {
     struct lab mine = lab_new(), other = lab_new();
     GSubprocess *capture = lab_captures(&mine, mine.run->conf);
     operator_does(mine.run, 0, "abort", mine.run->session, NULL);
@@ -142,7 +143,7 @@ static void test_resume(void) {
 }
 
 /* A daemon gives its rig up when it is told so, but not during a capture. */
-static void test_close(void) {
+TEST(close) {
     struct lab lab = lab_new();
     GSubprocess *capture = lab_captures(&lab, lab.run->conf);
     operator_does(lab.run, 1, "close", NULL);
@@ -157,7 +158,7 @@ static void test_close(void) {
     lab_clear(&lab, SIGTERM);
 }
 
-static void test_errors(void) {
+TEST(errors) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 1, "status", "--address", "unix:path=/no/such/bus", NULL);
     assert_has(run->err, "no mesorigd answers at unix:path=/no/such/bus (No such file");
@@ -167,12 +168,4 @@ static void test_errors(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/link/found", test_found);
-    g_test_add_func("/link/two", test_two);
-    g_test_add_func("/link/resume", test_resume);
-    g_test_add_func("/link/close", test_close);
-    g_test_add_func("/link/errors", test_errors);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -9,6 +9,7 @@
 #include "command/picture.h"
 #include "command/progress.h"
 #include "command/work.h"
+#include "lib/test.h"
 
 static int count(const char *text, const char *piece) {
     int n = 0;
@@ -18,7 +19,7 @@ static int count(const char *text, const char *piece) {
 }
 
 /* Two rows of pixels a line, in half blocks of two colours. */
-static void test_blocks(void) {
+TEST(blocks) {
     enum { WIDTH = 4, HEIGHT = 3 };
     guint8 rgb[WIDTH * HEIGHT * 3];
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
@@ -46,7 +47,7 @@ static void test_blocks(void) {
 }
 
 /* Too large for the terminal: means of squares, within the columns and lines. */
-static void test_shrunk(void) {
+TEST(shrunk) {
     enum { WIDTH = 60, HEIGHT = 40 };
     guint8 rgb[WIDTH * HEIGHT * 3];
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
@@ -75,7 +76,7 @@ static void test_shrunk(void) {
     }
 }
 
-static void test_others(void) {
+TEST(others) {
     static const guint8 rgb[3 * 8 * 8] = {0};
     int columns = 1, lines = 1;
     g_autofree char *none = picture_text(rgb, 8, 8, PICTURE_NOT, 80, 24, &columns, &lines);
@@ -124,7 +125,7 @@ static void draw_above(void) {
     progress_free(progress);
 }
 
-static void test_above(void) {
+TEST(above) {
     g_autofree char *text = on_terminal(draw_above);
     const char *places[] = {"picture\r\npose\r\n",
                             "one",
@@ -161,7 +162,7 @@ static void draw_stages(void) {
 
 /* A stage with nothing to do has no bar, and a bar that stays tells nothing of the time that was
  * left. */
-static void test_stages(void) {
+TEST(stages) {
     g_autofree char *text = on_terminal(draw_stages);
     g_auto(GStrv) lines = g_strsplit(text, "\r\n", -1);
     g_assert_cmpuint(g_strv_length(lines), ==, 3); /* the last one is empty */
@@ -174,14 +175,4 @@ static void test_stages(void) {
         g_assert_nonnull(strstr(last, i == 0 ? "first" : "second"));
         g_assert_nonnull(strstr(last, i == 0 ? "2/2\033[K" : "1/1\033[K"));
     }
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/picture/blocks", test_blocks);
-    g_test_add_func("/picture/shrunk", test_shrunk);
-    g_test_add_func("/picture/others", test_others);
-    g_test_add_func("/picture/above", test_above);
-    g_test_add_func("/picture/stages", test_stages);
-    return g_test_run();
 }

@@ -4,6 +4,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -93,7 +94,7 @@ static void write_session(const char *name, int rings, gboolean holes) {
 }
 
 /* Holes, and no MDF. */
-static void test_holes(void) {
+TEST(holes) {
     write_session("holes.session", 2, TRUE);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (kinds[i].need == RELIEF)
@@ -102,7 +103,7 @@ static void test_holes(void) {
             made(&kinds[i], "holes");
 }
 
-static void test_one_view(void) {
+TEST(one_view) {
     write_session("one.session", 0, FALSE);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (kinds[i].need == RELIEF)
@@ -117,7 +118,7 @@ static void test_one_view(void) {
             made(&kinds[i], "one");
 }
 
-static void test_no_session(void) {
+TEST(no_session) {
     g_assert_cmpint(g_mkdir("photos.session", 0777), ==, 0);
     g_assert_true(g_file_set_contents("text.session", "not a folder", -1, NULL));
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
@@ -127,7 +128,7 @@ static void test_no_session(void) {
     }
 }
 
-static void test_full_disk(void) {
+TEST(full_disk) {
     g_assert_cmpint(g_mkdir("disk", 0777), ==, 0);
     if (mount("mesorig-test", "disk", "tmpfs", 0, "size=16k") != 0) {
         test_skip_or_fail("a disk cannot be mounted here");
@@ -150,18 +151,14 @@ static void test_full_disk(void) {
     g_assert_cmpint(umount2("disk", MNT_DETACH), ==, 0);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-trouble-XXXXXX", NULL);
     g_assert_cmpint(g_chdir(folder), ==, 0);
     for (gsize i = 0; i < G_N_ELEMENTS(materials); i++)
         g_assert_cmpint(g_mkdir(materials[i], 0777), ==, 0);
-    g_test_add_func("/export-trouble/holes", test_holes);
-    g_test_add_func("/export-trouble/one-view", test_one_view);
-    g_test_add_func("/export-trouble/no-session", test_no_session);
-    g_test_add_func("/export-trouble/full-disk", test_full_disk);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

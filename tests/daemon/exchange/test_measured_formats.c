@@ -3,6 +3,7 @@
 #include "brdf/rgl.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -141,19 +142,18 @@ static void check_wrong(void) {
 }
 
 /* One test: what is wrong is tried on the sessions that were made. */
-static void test_commands(void) {
+TEST(commands) {
     check_round();
     check_wrong();
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-formats-XXXXXX", NULL);
     g_assert_cmpint(g_chdir(folder), ==, 0);
     make_files();
-    g_test_add_func("/measured-formats", test_commands);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

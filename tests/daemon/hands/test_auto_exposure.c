@@ -6,6 +6,7 @@
 
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "plan/plan.h"
 #include "session/session.h"
 
@@ -42,7 +43,7 @@ static struct session_conf stored(const struct operation *run) {
     return conf;
 }
 
-static void test_chosen(void) {
+TEST(chosen) {
     struct operation *run = new_auto(NULL, NULL), *again = new_auto(NULL, NULL);
     operator_captures(run, 0);
     assert_has(run->out, "exposures: chosen by pictures on trial: exposures_us = ");
@@ -69,7 +70,7 @@ static void test_chosen(void) {
 
 /* Cameras and lasers' lines twice as bright need half the exposure, to the two digits that are
  * given. */
-static void test_proportion(void) {
+TEST(proportion) {
     static const struct change bright[] = {
         {"[camera cam30]", "response = 12000"}, {"[camera cam60]", "response = 12000"}, {0}};
     struct operation *run = new_auto(NULL, NULL), *twice = new_auto(NULL, bright);
@@ -86,7 +87,7 @@ static void test_proportion(void) {
 }
 
 /* A plan says what bound it takes; what is then captured takes no longer. */
-static void test_plan(void) {
+TEST(plan) {
     struct operation *run = new_auto(NULL, NULL);
     operator_does(run, 0, "plan", run->rig, run->conf, NULL);
     assert_has(run->out, "upper bounds");
@@ -105,7 +106,7 @@ static void test_plan(void) {
 }
 
 /* A dead lamp pauses the session. It goes on with what was chosen, whatever the file says now. */
-static void test_resume(void) {
+TEST(resume) {
     static const struct change dead[] = {{"[lamps bank]", "fault_dead = lamp60"}, {0}};
     struct operation *run = new_auto(NULL, dead);
     operator_captures(run, 1);
@@ -128,7 +129,7 @@ struct hopeless {
 };
 
 /* One key alone; a short exposure where the long one saturates. */
-static void test_single(void) {
+TEST(single) {
     static const struct change fixed[] = {{"[capture]", "exposures_us = 4000; 16000"},
                                           {"[capture]", "laser_exposure_us = 1000000"},
                                           {0}};
@@ -142,7 +143,7 @@ static void test_single(void) {
     operator_free(run);
 }
 
-static void test_hopeless(void) {
+TEST(hopeless) {
     static const struct hopeless all[] = {
         {.session = {"[capture]", "auto_longest_us = 400"},
          .told = {"[capture] auto_longest_us: camera", "under lamp60, and exposures_us may choose "
@@ -174,7 +175,7 @@ static void test_hopeless(void) {
 }
 
 /* A program that begins such a session must say what it has chosen. */
-static void test_not_chosen(void) {
+TEST(not_chosen) {
     struct operation *run = new_auto(NULL, NULL);
     g_auto(SessionConf) conf = {0};
     g_autoptr(GError) error = NULL;
@@ -194,14 +195,4 @@ static void test_not_chosen(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/auto_exposure/chosen", test_chosen);
-    g_test_add_func("/auto_exposure/proportion", test_proportion);
-    g_test_add_func("/auto_exposure/plan", test_plan);
-    g_test_add_func("/auto_exposure/resume", test_resume);
-    g_test_add_func("/auto_exposure/single", test_single);
-    g_test_add_func("/auto_exposure/hopeless", test_hopeless);
-    g_test_add_func("/auto_exposure/not_chosen", test_not_chosen);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -7,6 +7,7 @@
 #include "calibration/calibration.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "rig/devices.h"
 
 /* 24 views under 24 lights. */
@@ -36,7 +37,7 @@ static int shots_said(const struct operation *run) {
     return atoi(at);
 }
 
-static void test_spoilt(void) {
+TEST(spoilt) {
     static const struct spoilt all[] = {
         /* 20 times too long, and too short. */
         {.session = {"[capture]", "exposures_us = 80000; 320000"},
@@ -65,7 +66,7 @@ static void test_spoilt(void) {
 }
 
 /* What is suggested is good: neither too long nor too short. */
-static void test_suggestion(void) {
+TEST(suggestion) {
     static const char *const wrong[] = {"exposures_us = 80000", "exposures_us = 400"};
     for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
         struct spoilt spoilt = {.session = {"[capture]", wrong[i]}};
@@ -83,7 +84,7 @@ static void test_suggestion(void) {
 }
 
 /* --yes warns, and goes on. A short session is not held up. */
-static void test_yes(void) {
+TEST(yes) {
     const struct spoilt dead = {.world = {"[camera cam60]", "response = 0.01"}};
     struct operation *run = new_run(&dead);
     operator_does(run, 0, "capture", run->rig, run->conf, "-o", run->session, "--yes", NULL);
@@ -128,7 +129,7 @@ static void try_calibrated(struct operation *run, gboolean laser) {
     g_test_message("%s", run->err);
 }
 
-static void test_calibrated(void) {
+TEST(calibrated) {
     static const struct spoilt none = {0};
     struct operation *run = new_run(&none);
     operator_captures(run, 1); /* not calibrated at all: that alone is a reason to stop */
@@ -144,7 +145,7 @@ static void test_calibrated(void) {
 }
 
 /* Six lamps. Those of the first five shots are told then; one of the others at its own shot. */
-static void test_many_lamps(void) {
+TEST(many_lamps) {
     static const char lamps[] = "20 35 45 70";
     for (int dead = 0; dead < 2; dead++) {
         struct spoilt spoilt = {
@@ -183,7 +184,7 @@ static void test_many_lamps(void) {
 }
 
 /* White fiducials beside the sample: where the calibration has them, or not. */
-static void test_fiducials(void) {
+TEST(fiducials) {
     static const struct {
         const char *line, *told; /* of the world's cam60 */
         const char *albedo;
@@ -226,13 +227,4 @@ static void test_fiducials(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/guard/spoilt", test_spoilt);
-    g_test_add_func("/guard/suggestion", test_suggestion);
-    g_test_add_func("/guard/yes", test_yes);
-    g_test_add_func("/guard/calibrated", test_calibrated);
-    g_test_add_func("/guard/many_lamps", test_many_lamps);
-    g_test_add_func("/guard/fiducials", test_fiducials);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

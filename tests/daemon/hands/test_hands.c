@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #define MESORIG  BUILD_DIR "/bin/mesorig"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
@@ -100,7 +101,7 @@ static double number(const struct desk *desk, const char *key) {
     return g_ascii_strtod(at + strlen(name), NULL);
 }
 
-static void test_snap(void) {
+TEST(snap) {
     struct desk desk = desk_new((const struct change[]){real_clock, {0}});
     desk_does(&desk, 0, "status --json");
     assert_has(desk.run->out, "\"simulated\": true"); /* though its clock is not */
@@ -132,7 +133,7 @@ static void test_snap(void) {
 }
 
 /* The file of what the sensor gave has what was told of it. */
-static void test_files(void) {
+TEST(files) {
     struct desk desk = desk_new((const struct change[]){real_clock, {0}});
     g_autofree char *exr = g_build_filename(desk.run->directory, "x.exr", NULL);
     g_autofree char *png = g_build_filename(desk.run->directory, "x.png", NULL);
@@ -166,7 +167,7 @@ static void test_files(void) {
     desk_clear(&desk);
 }
 
-static void test_axes(void) {
+TEST(axes) {
     struct desk desk = desk_new((const struct change[]){real_clock, {0}});
     desk_does(&desk, 1, "move turntable 30");
     assert_has(desk.run->err, "home it first");
@@ -185,7 +186,7 @@ static void test_axes(void) {
 }
 
 /* Whoever holds a light or an axis is killed. */
-static void test_killed(void) {
+TEST(killed) {
     struct desk desk =
         desk_new((const struct change[]){real_clock, {"[axis turntable]", "speed_deg_s = 2"}, {0}});
     GSubprocess *lamp = desk_begins(&desk, "lamp lamp30");
@@ -236,7 +237,7 @@ static void test_killed(void) {
 
 /* Nothing by hand while a session is captured, not even while it is paused. What somebody holds
  * when it begins ends. */
-static void test_capture(void) {
+TEST(capture) {
     static const char *const refused[] = {"snap cam30",     "lamp lamp30", "laser laser30",
                                           "home turntable", "test",        "live cam30"};
     struct desk desk = desk_new((const struct change[]){real_clock, {0}});
@@ -262,7 +263,7 @@ static void test_capture(void) {
 }
 
 /* The door is open from the beginning for two seconds. */
-static void test_interlock(void) {
+TEST(interlock) {
     struct desk desk = desk_new(
         (const struct change[]){real_clock, {"[interlock door]", "open_after_s = 0.001"}, {0}});
     desk_waits(&desk, "\"door\", \"sim-interlock\", \"open\"");
@@ -280,7 +281,7 @@ static void test_interlock(void) {
 }
 
 /* It opens while a laser is on and an axis moves. */
-static void test_opened(void) {
+TEST(opened) {
     struct desk desk = desk_new((const struct change[]){real_clock,
                                                         {"[axis turntable]", "speed_deg_s = 1"},
                                                         {"[interlock door]", "open_after_s = 12"},
@@ -304,7 +305,7 @@ static void test_opened(void) {
 
 /* test passes a rig that is as it should be, and names what is not. Virtual time: no daemon runs.
  */
-static void test_test(void) {
+TEST(test) {
     struct operation *run = operator_new(NULL);
     operator_does(run, 0, "test", "--rig", run->rig, NULL);
     assert_has(run->out, "11 of 11 are as they should be");
@@ -322,15 +323,4 @@ static void test_test(void) {
     operator_free(run);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/hands/snap", test_snap);
-    g_test_add_func("/hands/files", test_files);
-    g_test_add_func("/hands/axes", test_axes);
-    g_test_add_func("/hands/killed", test_killed);
-    g_test_add_func("/hands/capture", test_capture);
-    g_test_add_func("/hands/interlock", test_interlock);
-    g_test_add_func("/hands/opened", test_opened);
-    g_test_add_func("/hands/test", test_test);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -1,4 +1,5 @@
 /* Passes of the turntable: speed, which shots share one, times; what is refused. */
+#include "lib/test.h"
 #include "passes/passes.h"
 
 #include <math.h>
@@ -58,7 +59,7 @@ static const struct session_shot *at(GArray *shots, guint i) {
 
 /* The corner of 50 × 50 mm is 35.36 mm from the axis, a texel is 0.781 mm: a quarter of it is
  * 0.3165°. */
-static void test_speed(void) {
+TEST(speed) {
     struct rig rig = plan_case_rig(demo, 5);
     struct rig_timing t = timing();
     g_auto(SessionConf) conf = conf_with("exposures_us = 8000\n");
@@ -96,7 +97,7 @@ static void refused(const struct session_conf *conf, const struct rig_timing *t,
         g_assert_null(why);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     struct rig_timing t = timing();
     g_auto(SessionConf) conf = conf_with("exposures_us = 8000\n");
     refused(&conf, &t, NULL);
@@ -130,7 +131,7 @@ static void test_refused(void) {
 
 /* Nine angles, in any order and with those of another lamp between them, become one pass of each,
  * which begins behind the widest gap. */
-static void test_turn(void) {
+TEST(turn) {
     static const double deg[] = {330, 0, 30, 90, 60, 300, 120, 150, 180};
     static const double expected[] = {300, 330, 360, 390, 420, 450, 480, 510, 540};
     struct rig rig = plan_case_rig(demo, 5);
@@ -157,7 +158,7 @@ static void test_turn(void) {
 }
 
 /* Where a pass does not pay the table stands, and where it cannot begin or end. */
-static void test_stands(void) {
+TEST(stands) {
     static const double near[] = {0, 7.5, 15, 22.5, 200, 207.5, 215, 222.5}, two[] = {0, 180};
     static const double limited[] = {0, 30, 60, 90, 120, 150, 180};
     struct rig rig = plan_case_rig(demo, 5);
@@ -197,7 +198,7 @@ static void test_stands(void) {
 }
 
 /* The same shots have the same pass, whether they were taken or not. */
-static void test_done(void) {
+TEST(done) {
     static const double deg[] = {0, 30, 60, 90, 120, 150};
     struct rig rig = plan_case_rig(demo, 5);
     struct rig_timing t = timing();
@@ -214,7 +215,7 @@ static void test_done(void) {
 }
 
 /* From the start of a pass until the table stands, by its parts and as a whole: v/a + d/v. */
-static void test_times(void) {
+TEST(times) {
     static const double deg[] = {0, 30, 60, 90, 120, 150, 180, 210, 240};
     struct rig rig = plan_case_rig(demo, 5);
     struct rig_timing t = timing();
@@ -241,15 +242,4 @@ static void test_times(void) {
                                    300 / v, 1e-12);
     g_array_index(shots, struct session_shot, 1).device = 1;
     g_assert_cmpfloat(passes_after_s(at(shots, 0), at(shots, 1), &conf, &rig, &t), ==, G_MAXDOUBLE);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/passes/speed", test_speed);
-    g_test_add_func("/passes/refused", test_refused);
-    g_test_add_func("/passes/turn", test_turn);
-    g_test_add_func("/passes/stands", test_stands);
-    g_test_add_func("/passes/done", test_done);
-    g_test_add_func("/passes/times", test_times);
-    return g_test_run();
 }

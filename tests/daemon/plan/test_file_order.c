@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "plan/plan.h"
 
 static char *folder;
@@ -13,7 +14,7 @@ static char *write_as(const char *name, const char *text) {
     return path;
 }
 
-static void test_order(void) {
+TEST(exchanged) {
     g_autofree char *rig = write_as("rig.conf", "[rig]\nname = r\n");
     g_autofree char *session = write_as("session.conf", "[session]\nname = s\n");
     g_autofree char *both = write_as("both.conf", "[rig]\nname = r\n[session]\nname = s\n");
@@ -48,12 +49,11 @@ static void test_order(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-order-XXXXXX", NULL);
-    g_test_add_func("/file-order/exchanged", test_order);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return result;
 }

@@ -1,4 +1,5 @@
 #include "lib/plan_case.h"
+#include "lib/test.h"
 
 #include <locale.h>
 #include <string.h>
@@ -80,14 +81,14 @@ static int notes_of_texels(int texels) {
 }
 
 /* 650 mm away a pixel of 1/1664 sees 0.39 mm: 128 of them are 50 mm. */
-static void test_texels(void) {
+TEST(texels) {
     g_assert_cmpint(notes_of_texels(64), ==, 0);
     g_assert_cmpint(notes_of_texels(250), ==, 0);
     g_assert_cmpint(notes_of_texels(260), ==, 1);
     g_assert_cmpint(notes_of_texels(2048), ==, 1);
 }
 
-static void test_presets(void) {
+TEST(presets) {
     static const struct {
         const char *name;
         int directions, rings;
@@ -107,7 +108,7 @@ static void test_presets(void) {
     }
 }
 
-static void test_demo_file(void) {
+TEST(demo_file) {
     g_auto(SessionConf) conf = {0};
     GError *error = NULL;
 
@@ -191,7 +192,7 @@ static const struct bad bad_files[] = {
      4, "range"},
 };
 
-static void test_bad_files(void) {
+TEST(bad_files) {
     for (gsize i = 0; i < G_N_ELEMENTS(bad_files); i++) {
         const struct bad *bad = &bad_files[i];
         struct session_conf conf;
@@ -210,7 +211,7 @@ static void test_bad_files(void) {
     }
 }
 
-static void test_truncated_file(void) {
+TEST(truncated_file) {
     g_autofree char *text = NULL;
     gsize length;
 
@@ -232,7 +233,7 @@ static const char *const demo_directions =
     "[lasers]\npreset=26\noffset_deg=15\n";
 
 /* From lamps that are ready at once to lamps that are worth being left on during moves. */
-static void test_demo_near_bound(void) {
+TEST(demo) {
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
     const double warm_up_s[] = {0.02, 0.25, 2, 10};
@@ -256,7 +257,7 @@ static void test_demo_near_bound(void) {
     }
 }
 
-static void test_large_near_bound(void) {
+TEST(12x8) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\npreset=12x8\n[lights]\npreset=12x8\noffset_deg=15\n");
     struct rig rig = plan_case_rig(eight_theta_deg, 8);
@@ -270,7 +271,7 @@ static void test_large_near_bound(void) {
     g_assert_cmpint(plan->n_poses, ==, 144);
 }
 
-static void test_81(void) {
+TEST(81) {
     const double theta_deg[] = {0, 15, 30, 45, 60, 75};
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\npreset=81\n[lights]\npreset=81\noffset_deg=4\n");
@@ -315,7 +316,7 @@ static gboolean arc_in_picture(const struct rig *rig, int camera, double arc_deg
     return FALSE;
 }
 
-static void test_blocked(void) {
+TEST(blocked) {
     const char *directions = "[views]\npreset=12x8\n[lights]\npreset=12x8\n";
     g_auto(SessionConf) conf = plan_case_conf(directions);
     struct rig rig = plan_case_rig(eight_theta_deg, 8);
@@ -363,7 +364,7 @@ static void test_blocked(void) {
 }
 
 /* Refused before the time is spent, by how much it is too large. */
-static void test_too_large(void) {
+TEST(too_large) {
     const double theta_deg[] = {30, 60};
     static const struct {
         const char *text, *says;
@@ -382,7 +383,7 @@ static void test_too_large(void) {
     }
 }
 
-static void test_refusals(void) {
+TEST(refusals) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\nrings=15:4\n[lights]\nrings=30:4:15\n[lasers]\nrings=45:2:15\n");
     struct rig rig = plan_case_rig(demo_theta_deg, 5), other = rig;
@@ -413,7 +414,7 @@ static void test_refusals(void) {
 }
 
 /* The sheet must have passed every corner of the sample's box, and not be far beyond. */
-static void test_sweep_range(void) {
+TEST(sweep_range) {
     g_auto(SessionConf) conf = plan_case_conf("[views]\nrings=15:1\n[lasers]\nrings=45:1:90\n");
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
     struct rig_timing timing = plan_case_timing(0.25);
@@ -436,7 +437,7 @@ static void test_sweep_range(void) {
 }
 
 /* Two cameras of one elevation, half a turn apart, need half the turns of the table. */
-static void test_two_cameras(void) {
+TEST(two_cameras) {
     const double theta_deg[] = {30, 30};
     g_auto(SessionConf) conf = plan_case_conf("[views]\nrings=30:12\n[lights]\nrings=30:12:15\n");
     struct rig rig = plan_case_rig(theta_deg, 2);
@@ -502,7 +503,7 @@ static void randomise(GRand *rand, struct session_conf *conf, int max_rings, int
     conf->n_exposures = g_rand_int_range(rand, 1, 3);
 }
 
-static void test_random(void) {
+TEST(random) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(5);
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
@@ -517,7 +518,7 @@ static void test_random(void) {
 
 /* Viewer after view: the table stands at each of its angles once, and the time told is the nested
  * order's. */
-static void test_views_first(void) {
+TEST(views_first) {
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
     struct rig_timing timing = plan_case_timing(0.25);
@@ -600,7 +601,7 @@ static double quickest_s(const struct session_shot **shots, int n, int fixed,
     return best;
 }
 
-static void test_against_all_orders(void) {
+TEST(all_orders) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(7);
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
@@ -636,7 +637,7 @@ static void test_against_all_orders(void) {
     g_assert_cmpfloat(worst, <, 0.25);
 }
 
-static void test_remaining(void) {
+TEST(remaining) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(9);
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
@@ -654,25 +655,6 @@ static void test_remaining(void) {
                       left);
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     setlocale(LC_ALL, "");
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/session-conf/presets", test_presets);
-    g_test_add_func("/session-conf/demo", test_demo_file);
-    g_test_add_func("/session-conf/bad", test_bad_files);
-    g_test_add_func("/session-conf/truncated", test_truncated_file);
-    g_test_add_func("/plan/demo", test_demo_near_bound);
-    g_test_add_func("/plan/12x8", test_large_near_bound);
-    g_test_add_func("/plan/81", test_81);
-    g_test_add_func("/plan/too-large", test_too_large);
-    g_test_add_func("/plan/blocked", test_blocked);
-    g_test_add_func("/plan/refusals", test_refusals);
-    g_test_add_func("/plan/sweep-range", test_sweep_range);
-    g_test_add_func("/plan/two-cameras", test_two_cameras);
-    g_test_add_func("/plan/views-first", test_views_first);
-    g_test_add_func("/plan/texels", test_texels);
-    g_test_add_func("/plan/random", test_random);
-    g_test_add_func("/plan/all-orders", test_against_all_orders);
-    g_test_add_func("/plan/remaining", test_remaining);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 /* [lights] sampling = adaptive: which shots come first, what a round costs, and what is refused. */
 #include "lib/plan_case.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -71,7 +72,7 @@ static int count(const gboolean *chosen, int n) {
 
 /* The first shots are as many as asked for, contain those of a smaller first, and lie nearer to all
  * pairs than any of twenty sets at random. */
-static void test_first(void) {
+TEST(first) {
     g_auto(SessionConf) conf = plan_case_conf(DIRECTIONS "sampling = adaptive\n");
     const struct rig rig = plan_case_rig(thetas_deg, 5);
     const struct rig_timing timing = plan_case_timing(0.25);
@@ -112,7 +113,7 @@ static void test_first(void) {
 }
 
 /* The plan tells how many may follow, and what the first round alone takes. */
-static void test_times(void) {
+TEST(times) {
     g_auto(SessionConf) conf = plan_case_conf(DIRECTIONS "sampling = adaptive\n");
     g_auto(SessionConf) whole = plan_case_conf(DIRECTIONS);
     g_auto(SessionConf) wide = plan_case_conf(DIRECTIONS "sampling = adaptive\nfirst = 1000\n");
@@ -135,7 +136,7 @@ static void test_times(void) {
 
 /* Some of a plan's shots in an order of their own: the same shots, as quick as in the plan's order
  * or quicker; and with a budget's clock, whether they are done or not. */
-static void test_left(void) {
+TEST(left) {
     g_auto(SessionConf) conf = plan_case_conf(DIRECTIONS);
     const struct rig rig = plan_case_rig(thetas_deg, 5);
     const struct rig_timing timing = plan_case_timing(0.25);
@@ -163,7 +164,7 @@ static void test_left(void) {
     g_assert_cmpfloat(plan_lamps_s((gpointer)before->pdata, n, &conf, &rig, &timing), ==, clock_s);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const struct {
         const char *directions, *says;
         guint32 mounts;
@@ -182,13 +183,4 @@ static void test_refused(void) {
         timing.mounts[0] = cases[i].mounts;
         plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, cases[i].says);
     }
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/plan-lamps/first", test_first);
-    g_test_add_func("/plan-lamps/times", test_times);
-    g_test_add_func("/plan-lamps/left", test_left);
-    g_test_add_func("/plan-lamps/refused", test_refused);
-    return g_test_run();
 }

@@ -1,4 +1,5 @@
 #include "lib/plan_case.h"
+#include "lib/test.h"
 
 #include <locale.h>
 #include <string.h>
@@ -20,7 +21,7 @@ static void stand(struct rig *rig, double theta_deg, double phi_deg) {
 }
 
 /* An overhead camera under LEDs in no order: nothing moves, and each light is one of them. */
-static void test_dome(void) {
+TEST(dome) {
     g_auto(SessionConf) conf = plan_case_conf("[views]\ndevices=all\n[lights]\ndevices=all\n");
     struct rig rig = {.n_cameras = 1};
     struct rig_timing timing = plan_case_timing(0.25);
@@ -99,7 +100,7 @@ static struct rig four_cameras(void) {
 }
 
 /* Every view gets every light, each from the lamp that stands there when the sample is turned. */
-static void test_fixed_lamps(void) {
+TEST(fixed_lamps) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\nrings=15:8; 35:8; 55:8; 75:8\n[lights]\ndevices=all\n");
     struct rig rig = four_cameras();
@@ -156,7 +157,7 @@ static void test_fixed_lamps(void) {
 
 /* An arc beside lamps that stand by themselves: it gives the lights at its lamps' elevations, they
  * theirs, during which it stands at 0, or aside where it would be in the picture there. */
-static void test_arc_and_fixed_lamps(void) {
+TEST(arc_and_fixed_lamps) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\nrings=30:1:180\n[lights]\nrings=30:2; 50:1:100\n");
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
@@ -181,7 +182,7 @@ static void test_arc_and_fixed_lamps(void) {
 
 /* A camera that stands still and one at four stops of an arm: every view gets every light once,
  * with the arm where its camera is; and the order spares moves of the arm. */
-static void test_arm(void) {
+TEST(arm) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\nrings=15:8; 25:8; 35:8; 45:8; 55:8\n[lights]\ndevices=all\n");
     struct rig rig = four_cameras();
@@ -230,7 +231,7 @@ static void test_arm(void) {
 
 /* One lamp at three stops of a probe on the arc: each light from its own stop; the lamp that is on
  * stays on while the probe moves. */
-static void test_probe(void) {
+TEST(probe) {
     g_auto(SessionConf) conf =
         plan_case_conf("[views]\nrings=30:4\n[lights]\nrings=15:4:45; 45:4:45; 75:4:45\n");
     struct rig rig = plan_case_rig(demo_theta_deg, 5);
@@ -266,13 +267,6 @@ static void test_probe(void) {
     plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_LIMITS, "[axis probe] cannot turn to 60");
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     setlocale(LC_ALL, "");
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/plan/dome", test_dome);
-    g_test_add_func("/plan/fixed-lamps", test_fixed_lamps);
-    g_test_add_func("/plan/arc-and-fixed-lamps", test_arc_and_fixed_lamps);
-    g_test_add_func("/plan/arm", test_arm);
-    g_test_add_func("/plan/probe", test_probe);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 /* Timing from a rig file alone: that of the opened devices where they can be opened, and what the
  * file says where nothing is there to open. */
+#include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 
@@ -7,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-static void test_as_opened(void) {
+TEST(as_opened) {
     static const char *const rigs[] = {"rig.conf", "dome/rig.conf", "fixed_lamps/rig.conf",
                                        "arm/rig.conf", "probe/rig.conf"};
 
@@ -31,7 +32,7 @@ static void test_as_opened(void) {
 }
 
 /* Every preset, on the demo's rig: the same plan or the same refusal. */
-static void test_presets(void) {
+TEST(presets) {
     static const char *const presets[] = {"12x5", "12x8", "81", "26"};
     static const char *const path = SOURCE_DIR "/etc/demo/rig.conf";
     g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
@@ -78,7 +79,7 @@ static void append_file(GString *to, const char *name, const char *port) {
 
 /* Devices that are not there, as etc/devices has them; a camera that says nothing of its pictures a
  * second. */
-static void test_absent_devices(void) {
+TEST(absent_devices) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
@@ -121,7 +122,7 @@ static void test_absent_devices(void) {
 }
 
 /* Two drives on one line that are to be opened with different parities. */
-static void test_line_conflict(void) {
+TEST(line_conflict) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autoptr(GString) text = g_string_new("[rig]\nid=r\narc_radius_mm=500\n");
@@ -208,7 +209,7 @@ static const struct needs {
 };
 
 /* The sections are not whole: of all their mistakes only this one matters. */
-static void test_needs(void) {
+TEST(needs) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-offline-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "rig.conf", NULL);
     g_autofree char *node = g_build_filename(folder, "ttyUSB0", NULL);
@@ -240,14 +241,4 @@ static void test_needs(void) {
     g_unlink(link);
     g_unlink(node);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/offline/as-opened", test_as_opened);
-    g_test_add_func("/offline/presets", test_presets);
-    g_test_add_func("/offline/absent-devices", test_absent_devices);
-    g_test_add_func("/offline/line-conflict", test_line_conflict);
-    g_test_add_func("/offline/needs", test_needs);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 #include "conformance/conformance.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
 
@@ -55,7 +56,7 @@ static char *with(const char *from, const char *to, int *ret_line) {
     return written(changed);
 }
 
-static void test_demo_geometry(void) {
+TEST(demo_geometry) {
     static const int theta_deg[] = {15, 30, 45, 60, 75};
     g_autoptr(GError) error = NULL;
     struct rig rig;
@@ -135,7 +136,7 @@ static void assert_message(const struct bad *bad, const char *path, int line, co
     g_assert_nonnull(strstr(error->message, bad->says));
 }
 
-static void test_bad_files(void) {
+TEST(bad) {
     for (gsize i = 0; i < G_N_ELEMENTS(bad_files); i++) {
         const struct bad *bad = &bad_files[i];
         g_autoptr(GError) error = NULL;
@@ -161,7 +162,7 @@ static void test_bad_files(void) {
     "distance_mm=500\n"
 
 /* A lamp that says where it stands needs no arc, and is where it says; overhead it need not. */
-static void test_shapes(void) {
+TEST(shapes) {
     static const struct {
         const char *lamp;
         gboolean fixed;
@@ -191,7 +192,7 @@ static void test_shapes(void) {
 
 /* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith, too; about one
  * at azimuth 0 it moves it aside. */
-static void test_arm(void) {
+TEST(arm) {
     static const struct {
         const char *rig;
         double theta_deg[3], phi_deg[3]; /* at −40, 0 and 30 */
@@ -232,7 +233,7 @@ static void test_arm(void) {
     }
 }
 
-static void test_bad_arms(void) {
+TEST(bad_arms) {
     static const struct {
         const char *rig, *camera, *says;
     } bad[] = {
@@ -261,7 +262,7 @@ static void test_bad_arms(void) {
     }
 }
 
-static void test_missing(void) {
+TEST(missing) {
     static const char *const head = "[rig]\nid = r\n";
     static const char *const texts[][2] = {
         {"", "[rig]"},
@@ -287,7 +288,7 @@ static void test_missing(void) {
     g_assert_nonnull(strstr(error->message, "/no/such/rig.conf"));
 }
 
-static void test_truncated(void) {
+TEST(truncated) {
     g_autofree char *text = demo_text();
     gsize length = strlen(text);
 
@@ -302,7 +303,7 @@ static void test_truncated(void) {
     }
 }
 
-static void test_open(void) {
+TEST(open) {
     g_autoptr(GError) error = NULL;
     struct devices *devices = devices_open(DEMO, &error);
     struct rig rig;
@@ -346,7 +347,7 @@ static gboolean count_permit(const struct device *device, gpointer data, GError 
 }
 
 /* Each device asks for a permit and is watched, once. */
-static void test_permit_and_watch(void) {
+TEST(permit_and_watch) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GString) told = g_string_new(NULL);
     g_autoptr(GHashTable) asked = g_hash_table_new(NULL, NULL);
@@ -399,7 +400,7 @@ static char *safety_of(const struct devices *devices, enum device_safety expecte
 
 /* What was only commanded is told apart from what has answered, and from what has not in time: the
  * demo's first laser does not hear its first "off", and is told again until it does. */
-static void test_safety(void) {
+TEST(safety) {
     g_autoptr(GError) error = NULL;
     int line;
     g_autofree char *path = with("[laser laser15]\n", "[laser laser15]\nfault_deaf = 1\n", &line);
@@ -435,7 +436,7 @@ static void test_safety(void) {
 }
 
 /* What only the opened devices know. */
-static void test_open_refused(void) {
+TEST(open_refused) {
     static const struct bad files[] = {
         {"\nwidth = ", "\nwidth = 1", 1, "pictures are"},
         {"\nheight = ", "\nheight = 1", 1, "write width = "},
@@ -455,7 +456,7 @@ static void test_open_refused(void) {
 }
 
 /* Two interlocks: one open is enough to keep the lasers off. */
-static void test_two_interlocks(void) {
+TEST(two_interlocks) {
     g_autofree char *text = demo_text();
     g_autofree char *more = g_strconcat(
         text, "\n[interlock lid]\ndriver = sim-interlock\nopen_after_s = 1\nopen_for_s = 2\n",
@@ -490,7 +491,7 @@ static void test_two_interlocks(void) {
 }
 
 /* The demo's two files together: a plan within 5 % of what no order can beat. */
-static void test_demo_plan(void) {
+TEST(demo_plan) {
     g_autoptr(GError) error = NULL;
     struct devices *devices = devices_open(DEMO, &error);
     g_auto(SessionConf) conf = {0};
@@ -508,7 +509,7 @@ static void test_demo_plan(void) {
     spin();
 }
 
-static void test_describe(void) {
+TEST(describe) {
     g_autofree char *all = devices_describe_drivers(NULL, FALSE);
     g_autofree char *json = devices_describe_drivers(NULL, TRUE);
     g_autofree char *one = devices_describe_drivers("sim-axis", TRUE);
@@ -524,22 +525,6 @@ static void test_describe(void) {
     g_assert_null(devices_describe_drivers("no-such", TRUE));
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     setlocale(LC_ALL, "");
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/rig-file/demo-geometry", test_demo_geometry);
-    g_test_add_func("/rig-file/bad", test_bad_files);
-    g_test_add_func("/rig-file/missing", test_missing);
-    g_test_add_func("/rig-file/shapes", test_shapes);
-    g_test_add_func("/rig-file/arm", test_arm);
-    g_test_add_func("/rig-file/bad-arms", test_bad_arms);
-    g_test_add_func("/rig-file/truncated", test_truncated);
-    g_test_add_func("/rig-file/open", test_open);
-    g_test_add_func("/rig-file/safety", test_safety);
-    g_test_add_func("/rig-file/permit-and-watch", test_permit_and_watch);
-    g_test_add_func("/rig-file/open-refused", test_open_refused);
-    g_test_add_func("/rig-file/two-interlocks", test_two_interlocks);
-    g_test_add_func("/rig-file/demo-plan", test_demo_plan);
-    g_test_add_func("/rig-file/describe", test_describe);
-    return g_test_run();
 }

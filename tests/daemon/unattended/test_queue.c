@@ -9,6 +9,7 @@
 #include "bus/bus.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "session/session.h"
 
 #define WAIT_S 60
@@ -187,7 +188,7 @@ static const struct change parked[] = {
     {"[axis arc]", "park_deg = 123"}, {"[axis turntable]", "park_deg = -30"}, {NULL, NULL}};
 
 /* The second session faults: the third is captured all the same, and then the rig rests. */
-static void test_three(void) {
+TEST(three) {
     struct site *site = site_new(parked);
     g_autofree char *first = write_session(site, "first", NULL);
     g_autofree char *second = write_session(site, "second", dark);
@@ -215,7 +216,7 @@ static void test_three(void) {
 }
 
 /* Killed in the middle of a session: it is gone on with, and nothing is taken twice. */
-static void test_killed(void) {
+TEST(killed) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", many);
     g_autofree char *second = write_session(site, "second", NULL);
@@ -244,7 +245,7 @@ static void test_killed(void) {
 }
 
 /* A daemon that is ended in good order goes on where it was, too; the numbers go on. */
-static void test_restarted(void) {
+TEST(restarted) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", many);
     QUEUE(site, 0, "pause", NULL);
@@ -292,7 +293,7 @@ static void check_web(const struct site *site) {
     g_object_unref(server);
 }
 
-static void test_changed(void) {
+TEST(changed) {
     static const struct change hands[] = {{"[session]", "prompt = lay the felt on the turntable"},
                                           {NULL, NULL}};
     struct site *site = site_new(NULL);
@@ -324,7 +325,7 @@ static void test_changed(void) {
 }
 
 /* Mistakes of all files are told at once, and nothing is added. */
-static void test_mistakes(void) {
+TEST(mistakes) {
     static const struct change wrong[] = {
         {"[capture]", "sweep_steps = 3"}, {"[sample]", "texels = many"}, {NULL, NULL}};
     struct site *site = site_new(NULL);
@@ -357,7 +358,7 @@ static void test_mistakes(void) {
 }
 
 /* A fault of the rig pauses the queue, and the session stays as it is until somebody goes on. */
-static void test_rig_faults(void) {
+TEST(rig_faults) {
     static const struct change stalls[] = {{"[axis arc]", "fault_stall_at = 2"}, {NULL, NULL}};
     struct site *site = site_new(stalls);
     g_autofree char *first = write_session(site, "first", NULL);
@@ -375,7 +376,7 @@ static void test_rig_faults(void) {
 }
 
 /* So does a laser that does not go off. */
-static void test_laser_stays_on(void) {
+TEST(laser_stays_on) {
     static const struct change stays_on[] = {{"[laser laser30]", "fault_stays_on = yes"},
                                              {NULL, NULL}};
     struct site *site = site_new(stays_on);
@@ -388,7 +389,7 @@ static void test_laser_stays_on(void) {
 }
 
 /* Whoever ends a session, or makes the rig safe, is beside the rig: nothing further begins. */
-static void test_ended_by_hand(void) {
+TEST(ended_by_hand) {
     static const char *const ends[] = {"Abort", "SafeState"};
     for (gsize i = 0; i < G_N_ELEMENTS(ends); i++) {
         struct site *site = site_new(NULL);
@@ -411,7 +412,7 @@ static void test_ended_by_hand(void) {
 }
 
 /* Two sessions in a row that stop say something of the rig. */
-static void test_two_stop(void) {
+TEST(two_stop) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", dark);
     g_autofree char *second = write_session(site, "second", dark);
@@ -425,7 +426,7 @@ static void test_two_stop(void) {
 }
 
 /* Test shots before a long session, and exposures that are auto. */
-static void test_tried(void) {
+TEST(tried) {
     static const struct change bright[] = {{"[views]", "rings = 30:24; 60:24"},
                                            {"[lights]", "rings = 30:24; 60:24"},
                                            {"[capture]", "exposures_us = 4000000; 8000000"},
@@ -446,7 +447,7 @@ static void test_tried(void) {
 }
 
 /* A queue's file that cannot be used is kept, and told; nothing begins. */
-static void test_damaged(void) {
+TEST(damaged) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", NULL);
     g_autofree char *damaged = g_strconcat(site->queue, ".damaged", NULL);
@@ -468,7 +469,7 @@ static void test_damaged(void) {
 }
 
 /* A session that the daemon has not outlived three times is not begun again. */
-static void test_crashes(void) {
+TEST(crashes) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", NULL), *text = NULL;
     QUEUE(site, 0, "pause", NULL);
@@ -487,7 +488,7 @@ static void test_crashes(void) {
 }
 
 /* Where an axis rests must be within its limits. */
-static void test_park(void) {
+TEST(park) {
     static const struct change beyond[] = {{"[axis sweep30]", "park_deg = 99"}, {NULL, NULL}};
     static const struct change word[] = {{"[axis arc]", "park_deg = there"}, {NULL, NULL}};
     const struct change *const changes[] = {beyond, word};
@@ -506,7 +507,7 @@ static void test_park(void) {
 }
 
 /* Without --queue, and twice on one file. */
-static void test_kept_by_one(void) {
+TEST(kept_by_one) {
     struct site *site = site_new(NULL);
     g_autofree char *other = g_strdup_printf("unix:path=%s/other", site->run->directory);
     g_autofree char *other_socket = g_build_filename(site->run->directory, "other", NULL);
@@ -542,21 +543,4 @@ static void test_kept_by_one(void) {
     site_free(site);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/queue/three", test_three);
-    g_test_add_func("/queue/killed", test_killed);
-    g_test_add_func("/queue/restarted", test_restarted);
-    g_test_add_func("/queue/changed", test_changed);
-    g_test_add_func("/queue/mistakes", test_mistakes);
-    g_test_add_func("/queue/rig-faults", test_rig_faults);
-    g_test_add_func("/queue/laser-stays-on", test_laser_stays_on);
-    g_test_add_func("/queue/ended-by-hand", test_ended_by_hand);
-    g_test_add_func("/queue/two-stop", test_two_stop);
-    g_test_add_func("/queue/tried", test_tried);
-    g_test_add_func("/queue/damaged", test_damaged);
-    g_test_add_func("/queue/kept-by-one", test_kept_by_one);
-    g_test_add_func("/queue/crashes", test_crashes);
-    g_test_add_func("/queue/park", test_park);
-    return operator_tests();
-}
+TESTS_RUN_BY(operator_tests);

@@ -2,6 +2,7 @@
 #include "lib/browser.h"
 #include "lib/operator.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "lib/web_site.h"
 
 #include <json-glib/json-glib.h>
@@ -74,7 +75,7 @@ static void wait_for_state(const struct site *site, const char *wanted) {
 }
 
 /* The daemon is killed and started again at its address: the server says so, and finds it. */
-static void comes_back(void) {
+TEST(comes_back) {
     struct site *site = site_new(0, NULL);
     g_autofree char *away = NULL, *refused = NULL;
     site_capture(site);
@@ -249,7 +250,7 @@ static void survives(void) {
     site_free(site);
 }
 
-static void in_browser(void) {
+TEST(in_browser) {
     struct site *site = site_new(0, NULL);
     Browser *browser = browser_new(390, 844);
     browser_open(browser, site->uri);
@@ -338,7 +339,7 @@ static void faults(void) {
 }
 
 /* A server without a token offers the safe state alone, and names commands for the rest. */
-static void shows_only(void) {
+TEST(shows_only) {
     struct site *site = site_new(SITE_SHOWS, NULL);
     Browser *browser = browser_new(390, 844);
     browser_open(browser, site->uri);
@@ -373,17 +374,14 @@ static void shows_only(void) {
     site_free(site);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+TESTS_RUN_BY(operator_tests);
+
+BEFORE_TESTS {
     /* So that tests/lsan.supp knows libsoup's functions, which keep no frame pointers. */
     g_setenv("ASAN_OPTIONS", "fast_unwind_on_malloc=0", TRUE);
     g_test_add_func("/web/shows", shows);
     g_test_add_func("/web/streams", streams);
-    g_test_add_func("/web/comes-back", comes_back);
     g_test_add_func("/web/refuses", refuses);
     g_test_add_func("/web/survives", survives);
     g_test_add_func("/web/faults", faults);
-    g_test_add_func("/web/in-browser", in_browser);
-    g_test_add_func("/web/shows-only", shows_only);
-    return operator_tests();
 }

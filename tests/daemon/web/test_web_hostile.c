@@ -1,5 +1,6 @@
 /* mesorig-web in a network in which somebody wishes it ill: what it reads, keeps and lets wait is
  * bounded, and the safe state is there for everybody else. */
+#include "lib/test.h"
 #include "lib/web_site.h"
 
 #include <signal.h>
@@ -132,7 +133,7 @@ static void lengths(void) {
 
 /* Heads that libsoup 3.2 loses memory with (their path), 48 kB each. A sanitizer's run counts what
  * is lost when the server ends; this counts what it keeps. */
-static void malformed_heads(void) {
+TEST(malformed_heads) {
     static const struct {
         const char *headers;
         guint status;
@@ -175,7 +176,7 @@ static void malformed_heads(void) {
 }
 
 /* A thousand half-sent requests, of one peer: neither he nor others are shut out. */
-static void half_sent(void) {
+TEST(half_sent) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autoptr(GPtrArray) sockets = sockets_new();
     int most = 0;
@@ -197,7 +198,7 @@ static void half_sent(void) {
 }
 
 /* The same from so many addresses that all places are taken. */
-static void from_everywhere(void) {
+TEST(from_everywhere) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autoptr(GPtrArray) sockets = sockets_new();
     int most = 0;
@@ -214,7 +215,7 @@ static void from_everywhere(void) {
 }
 
 /* Requests that the daemon does not answer, as it is stopped, do not keep places either. */
-static void daemon_hangs(void) {
+TEST(daemon_hangs) {
     struct site *site = site_new(SITE_RIG, NULL);
     g_autoptr(GPtrArray) sockets = sockets_new();
     site_capture(site);
@@ -416,21 +417,17 @@ static void tokens(void) {
     site_free(site);
 }
 
-int main(int argc, char **argv) {
+TESTS_RUN_BY(operator_tests);
+
+BEFORE_TESTS {
     struct rlimit limit;
-    g_test_init(&argc, &argv, NULL);
     g_setenv("ASAN_OPTIONS", "fast_unwind_on_malloc=0:quarantine_size_mb=8", TRUE);
     g_assert_cmpint(getrlimit(RLIMIT_NOFILE, &limit), ==, 0);
     limit.rlim_cur = MIN(limit.rlim_max, 4 * MANY);
     g_assert_cmpint(setrlimit(RLIMIT_NOFILE, &limit), ==, 0);
     g_test_add_func("/web/hostile/lengths", lengths);
-    g_test_add_func("/web/hostile/malformed-heads", malformed_heads);
-    g_test_add_func("/web/hostile/half-sent", half_sent);
-    g_test_add_func("/web/hostile/from-everywhere", from_everywhere);
-    g_test_add_func("/web/hostile/daemon-hangs", daemon_hangs);
     g_test_add_func("/web/hostile/slow", slow);
     g_test_add_func("/web/hostile/streams", streams);
     g_test_add_func("/web/hostile/names", names);
     g_test_add_func("/web/hostile/tokens", tokens);
-    return operator_tests();
 }

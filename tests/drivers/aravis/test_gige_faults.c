@@ -1,5 +1,6 @@
 #include "lib/gige_rig.h"
 #include "lib/lock_keeper.h"
+#include "lib/test.h"
 
 #include <arpa/inet.h>
 #include <string.h>
@@ -160,7 +161,7 @@ static void unplugged(struct eye *eye, gconstpointer unused) {
 }
 
 /* The daemon has died and starts again while the camera still believes in its heartbeat. */
-static void restarted_within_heartbeat(void) {
+TEST(restarted_within_heartbeat) {
     static const guint8 take_control[] = {0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0a, 0, 0, 0, 0, 2};
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(3956)};
@@ -179,7 +180,7 @@ static void restarted_within_heartbeat(void) {
     eye_end(&eye, NULL);
 }
 
-static void in_use(void) {
+TEST(in_use) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     GError *error = NULL;
     virtual_gige_steal(eye.device, TRUE);
@@ -206,7 +207,7 @@ static void locked(void) {
     eye_end(&eye, NULL);
 }
 
-static void not_there(void) {
+TEST(not_there) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     struct virtual_camera_faults faults = {.unplugged = TRUE};
     GError *error = NULL;
@@ -254,13 +255,8 @@ static const struct {
     {"/gige/exposure-it-cannot-keep", exposure_it_cannot_keep, ""},
 };
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/gige/restarted-within-heartbeat", restarted_within_heartbeat);
-    g_test_add_func("/gige/in-use", in_use);
+BEFORE_TESTS {
     g_test_add_func("/gige/locked", locked);
-    g_test_add_func("/gige/not-there", not_there);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++)
         g_test_add(cases[i].name, struct eye, cases[i].keys, eye_begin, cases[i].run, eye_end);
-    return g_test_run();
 }

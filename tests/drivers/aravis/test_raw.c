@@ -2,6 +2,7 @@
  * cannot be switched off is told. While anything is on, the virtual camera squares brightness. */
 #include "lib/gige_rig.h"
 #include "lib/painted.h"
+#include "lib/test.h"
 
 #include <string.h>
 
@@ -73,7 +74,7 @@ static void styled_end(struct styled *styled) {
 
 /* A picture of a colour camera in Mono is computed from several pixels: it is taken only from one
  * that says that it has no colour filters. */
-static void grey_or_coloured(void) {
+TEST(grey_or_coloured) {
     static const struct {
         const struct style *style;
         enum cfa cfa;
@@ -172,14 +173,11 @@ static void unsteady(void) {
     styled_end(&styled);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(styles); i++) {
         g_autofree char *path = g_strdup_printf("/raw/%s", styles[i].file);
         g_test_add_data_func(path, &styles[i], switched_off);
     }
-    g_test_add_func("/raw/grey-or-coloured", grey_or_coloured);
     g_test_add_func("/raw/stubborn", stubborn);
     g_test_add_func("/raw/unsteady", unsteady);
-    return g_test_run();
 }

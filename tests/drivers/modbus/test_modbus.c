@@ -1,5 +1,6 @@
 #include "lib/modbus_bench.h"
 #include "lib/process.h"
+#include "lib/test.h"
 
 #include <math.h>
 
@@ -246,7 +247,7 @@ static void refuse(const struct axis_driver *driver, const char *text, GQuark do
 }
 
 /* Each row is added to a good section, whose keys are on lines 2 to 34. */
-static void bad_configuration(void) {
+TEST(bad_configuration) {
     static const struct {
         const char *replace, *with;
         enum config_error code;
@@ -288,7 +289,7 @@ static void refuse_bus(const char *bus, int code, const char *words) {
     refuse(&modbus_axis_driver, text, DEVICE_ERROR, code, words, FALSE);
 }
 
-static void no_such_bus(void) {
+TEST(no_such_bus) {
     g_autoptr(VirtualModbus) tcp = modbus_rig_device(FALSE);
     g_autoptr(VirtualModbus) rtu = modbus_rig_device(TRUE);
     refuse_bus("/dev/no-such-port", DEVICE_ERROR_DISCONNECTED,
@@ -360,13 +361,9 @@ static const struct {
     {"/modbus/other-settings", other_settings},
 };
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(tests); i++)
         g_test_add(tests[i].name, struct bench, GINT_TO_POINTER(tests[i].rtu), bench_begin,
                    tests[i].run, bench_end);
-    g_test_add_func("/modbus/bad-configuration", bad_configuration);
-    g_test_add_func("/modbus/no-such-bus", no_such_bus);
     g_test_add_func("/modbus/presets", presets);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 #include "lib/modbus_bench.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #include <net/if.h>
 #include <sched.h>
@@ -273,7 +274,7 @@ static gboolean enter_network(void) {
     return unshare(CLONE_NEWUSER | CLONE_NEWNET) == 0 && plug(TRUE);
 }
 
-static void cable_child(void) {
+TEST(cable_child) {
     if (!g_test_subprocess())
         return;
     struct bench bench;
@@ -334,8 +335,7 @@ static const struct {
     {"not-fed", not_fed},
 };
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < 2 * G_N_ELEMENTS(tests); i++) {
         const gboolean rtu = i % 2;
         if (rtu && !tests[i / 2].rtu)
@@ -346,6 +346,4 @@ int main(int argc, char **argv) {
                    bench_end);
     }
     g_test_add_func("/modbus/dark/tcp/cable", cable);
-    g_test_add_func("/modbus/dark/tcp/cable/child", cable_child);
-    return g_test_run();
 }

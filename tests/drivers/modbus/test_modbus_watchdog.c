@@ -1,4 +1,5 @@
 #include "lib/modbus_bench.h"
+#include "lib/test.h"
 
 #include <signal.h>
 #include <stdio.h>
@@ -31,7 +32,7 @@ static gint64 wait_dark(struct bench *bench, int coil) {
 static const char *const watchdog_keys[] = {"coil = 9\n" REGISTER, "coil = 9\n" PULSES};
 
 /* Four times its time. */
-static void watchdog_stays_on(void) {
+TEST(watchdog_stays_on) {
     for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
         struct bench bench;
         open_lit(&bench, i, watchdog_keys[i]);
@@ -55,7 +56,7 @@ static void watchdog_stays_on(void) {
 
 /* The main loop hangs: as soon as it goes on it is told that the laser went off by itself, and that
  * does not come on again. */
-static void watchdog_hang(void) {
+TEST(watchdog_hang) {
     for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
         struct bench bench;
         open_lit(&bench, i, watchdog_keys[i]);
@@ -71,7 +72,7 @@ static void watchdog_hang(void) {
 }
 
 /* What the listener is told: an "on" that failed, then off. */
-static void watchdog_lost(void) {
+TEST(watchdog_lost) {
     struct bench bench;
     open_lit(&bench, FALSE, watchdog_keys[0]);
     wait_dark(&bench, 9);
@@ -83,7 +84,7 @@ static void watchdog_lost(void) {
     bench_end(&bench, NULL);
 }
 
-static void watchdog_cut(void) {
+TEST(watchdog_cut) {
     for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
         struct bench bench;
         open_lit(&bench, FALSE, watchdog_keys[i]);
@@ -99,7 +100,7 @@ static void watchdog_cut(void) {
 }
 
 /* One answer that is lost, or late, does not put it out. */
-static void watchdog_lapses(void) {
+TEST(watchdog_lapses) {
     static const struct virtual_modbus_faults lapses[] = {
         {.silent = 1}, {.damaged = 1}, {.late = 1, .late_ms = 90}};
     for (gsize i = 0; i < 2 * G_N_ELEMENTS(lapses); i++) {
@@ -128,7 +129,7 @@ static void watchdog_patience(struct bench *bench, gconstpointer unused) {
 }
 
 /* A program of its own, on the virtual board of the test. */
-static void killed_child(void) {
+TEST(killed_child) {
     const char *bus = g_getenv("MESORIG_TEST_BUS"), *keys = g_getenv("MESORIG_TEST_KEYS");
     if (!bus)
         return;
@@ -146,7 +147,7 @@ static void killed_child(void) {
     kill(getpid(), SIGKILL);
 }
 
-static void watchdog_killed(void) {
+TEST(watchdog_killed) {
     for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
         struct bench bench;
         bench_begin(&bench, NULL);
@@ -160,7 +161,7 @@ static void watchdog_killed(void) {
     }
 }
 
-static void watchdog_lamps(void) {
+TEST(watchdog_lamps) {
     static const char *const keys[] = {
         "n = 3\nfirst_coil = 4\n" REGISTER,
         "n = 3\nfirst_coil = 4\npulse_coil = 516\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"};
@@ -287,17 +288,7 @@ static const struct {
     {"/modbus/watchdog/forgotten", watchdog_forgotten},
 };
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(tests); i++)
         g_test_add(tests[i].name, struct bench, NULL, bench_begin, tests[i].run, bench_end);
-    g_test_add_func("/modbus/watchdog/stays-on", watchdog_stays_on);
-    g_test_add_func("/modbus/watchdog/hang", watchdog_hang);
-    g_test_add_func("/modbus/watchdog/lost", watchdog_lost);
-    g_test_add_func("/modbus/watchdog/cut", watchdog_cut);
-    g_test_add_func("/modbus/watchdog/lapses", watchdog_lapses);
-    g_test_add_func("/modbus/watchdog/killed", watchdog_killed);
-    g_test_add_func("/modbus/watchdog/killed/child", killed_child);
-    g_test_add_func("/modbus/watchdog/lamps", watchdog_lamps);
-    return g_test_run();
 }

@@ -8,6 +8,7 @@
 #include "exr/exr.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -181,7 +182,7 @@ static char *copy_without(const char *path, const char *name, const struct tenso
 }
 
 /* Spectra give the colours back that they were made of; a flat one is grey. */
-static void test_spectra(void) {
+TEST(rgl__spectra) {
     g_autofree char *path = write_rgl("metal.bsdf", &isotropic, TRUE);
     g_autofree char *copy = copy_without(path, "rgb", NULL);
     g_autoptr(Brdf) whole = brdf_open(path, BRDF_RGL, NULL, NULL);
@@ -204,7 +205,7 @@ static void test_spectra(void) {
 /* What renderers do with a file: the density of sampled directions integrates to at most 1, and
  * f cos θ / density has a small spread. warp_sample() and warp_invert() are each other's opposite.
  */
-static void test_warp(void) {
+TEST(warp) {
     const struct warp_slices both = {2, {0, 1}, {0.3, 0.7}};
     float values[2 * 7 * 5];
     GRand *rand = g_rand_new_with_seed(3);
@@ -246,7 +247,7 @@ static char *merl_file(void) {
     return path;
 }
 
-static void test_merl(void) {
+TEST(merl) {
     g_autofree char *path = merl_file();
     check_reading(path, BRDF_MERL, "merl");
     /* The peer's bins are the function at their centres: within a bin's width of it elsewhere. */
@@ -254,7 +255,7 @@ static void test_merl(void) {
 }
 
 /* Bins at their very centre hold the function, to the digits of a float. */
-static void test_merl_centres(void) {
+TEST(merl__centres) {
     g_autofree char *path = merl_file();
     double pairs[6 * PAIRS];
     GRand *rand = g_rand_new_with_seed(11);
@@ -286,7 +287,7 @@ static void test_merl_centres(void) {
     }
 }
 
-static void test_utia(void) {
+TEST(utia) {
     g_autoptr(GError) error = NULL;
     g_autofree char *bin = in_folder("made.bin"), *exr = in_folder("made.exr"), *bytes = NULL;
     static const char *const channels[] = {"B", "G", "R", NULL};
@@ -336,7 +337,7 @@ static void assert_refused(const char *path, enum brdf_kind kind, const char *wo
     assert_has(error->message, words);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *good = write_rgl("metal.bsdf", &isotropic, TRUE);
     g_autofree char *path = in_folder("bad"), *merl = merl_file(), *bytes = NULL;
     gsize length;
@@ -369,7 +370,7 @@ static void test_refused(void) {
 }
 
 /* Cut anywhere, a file is refused; changed anywhere, it is refused or evaluates to numbers. */
-static void test_mutated(void) {
+TEST(mutated) {
     g_autofree char *good = write_rgl("metal.bsdf", &isotropic, TRUE);
     g_autofree char *path = in_folder("mutated"), *bytes = NULL;
     gsize length;
@@ -399,20 +400,13 @@ static void test_mutated(void) {
     g_rand_free(rand);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-brdf-XXXXXX", NULL);
-    g_test_add_func("/brdf/warp", test_warp);
     g_test_add_data_func("/brdf/rgl/isotropic", GINT_TO_POINTER(TRUE), test_rgl);
     g_test_add_data_func("/brdf/rgl/anisotropic", GINT_TO_POINTER(FALSE), test_rgl);
-    g_test_add_func("/brdf/rgl/spectra", test_spectra);
-    g_test_add_func("/brdf/merl", test_merl);
-    g_test_add_func("/brdf/merl/centres", test_merl_centres);
-    g_test_add_func("/brdf/utia", test_utia);
-    g_test_add_func("/brdf/refused", test_refused);
-    g_test_add_func("/brdf/mutated", test_mutated);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

@@ -1,5 +1,6 @@
 #include "base/data_error.h"
 #include "btf/direction_grid.h"
+#include "lib/test.h"
 #include "lpca_codec/lpca_resample.h"
 
 #include "exr/exr.h"
@@ -17,7 +18,7 @@ static double uniform(GRand *random, double low, double high) {
 
 /* There and back; equal areas of the square are equal solid angles; the formula of Schneider 2004
  * §6.1. */
-static void test_map(void) {
+TEST(map) {
     GRand *random = g_rand_new_with_seed(2);
     int counts[8] = {0};
     for (int i = 0; i < 8000; i++) {
@@ -84,7 +85,7 @@ static double at(const double *samples, int n_grid, const float d[3]) {
 
 /* A smooth function is kept, at and between what was measured, the better the finer the grid; a
  * constant is one everywhere; lights fade to 0 at the horizon. */
-static void test_operator(void) {
+TEST(operator) {
     struct direction_list list = rings();
     const float *theta = list.theta_deg, *phi = list.phi_deg;
     const int n = (int)list.n;
@@ -127,7 +128,7 @@ static void test_operator(void) {
     direction_list_clear(&list);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     float theta[] = {10, 100}, phi[] = {0, 50}, nan[] = {NAN, 0};
     const struct {
         struct direction_list list;
@@ -165,7 +166,7 @@ static struct btf_matrix *new_btf(int size) {
 }
 
 /* The error at the measured directions is known before and after, on disk and when rounded. */
-static void test_lpca(void) {
+TEST(lpca) {
     g_autofree char *folder = g_dir_make_tmp("resample-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -198,7 +199,7 @@ static void test_lpca(void) {
 }
 
 /* What is asked for is kept, and not beaten by any choice near it. */
-static void test_choose(void) {
+TEST(choose) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(8);
     const struct lpca_options options = {0};
@@ -244,7 +245,7 @@ static void test_choose(void) {
 }
 
 /* Levels are means over areas, also of odd sizes, and come back from one file each as it was. */
-static void test_levels(void) {
+TEST(levels) {
     g_autofree char *folder = g_dir_make_tmp("levels-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -292,15 +293,4 @@ static void test_levels(void) {
     btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/resample/map", test_map);
-    g_test_add_func("/resample/operator", test_operator);
-    g_test_add_func("/resample/refused", test_refused);
-    g_test_add_func("/resample/lpca", test_lpca);
-    g_test_add_func("/resample/choose", test_choose);
-    g_test_add_func("/resample/levels", test_levels);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
 #include "btf/direction_mesh.h"
 
 #include "lib/near_field_fixture.h"
+#include "lib/test.h"
 
 /* f = a + b·x + x·C·x in the plane. */
 static double quadric(const double x[2]) {
@@ -31,7 +32,7 @@ static double evaluate(const DirectionMesh *mesh, const double *points, int n, s
 }
 
 /* Any quadric comes back exactly, within and a little beside what was measured. */
-static void test_quadrics(void) {
+TEST(quadrics) {
     struct rings rings = near_field_twelve(7);
     near_field_add_ring(&rings, 0, 1, 0);
     const int n = rings.n;
@@ -64,7 +65,7 @@ static void test_quadrics(void) {
 
 /* Few directions, all in a line, or several in one place: weights that are finite and sum up to 1.
  */
-static void test_few_directions(void) {
+TEST(few_directions) {
     static const double sets[][8] = {{30, 0},
                                      {30, 0, 60, 180},
                                      {10, 0, 40, 0, 70, 0},
@@ -92,7 +93,7 @@ static void test_few_directions(void) {
         }
 }
 
-static void test_table(void) {
+TEST(table) {
     static const struct {
         const char *text, *what;
     } cases[] = {{"theta_deg,phi_deg\n1,2\n", "has the columns of, theta_deg and phi_deg"},
@@ -125,14 +126,11 @@ static void test_table(void) {
     btf_directions_free(read);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     near_folder = g_dir_make_tmp("direction-mesh-XXXXXX", NULL);
-    g_test_add_func("/direction-mesh/quadrics", test_quadrics);
-    g_test_add_func("/direction-mesh/few-directions", test_few_directions);
-    g_test_add_func("/direction-mesh/table", test_table);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(near_folder);
     g_free(near_folder);
-    return code;
 }

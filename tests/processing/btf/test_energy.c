@@ -1,6 +1,7 @@
 #include "base/data_error.h"
 #include "btf/energy.h"
 #include "lib/btf_fixture.h"
+#include "lib/test.h"
 
 #include <math.h>
 
@@ -43,7 +44,7 @@ static double lambert(double theta_l, double theta_v, double between) {
 }
 
 /* Of a diffuser 0.6 comes back from everywhere, in each view and under each light. */
-static void test_lambert(void) {
+TEST(lambert) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(lambert);
     struct energy *energy = energy_compute(btf, -1, &error);
@@ -69,7 +70,7 @@ static double lobe(double theta_l, double theta_v, double between) {
     return 2 * pow(MAX(cosine, 0), 4) * cos(theta_l);
 }
 
-static void test_lobe(void) {
+TEST(lobe) {
     struct btf_matrix *btf = new_btf(lobe);
     struct energy *energy = energy_compute(btf, 0, NULL);
     g_test_message("albedo under the zenith %.4f", energy->albedo[0]);
@@ -84,7 +85,7 @@ static void test_lobe(void) {
 }
 
 /* A light at the horizon is divided by nothing: E_r leaves it out. */
-static void test_horizon(void) {
+TEST(horizon) {
     struct direction_list lights = direction_list_new(2), views = direction_list_new(1);
     lights.theta_deg[1] = 90;
     struct btf_matrix *btf = btf_fixture_of("horizon", 1, 1, views, lights);
@@ -104,7 +105,7 @@ static double lopsided(double theta_l, double theta_v, double between) {
     return cos(theta_v);
 }
 
-static void test_lopsided(void) {
+TEST(lopsided) {
     struct btf_matrix *btf = new_btf(lopsided);
     struct energy *energy = energy_compute(btf, 0, NULL);
     g_assert_cmpfloat(energy->asymmetry, >, 0.5);
@@ -113,7 +114,7 @@ static void test_lopsided(void) {
     btf_matrix_free(btf);
 }
 
-static void test_no_such_texel(void) {
+TEST(no_such_texel) {
     struct btf_matrix *btf = new_btf(lambert);
     for (int texel = -2; texel <= SIDE * SIDE; texel += SIDE * SIDE + 2) {
         g_autoptr(GError) error = NULL;
@@ -121,14 +122,4 @@ static void test_no_such_texel(void) {
         g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     }
     btf_matrix_free(btf);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/energy/lambert", test_lambert);
-    g_test_add_func("/energy/lobe", test_lobe);
-    g_test_add_func("/energy/horizon", test_horizon);
-    g_test_add_func("/energy/lopsided", test_lopsided);
-    g_test_add_func("/energy/no-such-texel", test_no_such_texel);
-    return g_test_run();
 }

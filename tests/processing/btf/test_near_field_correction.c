@@ -7,6 +7,7 @@
 
 #include "btf/btf.h"
 #include "btf/near_field.h"
+#include "lib/test.h"
 
 /* ‖BTF − formula at its parts' directions‖ / ‖formula‖, of every elevation of twelve() and of all
  * (the last). */
@@ -40,7 +41,7 @@ static void wrong_by(const char *session, int n_views, double width, double ret[
 }
 
 /* Directions of the contract against those worked out here. */
-static void test_near_field(void) {
+TEST(near_field) {
     struct rings views = {0}, lights = {0};
     const struct wish wish = {0};
     near_field_add_ring(&views, 75, 3, 10);
@@ -67,7 +68,7 @@ static void test_near_field(void) {
     near_field_free(near);
 }
 
-static void test_own(void) {
+TEST(own) {
     const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     static const double widths[] = {0, 0.5};
     /* Diffuse and silk: what nominal reading is off by at least, resampling at most. */
@@ -140,7 +141,7 @@ static void check_same_mdf(const char *from, const char *to) {
 }
 
 /* Not known where anything was, as after an import: the papers' directions from other ones. */
-static void test_81(void) {
+TEST(81) {
     const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     const struct wish wish = {.width = 0.5, .nowhere = TRUE};
     struct near_field_correction_result result;
@@ -200,7 +201,7 @@ static int count_marks(const struct exr_part *part, int mark, int *ret_first) {
     return n;
 }
 
-static void test_marks(void) {
+TEST(marks) {
     const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     const struct wish wish = {.width = 0.5, .spoil = spoil_marks};
     struct near_field_correction_result result;
@@ -267,7 +268,7 @@ static void refuse(const char *session, const char *name, const char *what) {
         g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const struct {
         const char *name;
         gboolean (*spoil)(struct exr_part *part, int view, int light);
@@ -301,7 +302,7 @@ static void on_progress(const struct work_progress *progress, gpointer cancellab
         g_cancellable_cancel(cancellable);
 }
 
-static void test_cancelled(void) {
+TEST(cancelled) {
     const struct rings rings = near_field_twelve(0);
     const struct wish wish = {.width = 0.5, .nowhere = TRUE};
     g_autofree char *from = near_field_make_session("long", &rings, &rings, &wish);
@@ -324,7 +325,7 @@ static void run_program(const char *const *arguments, int expected, const char *
 }
 
 /* The command, and what takes a BTF takes what it makes. */
-static void test_command(void) {
+TEST(command) {
     struct rings rings = {0};
     near_field_add_ring(&rings, 20, 5, 0);
     near_field_add_ring(&rings, 50, 7, 0);
@@ -357,18 +358,11 @@ static void test_command(void) {
     run_program(process, 1, "imported");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     near_folder = g_dir_make_tmp("btf-resample-XXXXXX", NULL);
-    g_test_add_func("/btf-resample/near-field", test_near_field);
-    g_test_add_func("/btf-resample/own", test_own);
-    g_test_add_func("/btf-resample/81", test_81);
-    g_test_add_func("/btf-resample/marks", test_marks);
-    g_test_add_func("/btf-resample/refused", test_refused);
-    g_test_add_func("/btf-resample/cancelled", test_cancelled);
-    g_test_add_func("/btf-resample/command", test_command);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(near_folder);
     g_free(near_folder);
-    return code;
 }

@@ -2,6 +2,7 @@
  * far away. “--verbose” prints docs/accuracy.md's table. */
 #include "lib/near_field_fixture.h"
 
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -98,28 +99,26 @@ static void trace_sample(const char *name, const char *sample, double better) {
     near_field_correction_result_clear(&result);
 }
 
-static void test_traced_diffuse(void) {
+TEST(traced_diffuse) {
     trace_sample("diffuse", "kind=flat\ngrid=2\nbase_mm=4.98", 4);
 }
 
 /* The truth has no noise, and 10 m leave it about 0.2 %. At 75° silk's highlight is narrower than
  * directions are apart, so that interpolation limits what can be won: 1.81 times when this was
  * written. The bound keeps that from getting worse and claims no more. */
-static void test_traced_silk(void) {
+TEST(traced_silk) {
     trace_sample("silk",
                  "kind=flat\ngrid=2\nbase_mm=4.98\nalbedo=0.3\ngloss=0.2\nroughness_along=0.4\n"
                  "roughness_across=0.3",
                  1.7);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     near_folder = g_dir_make_tmp("btf-resample-XXXXXX", NULL);
-    g_test_add_func("/btf-resample/traced/diffuse", test_traced_diffuse);
-    g_test_add_func("/btf-resample/traced/silk", test_traced_silk);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
     remove_tree(near_folder);
     g_free(near_folder);
-    return code;
 }

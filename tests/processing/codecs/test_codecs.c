@@ -2,6 +2,7 @@
 #include "codec/compare.h"
 #include "codecs/codecs.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/waves_fixture.h"
 
 #define WIDTH  6
@@ -9,7 +10,7 @@
 #define VIEWS  4
 #define LIGHTS 7
 
-static void test_table(void) {
+TEST(table) {
     for (gsize i = 0; codecs[i]; i++) {
         const struct codec *codec = codecs[i];
         g_assert_true(codecs_find(codec->name) == codec);
@@ -86,7 +87,7 @@ static void test_round_trip(gconstpointer data) {
 }
 
 /* Options as the command line writes them. */
-static void test_options(void) {
+TEST(options) {
     const struct option share = {.name = "error", .type = OPTION_SHARE};
     const struct option bytes = {.name = "size", .type = OPTION_BYTES};
     static const char *const shares[] = {"2%", "0.02", "2.0%"};
@@ -109,13 +110,9 @@ static void test_options(void) {
         g_assert_false(options_set(&bytes, no_sizes[i], &size, NULL));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/codecs/table", test_table);
-    g_test_add_func("/codecs/options", test_options);
+BEFORE_TESTS {
     for (gsize i = 0; codecs[i]; i++) {
         g_autofree char *path = g_strdup_printf("/codecs/round-trip/%s", codecs[i]->name);
         g_test_add_data_func(path, codecs[i], test_round_trip);
     }
-    return g_test_run();
 }

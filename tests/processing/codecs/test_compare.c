@@ -3,6 +3,7 @@
 #include "codecs/codecs.h"
 #include "eigenmaps/eigenmaps.h"
 #include "formats/compare_pictures.h"
+#include "lib/test.h"
 #include "lobes/lobes_codec.h"
 
 #include "exr/exr.h"
@@ -15,7 +16,7 @@
 #include <string.h>
 
 /* Published with the formula (Sharma, Wu & Dalal 2005, Table 1). */
-static void test_delta_e(void) {
+TEST(delta_e) {
     static const double pairs[][7] = {
         {50, 2.6772, -79.7751, 50, 0, -82.7485, 2.0425},
         {50, 3.1571, -77.2803, 50, 0, -82.7485, 2.8615},
@@ -40,7 +41,7 @@ static void test_delta_e(void) {
 }
 
 /* Of the primaries of sRGB, as they are commonly tabulated. */
-static void test_lab(void) {
+TEST(lab) {
     static const float rgb[][3] = {{1, 1, 1}, {0, 0, 0}, {1, 0, 0}, {0, 0, 1}, {-1, -2, -3}};
     static const double labs[][3] = {{100, 0, 0},
                                      {0, 0, 0},
@@ -68,7 +69,7 @@ static struct btf_matrix *new_btf(int width, int height, int n_views, int n_ligh
 }
 
 /* One view is brighter by a tenth of itself, one light darker by 0.05 everywhere else. */
-static void test_sums(void) {
+TEST(sums) {
     struct btf_matrix *a = new_btf(4, 3, 3, 4), *b = new_btf(4, 3, 3, 4);
     for (int i = 0; i < 12 * 12 * 3; i++) {
         const int view = i / 12 % 3, light = i / 3 % 4;
@@ -121,7 +122,7 @@ static struct eigenmaps *exact_maps(const struct btf_matrix *btf) {
     return maps;
 }
 
-static void test_kinds(void) {
+TEST(kinds) {
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -174,7 +175,7 @@ static void assert_refused(int width, int n_views, float turn_deg, const char *w
 }
 
 /* Ward's model of a roughness of 0 divides by it. */
-static void test_not_finite(void) {
+TEST(not_finite) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(4, 3, 3, 4);
     const struct lobes_options options = {.model = LOBES_WARD};
@@ -190,7 +191,7 @@ static void test_not_finite(void) {
                "ward.exr: the values that its numbers give at texel (3, 1) are not finite"));
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -251,7 +252,7 @@ static void write_exr(const char *path, int width, const guint8 *columns) {
     g_assert_true(picture_write_exr(path, rgb, width, 2, texts, NULL));
 }
 
-static void test_light(void) {
+TEST(light) {
     static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *a = g_build_filename(folder, "a.exr", NULL);
@@ -275,7 +276,7 @@ static void test_light(void) {
     g_rmdir(folder);
 }
 
-static void test_pictures(void) {
+TEST(pictures) {
     static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *a = g_build_filename(folder, "a.png", NULL);
@@ -302,17 +303,4 @@ static void test_pictures(void) {
     g_unlink(a);
     g_unlink(b);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/compare/delta-e", test_delta_e);
-    g_test_add_func("/compare/lab", test_lab);
-    g_test_add_func("/compare/sums", test_sums);
-    g_test_add_func("/compare/light", test_light);
-    g_test_add_func("/compare/kinds", test_kinds);
-    g_test_add_func("/compare/not-finite", test_not_finite);
-    g_test_add_func("/compare/refused", test_refused);
-    g_test_add_func("/compare/pictures", test_pictures);
-    return g_test_run();
 }

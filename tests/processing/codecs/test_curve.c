@@ -1,6 +1,7 @@
 /* Error against size of all models: what is measured, and what is drawn of it. */
 #include "cli/curve.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/waves_fixture.h"
 #include "lpca/lpca_choose.h"
 #include "lpca/lpca_pack.h"
@@ -126,7 +127,7 @@ static void assert_drawn(const char *folder, const GArray *points) {
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT);
 }
 
-static void test_waves(void) {
+TEST(waves) {
     g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
     struct btf_matrix *btf = waves(FALSE);
     GArray *points = measure(btf);
@@ -143,7 +144,7 @@ static void test_waves(void) {
 }
 
 /* All texels alike, and black. */
-static void test_constant(void) {
+TEST(constant) {
     g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
     struct btf_matrix *btf = waves(TRUE);
     for (int black = 0; black < 2; black++) {
@@ -164,7 +165,7 @@ static void cancel_packed(const struct work_progress *progress, gpointer data) {
         g_cancellable_cancel(data);
 }
 
-static void test_cancelled(void) {
+TEST(cancelled) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = waves(FALSE);
@@ -173,12 +174,4 @@ static void test_cancelled(void) {
     g_assert_null(curve_measure(btf, &work, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     btf_matrix_free(btf);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/curve/waves", test_waves);
-    g_test_add_func("/curve/constant", test_constant);
-    g_test_add_func("/curve/cancelled", test_cancelled);
-    return g_test_run();
 }

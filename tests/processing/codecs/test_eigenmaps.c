@@ -3,6 +3,7 @@
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
+#include "lib/test.h"
 #include "pipeline/pipeline.h"
 
 #include <cblas.h>
@@ -71,7 +72,7 @@ static double residual(const struct eigenmaps *maps, const struct matrix *matrix
     return sqrt(rest / all);
 }
 
-static void test_low_rank(void) {
+TEST(low_rank) {
     struct matrix matrix = random_matrix(3 * 5 * 4 * 3, 9, 3, 0);
     struct eigenmaps *maps = new_maps(5, 4, 3, 9, 3);
     double error;
@@ -83,7 +84,7 @@ static void test_low_rank(void) {
 }
 
 /* Against a dense singular value decomposition. */
-static void test_dense(void) {
+TEST(dense) {
     enum { ROWS = 4 * 6 * 5 * 3, VIEWS = 12, TERMS = 4 };
     struct matrix matrix = random_matrix(ROWS, VIEWS, 8, 0.2);
     struct eigenmaps *maps = new_maps(6, 5, 4, VIEWS, TERMS);
@@ -115,7 +116,7 @@ static void test_dense(void) {
 }
 
 /* Neither the memory there is nor the number of threads makes a difference. */
-static void test_blocks(void) {
+TEST(blocks) {
     enum { ROWS = 7 * 20 * 16 * 3, VIEWS = 11, TERMS = 3 };
     struct matrix matrix = random_matrix(ROWS, VIEWS, 6, 0.1);
     struct eigenmaps *whole = new_maps(20, 16, 7, VIEWS, TERMS);
@@ -159,7 +160,7 @@ static struct matrix known_matrix(int rows, int columns, const double *values, i
 }
 
 /* That the Gram matrix has squares of singular values does not show where floats end. */
-static void test_ill_conditioned(void) {
+TEST(ill_conditioned) {
     enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 40, TERMS = 4 };
     static const double values[TERMS] = {100, 1, 1e-2, 2e-4};
     static const enum eigenmaps_method methods[] = {EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED};
@@ -187,7 +188,7 @@ static void test_ill_conditioned(void) {
 
 /* Of more rows than the sketch has, with noise, against a dense singular value decomposition: with
  * hardly any memory, which leaves no directions to spare, and with more. */
-static void test_randomised(void) {
+TEST(randomised) {
     enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 30, TERMS = 4 };
     struct matrix matrix = random_matrix(ROWS, VIEWS, 12, 0.1);
     double s[VIEWS], superb[VIEWS], rest = 0, all = 0, error;
@@ -221,7 +222,7 @@ static void test_randomised(void) {
 }
 
 /* The fewest terms that reach an error, whichever way. */
-static void test_target(void) {
+TEST(target) {
     enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 30 };
     static const enum eigenmaps_method methods[] = {EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED};
     struct matrix matrix = random_matrix(ROWS, VIEWS, 12, 0.02);
@@ -258,7 +259,7 @@ static gboolean fail_column(int view, float *ret, gpointer data, GError **error)
     return FALSE;
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autoptr(GError) error = NULL;
     struct matrix matrix = random_matrix(2 * 3 * 3 * 3, 4, 2, 0.1);
     double ret;
@@ -283,7 +284,7 @@ static void test_refused(void) {
 }
 
 /* All black: no division by nothing. */
-static void test_black(void) {
+TEST(black) {
     struct matrix matrix = random_matrix(2 * 3 * 3 * 3, 4, 0, 0);
     struct eigenmaps *maps = new_maps(3, 3, 2, 4, 2);
     double error = -1;
@@ -302,7 +303,7 @@ static struct eigenmaps *computed(void) {
     return maps;
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
@@ -345,7 +346,7 @@ static void test_file(void) {
 }
 
 /* Valid EXR files that are not valid eigen-maps. */
-static void test_hostile(void) {
+TEST(hostile) {
     g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     for (int fault = 0; fault < 6; fault++) {
@@ -374,19 +375,4 @@ static void test_hostile(void) {
     }
     g_unlink(path);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/eigenmaps/low-rank", test_low_rank);
-    g_test_add_func("/eigenmaps/dense", test_dense);
-    g_test_add_func("/eigenmaps/blocks", test_blocks);
-    g_test_add_func("/eigenmaps/ill-conditioned", test_ill_conditioned);
-    g_test_add_func("/eigenmaps/randomised", test_randomised);
-    g_test_add_func("/eigenmaps/target", test_target);
-    g_test_add_func("/eigenmaps/refused", test_refused);
-    g_test_add_func("/eigenmaps/black", test_black);
-    g_test_add_func("/eigenmaps/file", test_file);
-    g_test_add_func("/eigenmaps/hostile", test_hostile);
-    return g_test_run();
 }

@@ -6,6 +6,7 @@
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -66,7 +67,7 @@ static void light_of(const struct btf_matrix *btf, gsize light, float ret[3]) {
               btf->layout.lights.phi_deg[light] * G_PI / 180, ret);
 }
 
-static void test_basis(void) {
+TEST(basis) {
     GRand *random = g_rand_new_with_seed(4);
     for (int k = 0; k < 1000; k++) {
         const double theta = g_rand_double_range(random, 0, 1.57);
@@ -97,7 +98,7 @@ static void test_basis(void) {
 }
 
 /* ∫ H_i H_j dω = δ_ij, by the midpoint rule in cos θ and φ. */
-static void test_orthonormal(void) {
+TEST(orthonormal) {
     const int rows = 400, columns = 24; /* φ: exact for products of degree up to 6 */
     double sums[HSH_MAX_TERMS][HSH_MAX_TERMS] = {{0}};
     for (int k = 0; k < rows * columns; k++) {
@@ -116,7 +117,7 @@ static void test_orthonormal(void) {
 }
 
 /* Neither the pole nor the horizon, nor what lies below it, is anything but finite. */
-static void test_limits(void) {
+TEST(limits) {
     static const float lights[][3] = {{0, 0, 1}, {1, 0, 0}, {0, -1, -1e-8F}, {0.6F, 0, -0.8F}};
     for (gsize k = 0; k < G_N_ELEMENTS(lights); k++) {
         float basis[HSH_MAX_TERMS];
@@ -168,7 +169,7 @@ static void check_coefficients(const struct hsh *hsh, const float *coefficients)
         g_assert_cmpfloat_with_epsilon(hsh->values[i], coefficients[i], 1e-5);
 }
 
-static void test_own(void) {
+TEST(own) {
     for (gsize k = 0; k < G_N_ELEMENTS(all_terms); k++) {
         struct btf_matrix *btf = new_btf(7, 5, 4);
         g_autofree float *coefficients = random_coefficients(btf, all_terms[k]);
@@ -209,7 +210,7 @@ static void fill_glossy(struct btf_matrix *btf) {
 }
 
 /* More terms hold all that fewer do: residuals fall, strictly. */
-static void test_nested(void) {
+TEST(nested) {
     struct btf_matrix *btf = new_btf(2, 2, 5);
     double before = 1;
     fill_glossy(btf);
@@ -231,7 +232,7 @@ static void test_nested(void) {
 }
 
 /* What is left out, in one colour or in all, changes nothing where the rest is enough. */
-static void test_holes(void) {
+TEST(holes) {
     struct btf_matrix *btf = new_btf(3, 3, 4);
     g_autofree float *coefficients = random_coefficients(btf, 9);
     fill(btf, coefficients, 9);
@@ -251,7 +252,7 @@ static void test_holes(void) {
 /* Seven lights are too few for 16 terms, and so are three of 61 that are not NaN: what there is
  * comes back, and of all such functions it is the smallest: a multiple of one basis row has no
  * smaller one. */
-static void test_few(void) {
+TEST(few) {
     struct btf_matrix *btf = new_btf(1, 1, 1);
     fill_glossy(btf);
     struct hsh *hsh = compute(btf, 16);
@@ -277,7 +278,7 @@ static void test_few(void) {
     btf_matrix_free(btf);
 }
 
-static void test_threads(void) {
+TEST(threads) {
     struct btf_matrix *btf = new_btf(9, 7, 3);
     struct hsh *first = NULL;
     fill_glossy(btf);
@@ -297,7 +298,7 @@ static void test_threads(void) {
     btf_matrix_free(btf);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const int bad[] = {-1, 1, 3, 5, 6, 8, 10, 15, 17, 25, G_MAXINT};
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
@@ -374,7 +375,7 @@ static void spoil(struct exr_file *file, int fault) {
         exr_set_string(first, "mesorig.kind", "ptm");
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -408,7 +409,7 @@ static void test_file(void) {
 
 /* By the table of codecs: encoded with the option as the command line reads it, written, opened as
  * a material, compared with the BTF. */
-static void test_codec(void) {
+TEST(codec) {
     g_autofree char *folder = g_dir_make_tmp("hsh-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "hsh.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -450,20 +451,4 @@ static void test_codec(void) {
     btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/hsh/basis", test_basis);
-    g_test_add_func("/hsh/orthonormal", test_orthonormal);
-    g_test_add_func("/hsh/limits", test_limits);
-    g_test_add_func("/hsh/own", test_own);
-    g_test_add_func("/hsh/nested", test_nested);
-    g_test_add_func("/hsh/holes", test_holes);
-    g_test_add_func("/hsh/few", test_few);
-    g_test_add_func("/hsh/threads", test_threads);
-    g_test_add_func("/hsh/refused", test_refused);
-    g_test_add_func("/hsh/file", test_file);
-    g_test_add_func("/hsh/codec", test_codec);
-    return g_test_run();
 }

@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/test.h"
 #include "lobes/lobes.h"
 
 #include "btf/btf_checkpoint.h"
@@ -179,7 +180,7 @@ static double residual(const struct lobes *lobes, const struct btf_matrix *btf) 
 }
 
 /* Each model finds itself again. */
-static void test_own(void) {
+TEST(own) {
     const enum lobes_model models[] = {LOBES_FIELDS, LOBES_LAFORTUNE, LOBES_WARD, LOBES_ASHIKHMIN};
     for (gsize i = 0; i < G_N_ELEMENTS(models); i++) {
         struct btf_matrix *btf = new_btf(4, 3, 2, RINGS);
@@ -196,7 +197,7 @@ static void test_own(void) {
 
 /* A polynomial is found again; of what is none, the best one: nothing is left that the basis
  * could take. */
-static void test_polynomial(void) {
+TEST(polynomial) {
     static const double c[6] = {0.2, -0.1, 0.05, 0.3, -0.2, 0.6};
     struct btf_matrix *btf = new_btf(2, 2, 1, RINGS);
     double l[3];
@@ -234,7 +235,7 @@ static void test_polynomial(void) {
 }
 
 /* Noise does not stop the fit from the truth: what is left is the noise, and no more. */
-static void test_noise(void) {
+TEST(noise) {
     struct btf_matrix *btf = new_btf(6, 5, 1, RINGS);
     fill(btf, LOBES_FIELDS, 0.03);
     struct lobes *lobes = compute(btf, LOBES_FIELDS);
@@ -249,7 +250,7 @@ static void test_noise(void) {
 }
 
 /* What a graphics card does in half floats has no infinity in it, wherever the light comes from. */
-static void test_halves(void) {
+TEST(halves) {
     struct btf_matrix *btf = new_btf(8, 8, 1, 2);
     GRand *random = g_rand_new_with_seed(3);
     const int n = 64 * btf->layout.views.n * btf->layout.lights.n;
@@ -276,7 +277,7 @@ static void test_halves(void) {
     btf_matrix_free(btf);
 }
 
-static void test_threads(void) {
+TEST(threads) {
     struct btf_matrix *btf = new_btf(9, 7, 1, 3);
     struct lobes *first = NULL;
     fill(btf, LOBES_FIELDS, 0.02);
@@ -296,7 +297,7 @@ static void test_threads(void) {
 }
 
 /* Black, constant, one direction, holes: every model gives something finite and sensible. */
-static void test_edges(void) {
+TEST(edges) {
     for (int model = 0; model < LOBES_MODELS; model++) {
         struct btf_matrix *btf = new_btf(3, 2, 1, 2);
         const int n = 6 * btf_layout_values(&btf->layout);
@@ -336,7 +337,7 @@ static void test_edges(void) {
 }
 
 /* A tenth of the values missing changes the fit of a clean BTF little. */
-static void test_holes(void) {
+TEST(holes) {
     for (int model = 0; model < LOBES_MODELS; model++) {
         struct btf_matrix *whole = new_btf(3, 3, 1, RINGS), *btf = new_btf(3, 3, 1, RINGS);
         const enum lobes_model kind = model == LOBES_PTM ? LOBES_FIELDS : (enum lobes_model)model;
@@ -390,7 +391,7 @@ static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) 
 }
 
 /* Cut off, it goes on with what it had, and ends with the same. */
-static void test_checkpoint(void) {
+TEST(checkpoint) {
     g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "checkpoint.exr", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
@@ -424,7 +425,7 @@ static void test_checkpoint(void) {
     g_rmdir(dir);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const struct lobes_options bad[] = {
         {(enum lobes_model)5}, {LOBES_FIELDS, -1}, {LOBES_FIELDS, 4}, {LOBES_LAFORTUNE, G_MAXINT}};
     g_autoptr(GError) error = NULL;
@@ -448,7 +449,7 @@ static void test_refused(void) {
     btf_matrix_free(btf);
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     struct btf_matrix *btf = new_btf(5, 4, 1, 2);
@@ -521,7 +522,7 @@ static void spoil(struct exr_file *file, int fault) {
     }
 }
 
-static void test_hostile(void) {
+TEST(hostile) {
     g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     g_autoptr(GError) error = NULL;
@@ -548,20 +549,4 @@ static void test_hostile(void) {
     }
     g_unlink(path);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/lobes/own", test_own);
-    g_test_add_func("/lobes/polynomial", test_polynomial);
-    g_test_add_func("/lobes/noise", test_noise);
-    g_test_add_func("/lobes/halves", test_halves);
-    g_test_add_func("/lobes/threads", test_threads);
-    g_test_add_func("/lobes/edges", test_edges);
-    g_test_add_func("/lobes/holes", test_holes);
-    g_test_add_func("/lobes/checkpoint", test_checkpoint);
-    g_test_add_func("/lobes/refused", test_refused);
-    g_test_add_func("/lobes/file", test_file);
-    g_test_add_func("/lobes/hostile", test_hostile);
-    return g_test_run();
 }

@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/test.h"
 #include "lpca/lpca.h"
 
 #include "exr/exr.h"
@@ -57,7 +58,7 @@ static void assert_orthonormal(const struct lpca *lpca) {
 }
 
 /* A mixture of planes of low rank is told apart, and nothing is left. */
-static void test_mixture(void) {
+TEST(mixture) {
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
     g_autoptr(Lpca) lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 4);
@@ -94,7 +95,7 @@ static double dense_error(const struct btf_matrix *btf, int c) {
     return sqrt(rest / all);
 }
 
-static void test_dense(void) {
+TEST(dense) {
     struct btf_matrix *btf = lpca_fixture_mixture(10, 9, 4, 5, 1, 8, 0.05);
     for (int c = 1; c <= 8; c++) {
         const double truth = dense_error(btf, c), error = error_of(btf, 1, c);
@@ -111,7 +112,7 @@ static void test_dense(void) {
     btf_matrix_free(btf);
 }
 
-static void test_monotone(void) {
+TEST(monotone) {
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
     double row[3] = {G_MAXDOUBLE, G_MAXDOUBLE, G_MAXDOUBLE};
     for (int k = 1; k <= 16; k *= 2) {
@@ -125,7 +126,7 @@ static void test_monotone(void) {
     }
 }
 
-static void test_threads(void) {
+TEST(threads) {
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
     struct lpca *first = NULL;
     for (int threads = 1; threads <= 4; threads++) {
@@ -143,7 +144,7 @@ static void test_threads(void) {
     lpca_free(first);
 }
 
-static void test_target(void) {
+TEST(target) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
     struct lpca_options options = {.n_clusters = 2, .n_components = 16, .target = 0.1};
@@ -160,7 +161,7 @@ static void test_target(void) {
     g_assert_nonnull(strstr(error->message, "is not reached"));
 }
 
-static void test_edges(void) {
+TEST(edges) {
     struct btf_matrix *btf = btf_fixture_new("weave", 5, 4, 2, 3); /* black */
     struct lpca *lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 1);
@@ -186,7 +187,7 @@ static void test_edges(void) {
     btf_matrix_free(btf);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const struct lpca_options bad[] = {
         {0, 2},  {-1, 2}, {21, 2}, {G_MAXINT, 2}, {2, 0},
         {2, -3}, {2, 65}, {2, 19}, {2, 2, NAN},   {2, 2, -0.1},
@@ -243,7 +244,7 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
     }
 }
 
-static void test_quantised(void) {
+TEST(quantised) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
@@ -294,7 +295,7 @@ static double rounding_under(const struct lpca *exact, const struct lpca *rounde
 }
 
 /* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
-static void test_dark_light(void) {
+TEST(dark_light) {
     enum { DARK = 2 };
     g_autoptr(BtfMatrix) btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
@@ -318,7 +319,7 @@ static void write_small(const char *path, enum lpca_quantise quantise) {
     g_assert_true(lpca_write(path, lpca, &error));
 }
 
-static void test_truncated_file(void) {
+TEST(truncated_file) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autofree char *bytes = NULL;
@@ -364,7 +365,7 @@ static const struct fault {
     {"light_scales", "S", 0},
 };
 
-static void test_hostile(void) {
+TEST(hostile) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(faults); i++) {
@@ -389,20 +390,4 @@ static void test_hostile(void) {
     }
     g_unlink(path);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/lpca/mixture", test_mixture);
-    g_test_add_func("/lpca/dense", test_dense);
-    g_test_add_func("/lpca/monotone", test_monotone);
-    g_test_add_func("/lpca/threads", test_threads);
-    g_test_add_func("/lpca/dark-light", test_dark_light);
-    g_test_add_func("/lpca/target", test_target);
-    g_test_add_func("/lpca/edges", test_edges);
-    g_test_add_func("/lpca/refused", test_refused);
-    g_test_add_func("/lpca/quantised", test_quantised);
-    g_test_add_func("/lpca/truncated-file", test_truncated_file);
-    g_test_add_func("/lpca/hostile", test_hostile);
-    return g_test_run();
 }

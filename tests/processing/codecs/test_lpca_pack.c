@@ -2,6 +2,7 @@
 #include "base/data_error.h"
 #include "exr/exr.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/waves_fixture.h"
 #include "lpca/lpca_choose.h"
 #include "lpca/lpca_pack_private.h"
@@ -64,7 +65,7 @@ static gint64 file_size(const char *path) {
 }
 
 /* Whole numbers of every size, back as they were; what is damaged or does not fit is refused. */
-static void test_numbers(void) {
+TEST(numbers) {
     static const gint32 values[] = {0,   0,    0,      1,       -1,         127,         -127, 128,
                                     254, -128, 100000, -100000, G_MAXINT32, -G_MAXINT32, 0,    7};
     const gsize n = G_N_ELEMENTS(values);
@@ -84,7 +85,7 @@ static void test_numbers(void) {
 }
 
 /* Cosines keep lengths, and are those of the textbook: of a cosine one number is left. */
-static void test_cosines(void) {
+TEST(cosines) {
     for (int n = 1; n <= 12; n += n < 4 ? 1 : 4) {
         g_autofree float *turn = lpca_cosines(n);
         for (int i = 0; i < n; i++)
@@ -102,7 +103,7 @@ static void test_cosines(void) {
 
 /* A fine step gives back what was packed; a coarser one is smaller and worse, by about as much as
  * a uniform error of its width makes. */
-static void test_steps(void) {
+TEST(steps) {
     g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     for (int k = 1; k <= 4; k += 3) {
         g_autoptr(Lpca) exact = compute(btf, k, 12);
@@ -127,7 +128,7 @@ static void test_steps(void) {
 }
 
 /* What is wished is had, on disk, and read back. */
-static void test_wishes(void) {
+TEST(wishes) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("pack-XXXXXX", &error);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
@@ -163,7 +164,7 @@ static void test_wishes(void) {
     remove_tree(folder);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
     g_autoptr(BtfMatrix) btf = waves(0.05, FALSE);
@@ -185,7 +186,7 @@ static void test_refused(void) {
 }
 
 /* A constant material and a black one have nothing that counts but a mean, if that. */
-static void test_edges(void) {
+TEST(edges) {
     g_autoptr(GError) error = NULL;
     const struct lpca_options options = {0};
     const struct lpca_target wanted = {.error = 0.02};
@@ -203,7 +204,7 @@ static void test_edges(void) {
 }
 
 /* Damage of any byte is an error or harmless, never more. */
-static void test_damage(void) {
+TEST(damage) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("pack-XXXXXX", &error), *bytes = NULL;
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
@@ -231,7 +232,7 @@ static void test_damage(void) {
 }
 
 /* Drawn, it has few components in many clusters, and is as good as a local PCA of that size. */
-static void test_regroup(void) {
+TEST(regroup) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = waves(0.002, FALSE);
     const struct lpca_options options = {8, 4};
@@ -245,17 +246,4 @@ static void test_regroup(void) {
     g_assert_cmpint(drawn->n_components, ==, 4);
     g_assert_cmpfloat(error_of(drawn, btf), <, hypot(direct->error, 0.01) * 1.1);
     g_assert_cmpfloat(error_of(drawn, btf), >, packed->error);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/lpca-pack/numbers", test_numbers);
-    g_test_add_func("/lpca-pack/cosines", test_cosines);
-    g_test_add_func("/lpca-pack/steps", test_steps);
-    g_test_add_func("/lpca-pack/wishes", test_wishes);
-    g_test_add_func("/lpca-pack/refused", test_refused);
-    g_test_add_func("/lpca-pack/edges", test_edges);
-    g_test_add_func("/lpca-pack/damage", test_damage);
-    g_test_add_func("/lpca-pack/regroup", test_regroup);
-    return g_test_run();
 }

@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
+#include "lib/test.h"
 #include "lpca/lpca.h"
 
 #include <glib/gstdio.h>
@@ -58,7 +59,7 @@ static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
     return sqrt(rest / all);
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autoptr(BtfMatrix) btf = bumps(40), file = bumps(40);
     const struct lpca_options options = {6, 4};
     g_autoptr(GError) error = NULL;
@@ -74,7 +75,7 @@ static void test_file(void) {
 }
 
 /* Rows in another order, of few values and of more than are converted at a time. */
-static void test_places(void) {
+TEST(places) {
     static const int places[] = {2, 0, 3, 1};
     static const gsize lengths[] = {18, 5000, 20001};
     for (guint l = 0; l < G_N_ELEMENTS(lengths); l++) {
@@ -96,7 +97,7 @@ static void test_places(void) {
     }
 }
 
-static void test_memory(void) {
+TEST(memory) {
     g_autoptr(BtfMatrix) btf = bumps(12);
     struct lpca_options options = {2, 2, .memory = 1000};
     g_autoptr(GError) error = NULL;
@@ -191,7 +192,7 @@ static gpointer work(gpointer data) {
 }
 
 /* Five blocks of rows: of four ranks one has two, and none is like another. */
-static void test_team(void) {
+TEST(team) {
     g_autoptr(BtfMatrix) btf = bumps(35);
     const struct lpca_options options = {6, 4};
     g_autoptr(Lpca) alone = lpca_compute(btf, &options, NULL);
@@ -222,7 +223,7 @@ static void test_team(void) {
     }
 }
 
-static void test_log(void) {
+TEST(log) {
     float values[] = {0.5F, 0.3F, 0.1F, 0, 0, 0, 4, 7, 9, 0.001F, 0.002F, 0, 0.2F, 0.2F, 0.2F};
     float back[G_N_ELEMENTS(values)];
     memcpy(back, values, sizeof values);
@@ -237,7 +238,7 @@ static void test_log(void) {
 
 /* Texels of one shape and colour but of many brightnesses are one component in logarithms: what a
  * factor is there is a sum. */
-static void test_log_compute(void) {
+TEST(log_compute) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(BtfMatrix) btf = bumps(16);
@@ -263,7 +264,7 @@ static void test_log_compute(void) {
     g_rmdir(folder);
 }
 
-static void test_holes(void) {
+TEST(holes) {
     float a[12], b[12], *const planes[2] = {a, b};
     for (int i = 0; i < 12; i++)
         a[i] = (float)i, b[i] = 2;
@@ -281,16 +282,4 @@ static void test_holes(void) {
     for (int i = 0; i < 12; i++)
         a[i] = NAN;
     g_assert_cmpint(btf_fill_holes(planes, 2, 4, 3), ==, -1);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/lpca-rows/file", test_file);
-    g_test_add_func("/lpca-rows/places", test_places);
-    g_test_add_func("/lpca-rows/memory", test_memory);
-    g_test_add_func("/lpca-rows/team", test_team);
-    g_test_add_func("/lpca-rows/log", test_log);
-    g_test_add_func("/lpca-rows/log-compute", test_log_compute);
-    g_test_add_func("/lpca-rows/holes", test_holes);
-    return g_test_run();
 }

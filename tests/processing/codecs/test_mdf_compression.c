@@ -4,6 +4,7 @@
 #include "lib/gpu_fixture.h"
 #include "lib/process.h"
 #include "lib/silhouettes.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
@@ -74,7 +75,7 @@ static double worst(const struct mdf_factors *f) {
 }
 
 /* As many maps as there are: what is left is the rounding of three of 8 bits. */
-static void test_enough(void) {
+TEST(maps__enough) {
     g_autoptr(MdfTable) t = new_table();
     g_autoptr(MdfFactors) f = factors(t, 3), more = factors(t, 16), fewer = factors(t, 2);
     g_test_message("3 maps: %.4f mm RMS, at most %.4f; 2: %.4f", f->error_mm, worst(f),
@@ -88,7 +89,7 @@ static void test_enough(void) {
 }
 
 /* Texels that were not seen count nothing, and take what the others say of them. */
-static void test_unseen(void) {
+TEST(maps__unseen) {
     g_autoptr(MdfTable) t = new_table();
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
         if ((i * 7919) % 101 < 8) {
@@ -112,7 +113,7 @@ static void test_unseen(void) {
     g_assert_cmpfloat(f->error_mm, <, 0.05);
 }
 
-static void test_target(void) {
+TEST(maps__target) {
     g_autoptr(GError) none = NULL, error = NULL;
     g_autoptr(MdfTable) t = new_table();
     g_autoptr(MdfFactors) f = mdf_factors_compute(t, N_VIEWS, 16, 0.1, NULL, &error);
@@ -129,7 +130,7 @@ static void test_target(void) {
 }
 
 /* No relief; one view; and what makes no sense. */
-static void test_odd(void) {
+TEST(maps__odd) {
     struct mdf_table *t = new_table();
     for (int i = 0; i < N_VIEWS * TEXELS; i++)
         t->depth_mm[i] = 2.5F;
@@ -202,7 +203,7 @@ static void assert_changed_refused(const char *path, gboolean blocks, const stru
     g_unlink(to);
 }
 
-static void test_factors_file(void) {
+TEST(maps__file) {
     static const struct change changes[] = {
         {"maps", "M02", 256, .says = "0 to 255"},
         {"maps", "M02", -1, .says = "0 to 255"},
@@ -234,7 +235,7 @@ static void test_factors_file(void) {
         assert_changed_refused(path, FALSE, &changes[i]);
 }
 
-static void test_blocks_file(void) {
+TEST(blocks__file) {
     static const struct change changes[] = {
         {"view_0003", "B2", 256, .says = "not a byte"},
         {"view_0003", "B7", NAN, .says = "not a byte"},
@@ -262,7 +263,7 @@ static void test_blocks_file(void) {
 
 /* Eight values between two ends that are whole steps come back as they are; others to half a
  * fourteenth of what the block reaches over, and a step. */
-static void test_blocks_error(void) {
+TEST(blocks__error) {
     float depth[16 * 16], is[16 * 16];
     guint8 blocks[16 * MDF_BLOCK_BYTES];
     for (int i = 0; i < 256; i++)
@@ -329,7 +330,7 @@ static void write_views(const char *path, gboolean no_distances) {
     exr_file_free(file);
 }
 
-static void test_packed(void) {
+TEST(packed) {
     g_autoptr(GError) error = NULL, twice = NULL, none = NULL;
     g_autofree char *from = g_build_filename(world_fixture_folder(), "views.exr", NULL);
     g_autofree char *to = g_build_filename(world_fixture_folder(), "packed.exr", NULL);
@@ -454,7 +455,7 @@ static int command(const char *const *arguments, char **ret_output) {
     return process_run(argv, ret_output, &errors);
 }
 
-static void test_commands(void) {
+TEST(commands) {
     g_autofree char *from = g_build_filename(world_fixture_folder(), "views.exr", NULL);
     g_autofree char *to = g_build_filename(world_fixture_folder(), "to.exr", NULL);
     const char *const maps[] = {"compress", from, "--method=mdf", "--components", "3", "-o",
@@ -490,23 +491,14 @@ static void test_commands(void) {
     }
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     g_setenv("LC_ALL", "C.UTF-8", TRUE); /* what commands say is compared */
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/mdf-compression/maps/enough", test_enough);
-    g_test_add_func("/mdf-compression/maps/unseen", test_unseen);
-    g_test_add_func("/mdf-compression/maps/target", test_target);
-    g_test_add_func("/mdf-compression/maps/odd", test_odd);
-    g_test_add_func("/mdf-compression/maps/file", test_factors_file);
-    g_test_add_func("/mdf-compression/blocks/error", test_blocks_error);
-    g_test_add_func("/mdf-compression/blocks/file", test_blocks_file);
-    g_test_add_func("/mdf-compression/packed", test_packed);
-    g_test_add_func("/mdf-compression/commands", test_commands);
     g_test_add("/mdf-compression/blocks/card", struct fixture, NULL, gpu_fixture_set_up,
                test_blocks_card, gpu_fixture_tear_down);
     g_test_add("/mdf-compression/drawn", struct fixture, NULL, gpu_fixture_set_up, test_drawn,
                gpu_fixture_tear_down);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -5,6 +5,7 @@
  */
 #include "exr/exr.h"
 #include "lib/lobes_scene.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -174,7 +175,7 @@ static void test_far(struct fixture *f, gconstpointer data) {
 }
 
 /* Each level is the model of the averaged BTF, and comes back from the file as it was. */
-static void test_file(void) {
+TEST(file) {
     g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
     static const int widths[] = {7, 3, 1}, heights[] = {5, 2, 1};
@@ -239,7 +240,7 @@ static void write_without(const char *path, const char *from, const char *prefix
 }
 
 /* A level that lacks the part by which levels are counted is not the end of them. */
-static void test_lacking(void) {
+TEST(lacking) {
     g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *whole = g_build_filename(folder, "whole.exr", NULL);
     g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
@@ -297,13 +298,9 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     btf_matrix_free(btf);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/mips/file", test_file);
-    g_test_add_func("/mips/lacking", test_lacking);
+BEFORE_TESTS {
     g_test_add("/mips/far", struct fixture, NULL, gpu_fixture_set_up, test_far,
                gpu_fixture_tear_down);
     g_test_add("/mips/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
                gpu_fixture_tear_down);
-    return g_test_run();
 }

@@ -6,6 +6,7 @@
 #include <math.h>
 
 #include "frames/rectify.h"
+#include "lib/test.h"
 
 #define RAD(deg)  ((deg) * (G_PI / 180))
 #define PIXELS    64
@@ -117,7 +118,7 @@ struct case_of {
     double known;
 };
 
-static void test_plane(void) {
+TEST(plane) {
     static const struct case_of cases[] = {
         {{everywhere}, 0}, /* one alone is not believed */
         {{everywhere, everywhere}, 1},
@@ -140,7 +141,7 @@ static void test_plane(void) {
 }
 
 /* A file that is not there, or not of the camera's size, is an error. */
-static void test_files(void) {
+TEST(files) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-coverage-XXXXXX", NULL);
     struct rig rig;
@@ -166,7 +167,7 @@ static void test_files(void) {
 /* A light where the camera stands reaches whatever the camera sees. What a sweep adds shrinks with
  * those taken before it; one that has seen nothing makes another one from the same side unlikely to
  * see something, and from the other side likely. */
-static void test_model(void) {
+TEST(model) {
     const struct vec3 camera = rig_direction(RAD(45), 0);
     const struct vec3 lasers[] = {camera, rig_direction(RAD(60), G_PI),
                                   rig_direction(RAD(55), G_PI), rig_direction(RAD(30), 0)};
@@ -191,7 +192,7 @@ static void test_model(void) {
 
 /* What is expected of a sweep: nothing where all is known; of half a picture that one sweep has
  * seen and another one not, no more than that half. */
-static void test_expectation(void) {
+TEST(expectation) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-coverage-XXXXXX", NULL);
     struct rig rig;
     scene_new(&rig);
@@ -213,13 +214,4 @@ static void test_expectation(void) {
     g_assert_cmpfloat(expects, >, 0.1 * open);
     g_assert_cmpfloat(expects, <=, open);
     g_rmdir(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/coverage/plane", test_plane);
-    g_test_add_func("/coverage/files", test_files);
-    g_test_add_func("/coverage/model", test_model);
-    g_test_add_func("/coverage/expectation", test_expectation);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 #include "base/work.h"
 #include "directions/directions.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <string.h>
@@ -173,7 +174,7 @@ static void test_kind(gconstpointer data) {
 }
 
 /* Half way in theta, a third of the way in azimuth. */
-static void test_bilinear(void) {
+TEST(bilinear) {
     struct set set = rig_set();
     g_autoptr(Directions) directions = make(&set);
     double values[512] = {0.0};
@@ -192,7 +193,7 @@ static void test_bilinear(void) {
 }
 
 /* cos θ is even in every azimuth: bilinear interpolation errs by at most h²/8 between rings. */
-static void test_smooth_function(void) {
+TEST(smooth_function) {
     const struct set sets[] = {rig_set(), uneven_set(), spiral_set()};
     for (gsize s = 0; s < G_N_ELEMENTS(sets); s++) {
         g_autoptr(Directions) directions = make(&sets[s]);
@@ -209,7 +210,7 @@ static void test_smooth_function(void) {
     }
 }
 
-static void test_fade(void) {
+TEST(fade) {
     struct set set = rig_set();
     g_autoptr(Directions) directions = make(&set);
     g_assert_cmpfloat(directions_fade(directions, unit(74.9, 10)), ==, 1.0);
@@ -223,7 +224,7 @@ static void test_fade(void) {
     g_assert_cmpfloat(directions_fade(scattered, unit(89.0, 10)), <, 0.3);
 }
 
-static void test_few(void) {
+TEST(few) {
     struct set set = {.n = 0};
     for (int n = 1; n <= 5; n++) {
         add(&set, 20.0 + 9.0 * n, 30.0 * n * n);
@@ -239,7 +240,7 @@ static void test_few(void) {
         value_of(directions, &twins, values, unit(twins.theta[7], twins.phi[7])), 1.0, 1e-4);
 }
 
-static void test_square(void) {
+TEST(square) {
     double sum = 0.0, step = 2.0 / 400;
     for (int j = 0; j < 400; j++)
         for (int i = 0; i < 400; i++) {
@@ -254,7 +255,7 @@ static void test_square(void) {
     g_assert_cmpfloat_with_epsilon(sum, 2.0 * G_PI, 1e-3);
 }
 
-static void test_bad(void) {
+TEST(bad) {
     const float theta[] = {10.0f, NAN, 95.0f, -1.0f, INFINITY}, phi[] = {0, 0, 0, 0, 0};
     for (int k = 1; k < 5; k++) {
         g_autoptr(GError) error = NULL;
@@ -287,7 +288,7 @@ static void ask_all(int asker, gpointer data) {
 }
 
 /* What several threads find at once, each in another order, is the same to the last bit. */
-static void test_threads(void) {
+TEST(threads) {
     const struct set sets[] = {rig_set(), spiral_set(), grid_set()};
     g_autofree struct asked *asked = g_new0(struct asked, 1);
     for (gsize s = 0; s < G_N_ELEMENTS(sets); s++) {
@@ -305,16 +306,7 @@ static void test_threads(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         g_test_add_data_func(kinds[i].path, &kinds[i], test_kind);
-    g_test_add_func("/directions/bilinear", test_bilinear);
-    g_test_add_func("/directions/smooth-function", test_smooth_function);
-    g_test_add_func("/directions/fade", test_fade);
-    g_test_add_func("/directions/few", test_few);
-    g_test_add_func("/directions/square", test_square);
-    g_test_add_func("/directions/threads", test_threads);
-    g_test_add_func("/directions/bad", test_bad);
-    return g_test_run();
 }

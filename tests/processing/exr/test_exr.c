@@ -7,6 +7,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #include <fcntl.h>
 #include <glib/gstdio.h>
@@ -38,7 +39,7 @@ static guint16 to_half(float value) {
     return half;
 }
 
-static void test_half_every(void) {
+TEST(half__every) {
     for (int i = 0; i <= 0xffff; i++) {
         guint16 half = (guint16)i;
         float value;
@@ -58,7 +59,7 @@ static void test_half_every(void) {
 }
 
 /* Many at once are what each is by itself, to the bit, whatever is among them. */
-static void test_half_many(void) {
+TEST(half__many) {
     g_autofree guint16 *halves = g_new(guint16, 0x10000);
     g_autofree float *many = g_new(float, 0x10000);
     for (int step = 1; step < 12; step += 2) {
@@ -74,7 +75,7 @@ static void test_half_many(void) {
 }
 
 /* Between two neighbours: the nearer, at the middle the one whose last bit is 0. */
-static void test_half_rounding(void) {
+TEST(half__rounding) {
     for (int i = 0; i < 0x7bff; i++) {
         float low = (float)half_value((guint16)i), high = (float)half_value((guint16)(i + 1));
         float middle = (low + high) / 2; /* exact: 12 bits */
@@ -87,7 +88,7 @@ static void test_half_rounding(void) {
     }
 }
 
-static void test_half_limits(void) {
+TEST(half__limits) {
     g_assert_cmphex(to_half(65504), ==, 0x7bff);
     g_assert_cmphex(to_half(65519.996f), ==, 0x7bff);
     g_assert_cmphex(to_half(65520), ==, 0x7bff);
@@ -189,7 +190,7 @@ static gboolean give_planes(struct exr_part *part, gpointer data, GError **error
 }
 
 /* Parts that are filled one by one give the same bytes; a failure leaves no file. */
-static void test_filled(void) {
+TEST(filled) {
     g_autoptr(GError) error = NULL;
     g_autofree char *plain = in_folder("plain.exr"), *path = in_folder("filled.exr");
     g_autoptr(ExrFile) file = make_file(7, 11);
@@ -254,7 +255,7 @@ static void check_round_trip(int parts, enum exr_compression compression) {
 }
 
 /* Noise compresses to about what it was, now and then to just that. */
-static void test_incompressible(void) {
+TEST(incompressible) {
     static const char *const channels[] = {"V", NULL};
     g_autofree char *path = in_folder("noise.exr");
     for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
@@ -281,7 +282,7 @@ static void test_incompressible(void) {
     g_unlink(path);
 }
 
-static void test_round_trip(void) {
+TEST(round_trip) {
     static const int parts[] = {1, 2, 61, 300};
 
     for (gsize i = 0; i < G_N_ELEMENTS(parts); i++)
@@ -289,7 +290,7 @@ static void test_round_trip(void) {
             check_round_trip(parts[i], method);
 }
 
-static void test_special_values(void) {
+TEST(special_values) {
     static const float in[] = {NAN, INFINITY, -INFINITY, 1e9f, -0.0f, 0.1f, 1e-9f, 65504};
     static const float half_out[] = {NAN, 65504, -65504, 65504, -0.0f, 0x1.998p-4f, 0, 65504};
 
@@ -307,7 +308,7 @@ static void test_special_values(void) {
 }
 
 /* Frames are wider than a PIZ block and have a last block that is not full. */
-static void test_large(void) {
+TEST(large) {
     for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
         g_autoptr(ExrPart) part = exr_part_new("p", 517, 259, rgb, EXR_HALF);
 
@@ -319,7 +320,7 @@ static void test_large(void) {
     }
 }
 
-static void test_same_bytes(void) {
+TEST(same_bytes) {
     g_autofree char *a = in_folder("a.exr"), *b = in_folder("b.exr");
     g_autofree char *bytes = NULL;
     g_autoptr(ExrFile) file = make_file(20, 1);
@@ -351,7 +352,7 @@ static char *tool_output(const char *tool, const char *path) {
     return out;
 }
 
-static void test_exrheader(void) {
+TEST(exrheader) {
     g_autofree char *path = in_folder("tools.exr");
     g_autoptr(ExrFile) file = make_file(70, 5);
 
@@ -369,7 +370,7 @@ static void test_exrheader(void) {
 }
 
 /* A file by the C++ library of the same pixels: the tool rewrites ours with another compression. */
-static void test_made_by_others(void) {
+TEST(made_by_others) {
     g_autofree char *ours = in_folder("ours.exr"), *theirs = in_folder("theirs.exr");
     g_autofree char *program = g_find_program_in_path("exrstdattr");
     const char *const argv[] = {program, "-owner", "Cölln", "-expTime", "0.25", ours, theirs, NULL};
@@ -419,7 +420,7 @@ static void assert_not_written(struct exr_part *part, struct exr_part *second,
     assert_nothing_left();
 }
 
-static void test_refused_to_write(void) {
+TEST(refused_to_write) {
     static const char *const unordered[] = {"R", "G", NULL}, *const twice[] = {"A", "A", NULL};
     static const char *const none[] = {NULL};
     struct exr_part *part = exr_part_new("p", 2, 2, one, EXR_HALF);
@@ -436,7 +437,7 @@ static void test_refused_to_write(void) {
     assert_not_written(part, NULL, EXR_ERROR_FORMAT);
 }
 
-static void test_attributes_missing(void) {
+TEST(attributes_missing) {
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrPart) part = exr_part_new("p", 1, 1, one, EXR_HALF);
     double value = 5;
@@ -454,7 +455,7 @@ static void test_attributes_missing(void) {
     g_assert_nonnull(exr_part_plane(part, "Y"));
 }
 
-static void test_long_names(void) {
+TEST(long_names) {
     static const char *const channels[] = {"a channel whose name has more than thirty-one bytes",
                                            NULL};
     static const char *const name = "an attribute whose name has more than thirty-one bytes";
@@ -467,7 +468,7 @@ static void test_long_names(void) {
     g_assert_true(exr_get_int(back, name, &value, NULL) && value == 7);
 }
 
-static void test_missing(void) {
+TEST(missing) {
     g_autofree char *path = in_folder("missing.exr"), *nowhere = in_folder("no/such/x.exr");
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = make_file(2, 2);
@@ -486,7 +487,7 @@ static void test_missing(void) {
 }
 
 /* A write that fails leaves the old file as it was and nothing beside it. */
-static void test_failed_write(void) {
+TEST(failed_write) {
     g_autofree char *path = in_folder("kept.exr");
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = make_file(30, 9);
@@ -505,7 +506,7 @@ static void test_failed_write(void) {
 }
 
 /* Reading a part, or the headers, must not touch the others' pixels: they are damaged here. */
-static void test_reads_no_other_part(void) {
+TEST(reads_no_other_part) {
     g_autofree char *path = in_folder("damaged.exr"), *bytes = NULL;
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = make_file(3, 4);
@@ -567,7 +568,7 @@ static void overwrite(const char *path, const char *bytes, gsize length) {
     close(fd);
 }
 
-static void test_truncated(void) {
+TEST(truncated) {
     g_autofree char *path = in_folder("short.exr");
 
     for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
@@ -596,7 +597,7 @@ static void mutate(char *bytes, gsize length, GRand *rand) {
     }
 }
 
-static void test_mutated(void) {
+TEST(mutated) {
     g_autofree char *path = in_folder("mutated.exr");
     const char *wanted = g_getenv("MESORIG_FUZZ");
     int rounds = wanted ? atoi(wanted) : 5000;
@@ -620,7 +621,7 @@ static void test_mutated(void) {
 }
 
 /* A header that promises far more than the file holds must not cost memory. */
-static void test_promises(void) {
+TEST(promises) {
     g_autofree char *path = in_folder("promise.exr");
     g_autoptr(GError) error = NULL;
     gsize length;
@@ -643,32 +644,11 @@ static void test_promises(void) {
     g_assert_nonnull(error);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
-    g_test_add_func("/exr/filled", test_filled);
-    g_test_add_func("/exr/half/every", test_half_every);
-    g_test_add_func("/exr/half/many", test_half_many);
-    g_test_add_func("/exr/half/rounding", test_half_rounding);
-    g_test_add_func("/exr/half/limits", test_half_limits);
-    g_test_add_func("/exr/round-trip", test_round_trip);
-    g_test_add_func("/exr/incompressible", test_incompressible);
-    g_test_add_func("/exr/special-values", test_special_values);
-    g_test_add_func("/exr/large", test_large);
-    g_test_add_func("/exr/same-bytes", test_same_bytes);
-    g_test_add_func("/exr/exrheader", test_exrheader);
-    g_test_add_func("/exr/made-by-others", test_made_by_others);
-    g_test_add_func("/exr/refused-to-write", test_refused_to_write);
-    g_test_add_func("/exr/attributes-missing", test_attributes_missing);
-    g_test_add_func("/exr/long-names", test_long_names);
-    g_test_add_func("/exr/missing", test_missing);
-    g_test_add_func("/exr/failed-write", test_failed_write);
-    g_test_add_func("/exr/reads-no-other-part", test_reads_no_other_part);
-    g_test_add_func("/exr/truncated", test_truncated);
-    g_test_add_func("/exr/mutated", test_mutated);
-    g_test_add_func("/exr/promises", test_promises);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

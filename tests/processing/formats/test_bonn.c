@@ -2,6 +2,7 @@
 #include "bonn/bonn.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -68,7 +69,7 @@ static void assert_values(const BonnFile *file, const float *wanted, double tole
     }
 }
 
-static void test_read(void) {
+TEST(read) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
         g_autoptr(GError) error = NULL;
         g_autofree char *path = in_folder(kinds[i]);
@@ -198,7 +199,7 @@ static void assert_refused(const char *path, const char *bytes, gsize n) {
     g_assert_true(g_str_has_prefix(error->message, path));
 }
 
-static void test_truncated(void) {
+TEST(truncated) {
     static const char *const some[] = {"bdi", "bdi-sparse", "fmf", "fmf-old", "dfmf-3"};
     g_autofree char *cut = in_folder("cut");
     for (gsize i = 0; i < G_N_ELEMENTS(some); i++) {
@@ -236,7 +237,7 @@ static void mutate(char *bytes, gsize *length, GRand *rand) {
         *length = (gsize)g_rand_int_range(rand, 1, (int)*length);
 }
 
-static void test_mutated(void) {
+TEST(mutated) {
     GRand *rand = g_rand_new_with_seed(5);
     g_autofree char *path = in_folder("mutated");
     int opened = 0, refused = 0;
@@ -276,7 +277,7 @@ static void patch(const char *from, const char *to, gssize at, guint32 value) {
     g_assert_true(g_file_set_contents(to, bytes, (gssize)length, NULL));
 }
 
-static void test_messages(void) {
+TEST(messages) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("patched");
     g_autofree char *dfmf = in_folder("dfmf-0");
     const gssize metadata = 10 + 4 + 4 + 240 + 16 + 4 + 4 + 11;
@@ -305,7 +306,7 @@ static void test_messages(void) {
 }
 
 /* Cut off between its being opened and its being read. */
-static void test_cut_at_work(void) {
+TEST(cut_at_work) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("cut-at-work");
     g_autoptr(GError) error = NULL;
     float rgb[LIGHTS * TEXELS * 3];
@@ -323,7 +324,7 @@ static void test_cut_at_work(void) {
 }
 
 /* A file that is nearly nothing but its mask says that a view has 12 GB. */
-static void test_large_views(void) {
+TEST(large_views) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("large"), *bytes = NULL;
     g_autoptr(GError) error = NULL;
     const guint32 size[2] = {GUINT32_TO_LE(8192), GUINT32_TO_LE(8192)};
@@ -339,7 +340,7 @@ static void test_large_views(void) {
 }
 
 /* Infinities are holes, not values. */
-static void test_not_finite(void) {
+TEST(not_finite) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("infinite");
     g_autoptr(GError) error = NULL;
     float rgb[LIGHTS * TEXELS * 3];
@@ -353,7 +354,7 @@ static void test_not_finite(void) {
     g_assert_cmpfloat(rgb[LIGHTS * TEXELS * 3 - 3], ==, 0);
 }
 
-static void test_no_room(void) {
+TEST(no_room) {
     struct bonn_header header = some_header(BONN_BDI);
     g_autoptr(GError) error = NULL;
     g_autofree char *path = in_folder("no/such/folder.btf");
@@ -362,23 +363,15 @@ static void test_no_room(void) {
     bonn_header_clear(&header);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-bonn-XXXXXX", NULL);
-    g_test_add_func("/bonn/read", test_read);
     g_test_add_data_func("/bonn/write/full", GINT_TO_POINTER(FALSE), test_write_bdi);
     g_test_add_data_func("/bonn/write/sparse", GINT_TO_POINTER(TRUE), test_write_bdi);
     g_test_add_data_func("/bonn/write/fmf", GINT_TO_POINTER(BONN_FMF), test_write_factors);
     g_test_add_data_func("/bonn/write/dfmf", GINT_TO_POINTER(BONN_DFMF), test_write_factors);
-    g_test_add_func("/bonn/messages", test_messages);
-    g_test_add_func("/bonn/cut-at-work", test_cut_at_work);
-    g_test_add_func("/bonn/large-views", test_large_views);
-    g_test_add_func("/bonn/not-finite", test_not_finite);
-    g_test_add_func("/bonn/no-room", test_no_room);
-    g_test_add_func("/bonn/truncated", test_truncated);
-    g_test_add_func("/bonn/mutated", test_mutated);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

@@ -9,6 +9,7 @@
 #include "lib/foreign_rig.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
+#include "lib/test.h"
 #include "lib/write_dng.h"
 
 #define TEXELS   24
@@ -160,7 +161,7 @@ static double edge_of_row(const float *values, int row, int c) {
 }
 
 /* A sharp edge of two colours lies where it was printed, in each channel. A pixel is 0.6 mm. */
-static void test_edge(void) {
+TEST(edge) {
     g_autofree char *dir = new_folder();
     g_autofree float *planes = render(edge_print, 1);
     static const char *const names[] = {"R", "G", "B"};
@@ -183,7 +184,7 @@ static void test_edge(void) {
 
 /* A picture whose channels are equal gives what the grey picture gives, and a picture in colour
  * what its formula says. */
-static void test_grey(void) {
+TEST(grey) {
     g_autofree char *dir = new_folder();
     g_autofree float *planes = render(smooth_print, 1);
     const gsize n = (gsize)camera.width * (gsize)camera.height;
@@ -216,7 +217,7 @@ static void test_grey(void) {
 
 /* A picture in which green is too bright left of the edge: there the BTF has lower bounds, grey or
  * in colour, and nowhere else. */
-static void test_saturated(void) {
+TEST(saturated) {
     g_autofree char *dir = new_folder();
     g_autofree float *planes = render(edge_print, 3);
     const int n = camera.width * camera.height;
@@ -335,7 +336,7 @@ static void assert_refused(const char *dir, const char *rows, const char *what) 
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
-static void test_raw(void) {
+TEST(coding__raw) {
     static const char *const names[] = {"R", "G", "B"};
     g_autofree char *dir = new_folder();
     g_autofree float *planes = render(smooth_print, 1);
@@ -366,7 +367,7 @@ static void test_raw(void) {
     g_assert_cmpfloat(sqrt(sum), <, 0.0015);
 }
 
-static void test_bad_coding(void) {
+TEST(coding__bad) {
     g_autofree char *dir = new_folder(), *small = g_build_filename(dir, "small.png", NULL);
     g_autofree float *planes = render(smooth_print, 1);
     const guint16 codes[3] = {1, 2, 3};
@@ -417,7 +418,7 @@ static double light_cosine(double azimuth, double x_mm, double y_mm) {
 
 /* Three angles of the turntable, four lamps that do not turn with it. Each texel of each view and
  * light is what the formula says of the lamp that was on, which its part names. */
-static void test_turntable(void) {
+TEST(turntable) {
     static const double turns_deg[] = {0, 90, 180};
     static const char *const names[] = {"R", "G", "B"};
     g_autofree char *dir = new_folder();
@@ -475,7 +476,7 @@ static void test_turntable(void) {
 
 /* Pictures of a target under one lamp at several angles of the turntable make a session without a
  * BTF, with a frame a picture. */
-static void test_target(void) {
+TEST(target) {
     g_autofree char *dir = new_folder(), *path = session_fixture_path("target");
     g_autofree float *planes = render(smooth_print, 1);
     g_autoptr(GError) error = NULL;
@@ -492,7 +493,7 @@ static void test_target(void) {
 }
 
 /* The same rig in a file of nominal values. */
-static void test_nominal(void) {
+TEST(nominal) {
     static const char *const text = "[rig]\nid = foreign\n"
                                     "[camera cam]\nwidth = 96\nheight = 96\nfocal_px = 1100\n"
                                     "eye_mm = 325; 0; 562.9165124598851\nresponse = 6000\n"
@@ -534,7 +535,7 @@ static void test_nominal(void) {
     g_assert_cmpfloat(rig->cameras[0].response, ==, wanted.response);
 }
 
-static void test_bad_nominal(void) {
+TEST(nominal__bad) {
     static const struct {
         const char *text, *what;
     } bad[] = {
@@ -564,7 +565,7 @@ static void test_bad_nominal(void) {
 
 /* A camera that looks straight down, or nearly, shows x to the right at turn 0, as a map does, and
  * is aimed at its target all the same. */
-static void test_downward(void) {
+TEST(nominal__downward) {
     static const struct {
         const char *eye;
         double turn_deg, right[2];
@@ -593,7 +594,7 @@ static void test_downward(void) {
 }
 
 /* What the template leaves open is named; filled in, the pictures are imported with it. */
-static void test_template(void) {
+TEST(nominal__template) {
     g_autofree char *dir = new_folder(), *table = g_build_filename(dir, "poses.csv", NULL);
     g_autofree char *path = g_build_filename(dir, "to_fill.conf", NULL), *text = NULL;
     g_autofree char *path_out = session_fixture_path("filled");
@@ -733,7 +734,7 @@ static double tutorial_error(const char *dir, const struct nominal *values) {
 }
 
 /* The figures in docs/foreign-rig.md. FOREIGN_RIG=DIR keeps the pictures there instead. */
-static void test_tutorial(void) {
+TEST(tutorial) {
     const char *kept = g_getenv("FOREIGN_RIG");
     g_autofree char *dir = kept ? g_strdup(kept) : new_folder();
     g_mkdir_with_parents(dir, 0777);
@@ -746,27 +747,15 @@ static void test_tutorial(void) {
         g_assert_cmpfloat(tutorial_error(dir, &nominals[i]), >, 1.2 * right);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     session_fixture_folder = g_dir_make_tmp("mesorig-foreign-XXXXXX", NULL);
-    g_test_add_func("/foreign_rig/edge", test_edge);
-    g_test_add_func("/foreign_rig/grey", test_grey);
-    g_test_add_func("/foreign_rig/saturated", test_saturated);
     for (gsize i = 0; i < G_N_ELEMENTS(codings); i++) {
         g_autofree char *name = g_strdup_printf("/foreign_rig/coding/%d", (int)i);
         g_test_add_data_func(name, &codings[i], test_coding);
     }
-    g_test_add_func("/foreign_rig/coding/raw", test_raw);
-    g_test_add_func("/foreign_rig/coding/bad", test_bad_coding);
-    g_test_add_func("/foreign_rig/turntable", test_turntable);
-    g_test_add_func("/foreign_rig/target", test_target);
-    g_test_add_func("/foreign_rig/nominal", test_nominal);
-    g_test_add_func("/foreign_rig/nominal/bad", test_bad_nominal);
-    g_test_add_func("/foreign_rig/nominal/downward", test_downward);
-    g_test_add_func("/foreign_rig/nominal/template", test_template);
-    g_test_add_func("/foreign_rig/tutorial", test_tutorial);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(session_fixture_folder);
     g_free(session_fixture_folder);
-    return status;
 }

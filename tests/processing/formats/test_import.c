@@ -4,6 +4,7 @@
 #include "eigenmaps/eigenmaps.h"
 #include "formats/export.h"
 #include "formats/import.h"
+#include "lib/test.h"
 #include "lpca/lpca.h"
 #include "scene/picture.h"
 
@@ -87,7 +88,7 @@ static void assert_set(const struct btf_matrix *btf) {
                                       (double)value(v, l, t, c));
 }
 
-static void test_pictures(void) {
+TEST(pictures) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("pictures");
     struct import_result result;
@@ -125,7 +126,7 @@ static void assert_folder_refused(const char *dir, const char *what) {
     assert_not_imported(path, error, what);
 }
 
-static void test_bad_pictures(void) {
+TEST(pictures__bad) {
     g_autofree char *dir = new_folder();
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     g_autofree char *same = g_build_filename(dir, "again pl90 tl30 pv180 tv60.exr", NULL);
@@ -152,7 +153,7 @@ static void test_bad_pictures(void) {
     assert_folder_refused(dir, "tl030.0_pl090.0.exr");
 }
 
-static void test_holes(void) {
+TEST(pictures__holes) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("holes");
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
@@ -186,7 +187,7 @@ static void write_list(const char *path, const char *text) {
     g_assert_true(g_file_set_contents(path, text, -1, NULL));
 }
 
-static void test_rti(void) {
+TEST(rti) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("rti");
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
@@ -262,7 +263,7 @@ static void assert_raw(const char *path, const char *const *cfa, int lights) {
     btf_matrix_free(btf);
 }
 
-static void test_raw_pictures(void) {
+TEST(pictures__raw) {
     static const char *const cfa[] = {"rggb", "grbg", "bggr"};
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("raw");
@@ -276,7 +277,7 @@ static void test_raw_pictures(void) {
     assert_raw(path, cfa, 3);
 }
 
-static void test_raw_rti(void) {
+TEST(rti__raw) {
     static const char *const cfa[] = {"gbrg", "gbrg"};
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("raw_rti");
@@ -295,7 +296,7 @@ static void test_raw_rti(void) {
     assert_not_imported(refused, error, "b.dng is not a camera raw picture that can be read");
 }
 
-static void test_bad_lists(void) {
+TEST(rti__bad) {
     g_autofree char *dir = new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a.png", NULL);
@@ -354,7 +355,7 @@ static void assert_lights(const char *list, const double (*expected)[3], int n) 
 
 /* The same three lights in each form that is published: pictures 9.png, "10 b.png" and 11.png are
  * black, of sRGB 188 (0.5029) and white. */
-static void test_lists(void) {
+TEST(rti__lists) {
     static const double expected[3][3] = {{0, 0, 0}, {30, 270, 0.5029}, {60, 90, 1}};
     static const char *const names[] = {"9.png", "10 b.png", "11.png"};
     static const char *const forms[][2] = {
@@ -430,7 +431,7 @@ static long peak_kib(const char *dir, int n, const char *region) {
 }
 
 /* Memory does not grow with the number of pictures, and a region takes less. */
-static void test_memory(void) {
+TEST(rti__memory) {
     enum { PICTURE_WIDTH = 1200, PICTURE_HEIGHT = 800 };
     const long picture_kib = PICTURE_WIDTH * PICTURE_HEIGHT * 3L * (long)sizeof(float) / 1024;
     g_autofree char *dir = new_folder(), *noise = g_build_filename(dir, "noise.png", NULL);
@@ -477,7 +478,7 @@ static void write_large_png(const char *path, int bits) {
 }
 
 /* Of a PNG that is too large to be decoded as a whole, a region is. */
-static void test_large(void) {
+TEST(rti__large) {
     g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *png = g_build_filename(dir, "large.png", NULL);
     for (int bits = 8; bits <= 16; bits += 8) {
@@ -523,7 +524,7 @@ static void test_large(void) {
 }
 
 /* Whatever bytes a list has, it is a list or an error. */
-static void test_mutated_list(void) {
+TEST(rti__mutated) {
     static const char *const good = "2\na.png 0 0 1\na.png 0.5 0 0.866\n";
     g_autofree char *dir = new_folder();
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
@@ -571,7 +572,7 @@ static void write_bonn(const char *path, gboolean cosine) {
     g_assert_true(bonn_writer_finish(writer, &error));
 }
 
-static void test_bonn(void) {
+TEST(bonn) {
     g_autofree char *file = in_folder("a.btf");
     for (int cosine = 0; cosine < 2; cosine++) {
         g_autoptr(GError) error = NULL;
@@ -590,7 +591,7 @@ static void test_bonn(void) {
 }
 
 /* A session's BTF written and read again; and in factors, with all there are. */
-static void test_export_bonn(void) {
+TEST(export_bonn) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("exported");
     struct import_result result;
@@ -623,7 +624,7 @@ static void test_export_bonn(void) {
     g_assert_nonnull(error);
 }
 
-static void test_exists(void) {
+TEST(exists) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder();
     struct import_result result;
@@ -636,7 +637,7 @@ static void test_exists(void) {
     assert_not_imported(path, error, "do not lie within the 6 × 4 of the file");
 }
 
-static void test_cancelled(void) {
+TEST(cancelled) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     g_autofree char *dir = new_folder(), *path = session_fixture_path("cancelled");
@@ -655,7 +656,7 @@ static void keep_last(const struct work_progress *progress, gpointer data) {
 }
 
 /* Each stage ends with all of it done. */
-static void test_progress(void) {
+TEST(progress) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GHashTable) last = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     g_autofree char *dir = new_folder(), *path = session_fixture_path("progress");
@@ -672,7 +673,7 @@ static void test_progress(void) {
     }
 }
 
-static void test_command(void) {
+TEST(command) {
     g_autofree char *file = in_folder("command.btf"), *path = session_fixture_path("command");
     g_autofree char *back = in_folder("back.btf");
     write_bonn(file, TRUE);
@@ -694,24 +695,4 @@ static void test_command(void) {
     g_assert_cmpmem(a + n_a - 200, 200, b + n_b - 200, 200);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/import/pictures", test_pictures);
-    g_test_add_func("/import/pictures/bad", test_bad_pictures);
-    g_test_add_func("/import/pictures/holes", test_holes);
-    g_test_add_func("/import/rti", test_rti);
-    g_test_add_func("/import/rti/lists", test_lists);
-    g_test_add_func("/import/rti/memory", test_memory);
-    g_test_add_func("/import/rti/large", test_large);
-    g_test_add_func("/import/pictures/raw", test_raw_pictures);
-    g_test_add_func("/import/rti/raw", test_raw_rti);
-    g_test_add_func("/import/rti/bad", test_bad_lists);
-    g_test_add_func("/import/rti/mutated", test_mutated_list);
-    g_test_add_func("/import/bonn", test_bonn);
-    g_test_add_func("/import/exists", test_exists);
-    g_test_add_func("/import/cancelled", test_cancelled);
-    g_test_add_func("/import/progress", test_progress);
-    g_test_add_func("/export/bonn", test_export_bonn);
-    g_test_add_func("/import/command", test_command);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -4,6 +4,7 @@
 #include "base/robust.h"
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
+#include "lib/test.h"
 #include "pictures/picture_says.h"
 #include "scene/environment.h"
 
@@ -146,7 +147,7 @@ static const char *find_note(const GPtrArray *notes, const char *words) {
     return NULL;
 }
 
-static void test_ball(void) {
+TEST(ball) {
     static const guint8 linear[4] = {0, 1, 0x86, 0xa0}; /* gAMA 1.0 */
     static const struct told srgb = {.srgb = TRUE},
                              gama = {.png_chunk = "gAMA", .chunk = linear, .chunk_bytes = 4};
@@ -196,7 +197,7 @@ static void test_ball(void) {
 }
 
 /* Masked pixels are holes, and what is dark beside them is not. */
-static void test_masks(void) {
+TEST(masks) {
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
     const struct ball ball = {12, 0, 8, TRUE, .masked = TRUE, .told = &untold};
     struct btf_matrix *btf = import_ball(&ball, notes, NULL);
@@ -242,7 +243,7 @@ static double imported(const char *file, enum picture_tones transfer, GPtrArray 
     return value;
 }
 
-static void test_tones(void) {
+TEST(tones) {
     static const guint8 gama[4] = {0, 0, 0xb1, 0x8f},
                         cicp[4][4] = {{1, 13, 0, 1}, {1, 8, 0, 1}, {1, 1, 0, 1}, {9, 16, 0, 1}};
     static const struct {
@@ -305,7 +306,7 @@ static void test_tones(void) {
 }
 
 /* The opacity of PNG and TIFF of 8 and 16 bits, in grey and in colour. */
-static void test_opacity(void) {
+TEST(opacity) {
     for (int k = 0; k < 4; k++) {
         static const int bits[] = {8, 16, 8, 8}, channels[] = {4, 4, 2, 4};
         g_autoptr(GError) error = NULL;
@@ -363,7 +364,7 @@ static void write_window(const char *path, const gint32 window[4], const char *l
     g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
 }
 
-static void test_windows(void) {
+TEST(windows) {
     static const gint32 wide[4] = {-1, -2, 4, 3}, narrow[4] = {1, 1, 2, 5},
                         away[4] = {9, 9, 12, 12};
     g_autoptr(GError) error = NULL;
@@ -396,7 +397,7 @@ static void test_windows(void) {
 }
 
 /* Pictures cropped differently are not stacked. */
-static void test_cropped_pictures(void) {
+TEST(cropped) {
     static const gint32 one[4] = {0, 0, 3, 2}, other[4] = {1, 0, 4, 2}, full[4] = {-1, -1, 4, 3};
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("cropped");
@@ -420,7 +421,7 @@ static void test_cropped_pictures(void) {
 }
 
 /* A map of the surroundings that is cropped would be stretched over the whole sphere. */
-static void test_environment(void) {
+TEST(environment) {
     static const gint32 wide[4] = {-1, 0, 4, 2}, beyond[4] = {0, 0, 3, 1};
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "sky.exr", NULL);
@@ -436,7 +437,7 @@ static void test_environment(void) {
     environment_free(sky);
 }
 
-static void test_channels(void) {
+TEST(channels) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = g_build_filename(dir, "a.exr", NULL);
     write_window(path, NULL, "", "id");
@@ -477,7 +478,7 @@ static char *order_of(const char *list, GPtrArray *notes, GError **error) {
     return g_string_free(digits, FALSE);
 }
 
-static void test_order(void) {
+TEST(order) {
     static const char *const wrapped[4] = {"DSC_9998.png", "DSC_9999.png", "DSC_0001.png",
                                            "DSC_0002.png"};
     static const char *const taken[4] = {"2026:11:27 18:57:58", "2026:11:27 18:57:59",
@@ -520,7 +521,7 @@ static void test_order(void) {
 }
 
 /* Lists of lights from other programs and other countries. */
-static void test_lists(void) {
+TEST(lists) {
     static const char *const names[4] = {"a.png", "b.png", "c.png", "d.png"};
     static const char *const forms[] = {
         "4\na.png 0,17365 0 0,98481\nb.png 0,34202 0,0 0,93969\nc.png 0,5 0 0,86603\n"
@@ -561,17 +562,4 @@ static void test_lists(void) {
     assert_has(error->message, "set.lp:1: column “filenam” is not known; did you mean filename?");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/import_inputs/ball", test_ball);
-    g_test_add_func("/import_inputs/masks", test_masks);
-    g_test_add_func("/import_inputs/tones", test_tones);
-    g_test_add_func("/import_inputs/opacity", test_opacity);
-    g_test_add_func("/import_inputs/windows", test_windows);
-    g_test_add_func("/import_inputs/cropped", test_cropped_pictures);
-    g_test_add_func("/import_inputs/environment", test_environment);
-    g_test_add_func("/import_inputs/channels", test_channels);
-    g_test_add_func("/import_inputs/order", test_order);
-    g_test_add_func("/import_inputs/lists", test_lists);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -5,6 +5,7 @@
  */
 #include "base/text_table.h"
 #include "formats/import_poses.h"
+#include "lib/test.h"
 #include "lpca/lpca.h"
 #include "pipeline/catalogue.h"
 #include "rig/devices.h"
@@ -142,7 +143,7 @@ static void compare_mdf(const char *a_path, const char *b_path, const int *other
     g_assert_cmpint(seen, >, 20);
 }
 
-static void test_session(void) {
+TEST(session) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = captured(), *dir = new_folder(), *again = session_fixture_path("again");
     g_autofree char *table = as_pictures(path, dir);
@@ -207,7 +208,7 @@ static void assert_refused(const char *dir, const char *rows, const char *what) 
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
-static void test_bad(void) {
+TEST(bad) {
     g_autofree char *dir = new_folder(), *wide = g_build_filename(dir, "wide.exr", NULL);
     float values[(SIDE + 1) * SIDE] = {0};
     const float *plane = values;
@@ -264,7 +265,7 @@ static void test_bad(void) {
 
 /* A view may lack one light in ten: here camera cam30 lacks one of twelve, and cam60, which shows
  * that light, has all. What is missing is predicted. */
-static void test_missing(void) {
+TEST(missing) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("missing");
     g_autofree char *less = session_fixture_path("less");
@@ -376,7 +377,7 @@ static void test_noticed(gconstpointer data) {
 }
 
 /* Products of an imported session are said to be of the calibration that the import was given. */
-static void test_calibrated(void) {
+TEST(calibrated) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("calibrated");
     g_autofree char *file = g_build_filename(dir, "whole.calibration", NULL);
@@ -404,7 +405,7 @@ static void test_calibrated(void) {
 
 /* Views of a turntable that wobbles are processed with cameras, lamps and arc where the sample sees
  * them at their angle. */
-static void test_wobbling(void) {
+TEST(wobbling) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("wobbling");
     g_autofree char *file = g_build_filename(dir, "wobbling.calibration", NULL);
@@ -552,7 +553,7 @@ static double mean_of(const char *path, const char *channel) {
 }
 
 /* A colour picture against the grey ones of its channels. */
-static void test_colour(void) {
+TEST(colour) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
     g_autofree char *path = session_fixture_path("colour");
@@ -585,7 +586,7 @@ static void test_colour(void) {
 
 /* Grey pictures of a sweep beside pictures in colour for the BTF, by one camera: the sweep is what
  * it is alone, and the grey rig's calibration serves for both. */
-static void test_colour_beside_grey(void) {
+TEST(colour_beside_grey) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GString) table = g_string_new(NULL);
     g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
@@ -615,7 +616,7 @@ static void test_colour_beside_grey(void) {
     g_assert_cmpfloat_with_epsilon(mean_of(both, "B"), 0.4 * wanted, 0.002 * wanted);
 }
 
-static void test_mutated(void) {
+TEST(mutated) {
     static const char *const good =
         HEAD "a.exr,cam30,lamp30,,0,45,\n\"a.exr\";cam30;lamp60;;0;-45.5;\n";
     g_autofree char *dir = new_folder();
@@ -670,28 +671,20 @@ static void test_command(gconstpointer data) {
 }
 
 /* The folder is made here, since the calibration lies in it for all tests. */
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     session_fixture_folder = g_dir_make_tmp("mesorig-poses-XXXXXX", NULL);
     write_calibration();
-    g_test_add_func("/poses/session", test_session);
-    g_test_add_func("/poses/bad", test_bad);
-    g_test_add_func("/poses/missing", test_missing);
     for (gsize i = 0; i < G_N_ELEMENTS(noticings); i++)
         g_test_add_data_func(noticings[i].path, &noticings[i], test_noticed);
-    g_test_add_func("/poses/calibrated", test_calibrated);
-    g_test_add_func("/poses/wobbling", test_wobbling);
     g_test_add_data_func("/poses/sweep/line", GINT_TO_POINTER(IMPORT_LINE), test_sweep);
     g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
-    g_test_add_func("/poses/colour", test_colour);
-    g_test_add_func("/poses/colour_beside_grey", test_colour_beside_grey);
-    g_test_add_func("/poses/mutated", test_mutated);
     g_test_add_data_func("/poses/command", NULL, test_command);
     g_test_add_data_func("/poses/command/relative", GINT_TO_POINTER(TRUE), test_command);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(session_fixture_folder);
     g_free(calibration);
     g_free(session_fixture_folder);
-    return status;
 }

@@ -1,6 +1,7 @@
 /* Sets of Relight whose coefficients are known, against the formula of OpenLIME's shader. */
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
+#include "lib/test.h"
 #include "scene/picture.h"
 
 #include <glib/gstdio.h>
@@ -126,7 +127,7 @@ static void check_set(gboolean hsh, gboolean lrgb, int n_planes) {
     btf_matrix_free(btf);
 }
 
-static void test_sets(void) {
+TEST(sets) {
     check_set(FALSE, FALSE, 6);
     check_set(FALSE, TRUE, 3);
     check_set(TRUE, FALSE, 4);
@@ -145,7 +146,7 @@ static void assert_refused(const char *info, const char *what) {
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }
 
-static void test_bad(void) {
+TEST(bad) {
     static const char *const bad[][2] = {
         {"{", "it is no JSON"},
         {"[]", "it is not a JSON object"},
@@ -182,7 +183,7 @@ static void test_bad(void) {
     assert_refused(info, "there is no plane_2.png beside it; planes that are cut into tiles");
 }
 
-static void test_command(void) {
+TEST(command) {
     g_autofree char *path = session_fixture_path("command");
     g_autofree char *info = write_info("ptm", "rgb", 6, "");
     write_planes(6);
@@ -194,7 +195,7 @@ static void test_command(void) {
 
 /* A set that lists no lights is made under those of the papers, or of a table; one of WebRTI is
  * named. */
-static void test_no_lights(void) {
+TEST(no_lights) {
     g_autofree char *info = write_info("ptm", "rgb", 6, ""), *text = NULL;
     g_autofree char *table = in_folder("lights.csv"), *web = in_folder("web");
     g_autofree char *xml = g_build_filename(web, "info.xml", NULL);
@@ -227,14 +228,13 @@ static void test_no_lights(void) {
     assert_has(error->message, "info.xml: it is of WebRTI");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+TESTS_RUN_BY(session_fixture_run);
+
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-relight-XXXXXX", NULL);
-    g_test_add_func("/import_relight/sets", test_sets);
-    g_test_add_func("/import_relight/no-lights", test_no_lights);
-    g_test_add_func("/import_relight/bad", test_bad);
-    g_test_add_func("/import_relight/command", test_command);
-    const int code = session_fixture_run();
+}
+
+AFTER_TESTS {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     for (const char *name; dir && (name = g_dir_read_name(dir));) {
         g_autofree char *path = in_folder(name);
@@ -242,5 +242,4 @@ int main(int argc, char **argv) {
     }
     g_rmdir(folder);
     g_free(folder);
-    return code;
 }

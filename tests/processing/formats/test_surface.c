@@ -4,6 +4,7 @@
 #include "formats/export_surface.h"
 
 #include "lib/session_fixture.h"
+#include "lib/test.h"
 
 #define SIDE      48 /* texels */
 #define SIZE_MM   24.0
@@ -100,7 +101,7 @@ static struct vec3 normal_of(double x, double y) {
 }
 
 /* Read as any reader of PLY would, by its head. */
-static void test_points(void) {
+TEST(points) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills), *file = NULL, *bytes = NULL;
     struct export_surface_result result;
@@ -131,7 +132,7 @@ static void test_points(void) {
     g_assert_cmpfloat(tilt / n, <, 0.03);
 }
 
-static void test_height(void) {
+TEST(height) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills);
     g_autofree char *file = g_build_filename(session_fixture_folder, "height.exr", NULL);
@@ -164,7 +165,7 @@ static void test_height(void) {
     g_assert_cmpfloat(got, >, 0.998);
 }
 
-static void test_no_height_field(void) {
+TEST(no_height_field) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(bridge);
     g_autofree char *file = g_build_filename(session_fixture_folder, "bridge.exr", NULL);
@@ -189,7 +190,7 @@ static void test_no_height_field(void) {
     g_assert_cmpfloat_with_epsilon((double)z[middle], 4.1, 0.01);
 }
 
-static void test_bad(void) {
+TEST(bad) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills);
     g_autofree char *mdf = g_build_filename(path, "products/mdf.exr", NULL);
@@ -213,11 +214,4 @@ static void test_bad(void) {
     g_assert_nonnull(error);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/surface/points", test_points);
-    g_test_add_func("/surface/height", test_height);
-    g_test_add_func("/surface/no-height-field", test_no_height_field);
-    g_test_add_func("/surface/bad", test_bad);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

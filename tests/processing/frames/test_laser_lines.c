@@ -3,6 +3,7 @@
 #include "frames/laser_lines.h"
 
 #include "lib/analytic.h"
+#include "lib/test.h"
 #include "mdf/mdf.h"
 
 #include <math.h>
@@ -156,7 +157,7 @@ static const struct laser_lines *find(struct sweep *sweep, const struct laser_re
 static const struct laser_known well = {2e-4, 2e-4};
 
 /* Without errors no disagreement is reported, and the correction is far below the noise. */
-static void test_agrees(void) {
+TEST(agrees) {
     g_autoptr(TestSweep) sweep = new_sweep();
     shoot(sweep);
     const struct laser_lines *lines = find(sweep, &flat, &well);
@@ -173,7 +174,7 @@ static void test_agrees(void) {
 }
 
 /* The standard error predicts the scatter of the errors over sweeps with different noise. */
-static void test_error(void) {
+TEST(error) {
     double squares = 0;
     const int n = 30;
     for (int i = 0; i < n; i++) {
@@ -229,7 +230,7 @@ static struct merged measure(const struct sweep *sweep, const struct laser_lines
 
 /* The sweep has slipped on its shaft, from the first frame or from the middle on, or the sheet is
  * rolled: with the lines the surface comes out right, with the calibration alone it does not. */
-static void test_wrong(void) {
+TEST(wrong) {
     static const struct {
         double slip_deg, roll_deg;
         int at;
@@ -257,7 +258,7 @@ static void test_wrong(void) {
 
 /* Frames in a row that show only light thrown on the face are not taken for sheets that leapt; nor
  * are frames without a line. */
-static void test_glow(void) {
+TEST(glow) {
     g_autoptr(TestSweep) sweep = new_sweep();
     sweep->glow = TRUE;
     shoot(sweep);
@@ -271,7 +272,7 @@ static void test_glow(void) {
 }
 
 /* An axis that steps unevenly is followed frame by frame. */
-static void test_uneven(void) {
+TEST(uneven) {
     g_autoptr(TestSweep) sweep = new_sweep();
     double squares = 0, left = 0;
     int n = 0;
@@ -291,7 +292,7 @@ static void test_uneven(void) {
 
 /* Both are weighted by their errors: where the face's height is hardly known, the calibration
  * counts. */
-static void test_weights(void) {
+TEST(weights) {
     static const struct laser_reference vague = {1, 1.0, {30, 32}, 5, 40};
     static const struct laser_known hardly = {0.02, 0.02};
     g_autoptr(TestSweep) sweep = new_sweep();
@@ -306,7 +307,7 @@ static void test_weights(void) {
 }
 
 /* A fifth of the pixels have a random peak. */
-static void test_astray(void) {
+TEST(astray) {
     g_autoptr(TestSweep) sweep = new_sweep();
     sweep->astray = 0.2;
     sweep->slip = 0.3 * DEGREE;
@@ -318,7 +319,7 @@ static void test_astray(void) {
 }
 
 /* Without a face, without light, or with peaks that are no times, only the calibration is used. */
-static void test_nothing(void) {
+TEST(nothing) {
     static const struct laser_reference none = {0}, hole = {1, 0.01, {80, 80}, 5, 40};
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};
     g_autoptr(TestSweep) sweep = new_sweep();
@@ -342,7 +343,7 @@ static void test_nothing(void) {
 }
 
 /* Pixels that see the sample, its side, or a mark do not belong to the region. */
-static void test_region(void) {
+TEST(region) {
     g_autoptr(TestSweep) sweep = new_sweep();
     struct rig rig = rig_of(sweep);
     g_autoptr(LaserRegion) all = laser_region_new(&rig, &rig.cameras[0], 0, &flat);
@@ -363,7 +364,7 @@ static void test_region(void) {
 }
 
 /* A rig of half and of ten times the size: as many pixels show the face beside a fiducial. */
-static void test_region_scale(void) {
+TEST(region_scale) {
     static const double scales[] = {1, 0.5, 10};
     g_autoptr(TestSweep) sweep = new_sweep();
     int first = 0;
@@ -391,7 +392,7 @@ static void test_region_scale(void) {
     g_assert_cmpint(first, >, 1000);
 }
 
-static void test_text(void) {
+TEST(text) {
     static const char *const bad[] = {"",           "1;2;3;4",    "1;2;3;4;5;6", "1;2;3;4;nan",
                                       "a;2;3;4;5",  "1;2;3;-4;5", "1;2;;4;5",    "1;2;3;4;inf",
                                       "1 2;2;3;4;5"};
@@ -405,20 +406,4 @@ static void test_text(void) {
     for (guint i = 0; i < G_N_ELEMENTS(bad); i++)
         g_assert_false(laser_reference_from_text(bad[i], &back));
     g_assert_false(laser_reference_from_text(NULL, &back));
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/laser-lines/agrees", test_agrees);
-    g_test_add_func("/laser-lines/error", test_error);
-    g_test_add_func("/laser-lines/wrong", test_wrong);
-    g_test_add_func("/laser-lines/glow", test_glow);
-    g_test_add_func("/laser-lines/uneven", test_uneven);
-    g_test_add_func("/laser-lines/weights", test_weights);
-    g_test_add_func("/laser-lines/astray", test_astray);
-    g_test_add_func("/laser-lines/nothing", test_nothing);
-    g_test_add_func("/laser-lines/region", test_region);
-    g_test_add_func("/laser-lines/region-scale", test_region_scale);
-    g_test_add_func("/laser-lines/text", test_text);
-    return g_test_run();
 }

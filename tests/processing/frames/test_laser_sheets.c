@@ -1,9 +1,10 @@
 /* Laser sheets and sweeps from lines on planes of two heights, in simulated sweeps. */
 #include "lib/lasers_scene.h"
+#include "lib/test.h"
 
 #include <string.h>
 
-static void two_heights(void) {
+TEST(two_heights) {
     const struct sweep_poses poses = {
         .arcs = 3, .steps = 64, .span_deg = 2.5, .most = 800, .cameras = 2};
     struct laser_result found;
@@ -24,7 +25,7 @@ static void two_heights(void) {
     scene_free(scene);
 }
 
-static void one_height(void) {
+TEST(one_height) {
     const struct sweep_poses poses = {
         .arcs = 1, .steps = 24, .span_deg = 2.5, .most = 400, .cameras = 1};
     struct laser_result found;
@@ -188,7 +189,7 @@ static void prior(void) {
 }
 
 /* What no file of a calibration may hold is refused with its cause. */
-static void wrong_turn(void) {
+TEST(wrong_turn) {
     static const struct {
         double turn;
         const char *what;
@@ -303,17 +304,14 @@ static void heights(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/laser-sheets/exact", exact);
     g_test_add_func("/laser-sheets/bent", bent);
     g_test_add_func("/laser-sheets/prior", prior);
-    g_test_add_func("/laser-sheets/wrong-turn", wrong_turn);
     g_test_add_func("/laser-sheets/exchanged", exchanged);
     g_test_add_func("/laser-sheets/heights", heights);
-    g_test_add_func("/laser-sheets/two-heights", two_heights);
-    g_test_add_func("/laser-sheets/one-height", one_height);
-    int result = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return result;
 }

@@ -3,6 +3,7 @@
 #include "frames/rectify.h"
 #include "frames/sweep.h"
 #include "intake/radiance.h"
+#include "lib/test.h"
 #include "lib/two_lasers.h"
 #include "mdf/mdf.h"
 #include "world/truth.h"
@@ -133,7 +134,7 @@ static void take(World *world, const struct rig *rig, int position, struct figur
     compare(rig, &sweep, truth, saturated, 1, ret);
 }
 
-static void test_glossy(void) {
+TEST(glossy) {
     g_autoptr(World) world = new_world();
     const struct rig rig = two_lasers_rig(SIDE);
     struct figures f = {0};
@@ -152,10 +153,6 @@ static void test_glossy(void) {
     g_assert_cmpfloat(rms_mm[1], <, 0.75 * rms_mm[0]);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/laser-short/glossy", test_glossy);
-    const int code = g_test_run();
+AFTER_TESTS {
     world_fixture_clean();
-    return code;
 }

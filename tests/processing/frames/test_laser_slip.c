@@ -3,6 +3,7 @@
 #include "frames/laser_pictures.h"
 #include "frames/sweep.h"
 #include "intake/radiance.h"
+#include "lib/test.h"
 #include "lib/two_lasers.h"
 #include "mdf/mdf.h"
 #include "world/truth.h"
@@ -93,7 +94,7 @@ static double sheet_error(const struct laser_lines *lines, double slip) {
     return squares;
 }
 
-static void test_slipped(void) {
+TEST(slipped) {
     static const struct laser_known known = {1e-4, 1e-4};
     g_autoptr(World) world = new_world();
     const struct rig rig = two_lasers_rig(SIDE);
@@ -148,10 +149,6 @@ static void test_slipped(void) {
     g_assert_cmpfloat(bare, >, 5 * rms);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/laser-slip/slipped", test_slipped);
-    const int code = g_test_run();
+AFTER_TESTS {
     world_fixture_clean();
-    return code;
 }

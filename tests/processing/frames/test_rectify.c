@@ -2,6 +2,7 @@
 #include "frames/rectify.h"
 
 #include "lib/analytic.h"
+#include "lib/test.h"
 #include "pipeline/pipeline.h"
 
 #include <math.h>
@@ -64,7 +65,7 @@ static void check_linear(const char *cfa, const struct pinhole *pinhole, double 
 
 /* No filter's phase moves a colour: pictures linear in x and y come out as they are, or to half a
  * percent where each colour has slopes of its own, at every magnification, whatever the view. */
-static void test_linear(void) {
+TEST(linear) {
     for (guint f = 0; f < G_N_ELEMENTS(filters); f++)
         for (int view = 0; view < 12; view++)
             for (double focal_px = 400; focal_px < 1700; focal_px *= 2) {
@@ -75,7 +76,7 @@ static void test_linear(void) {
 
 /* Planes of red, green and blue: each comes out at its own place, and what is no number in one of
  * them is a hole. */
-static void test_rgb(void) {
+TEST(rgb) {
     struct pinhole pinhole = camera_at(30, 800);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
     camera.response = 1000;
@@ -100,7 +101,7 @@ static void test_rgb(void) {
 }
 
 /* The picture of a white diffuser under vignetting comes out flat. */
-static void test_vignetting(void) {
+TEST(vignetting) {
     struct pinhole pinhole = camera_at(30, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
     camera.vignetting = 0.3;
@@ -118,7 +119,7 @@ static void test_vignetting(void) {
 
 /* What a single pixel gives away to all texels is the number of texels that its area covers.
  * Straight from above, with a texel of p × p pixels. */
-static void test_energy(void) {
+TEST(energy) {
     struct pinhole pinhole = {160, 160, 0, 650, 0};
     for (double p = 0.7; p < 4; p += 0.9) {
         pinhole.focal_px = p * 645 / 1.5;
@@ -138,7 +139,7 @@ static void test_energy(void) {
 
 /* Stripes finer than red or blue pixels can show alone, of a colour all over: each colour follows
  * them as green does, and none goes below black. */
-static void test_detail(void) {
+TEST(detail) {
     static const double tint[3] = {0.8, 0.5, 0.1};
     struct pinhole pinhole = camera_at(15, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
@@ -168,7 +169,7 @@ static void test_detail(void) {
 }
 
 /* Texels at the very border of the picture: no pixel is read that is not there. */
-static void test_border(void) {
+TEST(border) {
     for (guint f = 0; f < G_N_ELEMENTS(filters); f++)
         for (int size = 93; size < 97; size++) {
             struct pinhole pinhole = {size, size - 16, 0, 645 + 5, 1664};
@@ -188,7 +189,7 @@ static void test_border(void) {
         }
 }
 
-static void test_holes(void) {
+TEST(holes) {
     struct pinhole pinhole = camera_at(15, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
     g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 0, &grid, NULL);
@@ -208,7 +209,7 @@ static void test_holes(void) {
     g_assert_cmpint(zeros, ==, holes);
 }
 
-static void test_outside(void) {
+TEST(outside) {
     g_autoptr(GError) error = NULL;
     struct pinhole pinhole = camera_at(15, 5000);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam7");
@@ -234,7 +235,7 @@ static void test_outside(void) {
 /* Of a picture in which a single pixel has a variance of 1, texels have the squares of their
  * derivatives by that pixel, as a small change of it shows. Colours vary, so that the excess over
  * the guide counts, too. */
-static void test_variance(void) {
+TEST(variance) {
     const float change = 2e-3f;
     for (guint f = 0; f < G_N_ELEMENTS(filters); f++) {
         struct pinhole pinhole = camera_at(40, 1100);
@@ -334,7 +335,7 @@ static struct filter_errors find_filter_errors(double theta_deg, const float *pa
 /* What changes all colours alike from light to light needs none of a colour filter's error bars,
  * however sharp it is: they are of the size of the few errors that there are. Where red alone
  * changes at edges, they hold its errors. */
-static void test_colours(void) {
+TEST(colours) {
     g_autofree float *pattern = random_waves(1, 4, 20), *nothing = g_new0(float, 160 * 160);
     for (int i = 0; i < 160 * 160; i++)
         pattern[i] *= 0.3f;
@@ -357,7 +358,7 @@ static void test_colours(void) {
  * in every fourth pixel, has wrong colours, and no light adds anything that would tell. Error bars
  * are a third to three times as large as the errors: the guide's green follows red in part, so that
  * colours seem to change less than they do. */
-static void test_fine_colours(void) {
+TEST(fine_colours) {
     g_autofree float *nothing = g_new0(float, 160 * 160), *red = g_new(float, 160 * 160);
     for (guint32 view = 0; view < 4; view++) {
         g_autoptr(GRand) rand = g_rand_new_with_seed(view);
@@ -371,7 +372,7 @@ static void test_fine_colours(void) {
 }
 
 /* Error bars of each colour of "rgb" are those of a grey camera that took its plane. */
-static void test_variance_rgb(void) {
+TEST(variance_rgb) {
     enum { N = 160 * 160, VALUES = 24 * 20 * 3 };
     struct pinhole pinhole = camera_at(40, 1100);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
@@ -394,7 +395,7 @@ static void test_variance_rgb(void) {
 }
 
 /* A list of texels has the values that these texels have in the whole grid, to the bit. */
-static void test_some_texels(void) {
+TEST(some_texels) {
     static const int texels[] = {479, 0, 37, 240, 37};
     const struct pinhole pinhole = camera_at(30, 400);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
@@ -411,22 +412,4 @@ static void test_some_texels(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(texels); i++)
         for (int c = 0; c < 3; c++)
             g_assert_true(few[3 * i + (gsize)c] == all[3 * texels[i] + c]);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/rectify/linear", test_linear);
-    g_test_add_func("/rectify/some-texels", test_some_texels);
-    g_test_add_func("/rectify/rgb", test_rgb);
-    g_test_add_func("/rectify/vignetting", test_vignetting);
-    g_test_add_func("/rectify/energy", test_energy);
-    g_test_add_func("/rectify/detail", test_detail);
-    g_test_add_func("/rectify/border", test_border);
-    g_test_add_func("/rectify/holes", test_holes);
-    g_test_add_func("/rectify/outside", test_outside);
-    g_test_add_func("/rectify/variance", test_variance);
-    g_test_add_func("/rectify/colours", test_colours);
-    g_test_add_func("/rectify/fine-colours", test_fine_colours);
-    g_test_add_func("/rectify/variance_rgb", test_variance_rgb);
-    return g_test_run();
 }

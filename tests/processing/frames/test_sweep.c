@@ -1,4 +1,5 @@
 #include "frames/sweep.h"
+#include "lib/test.h"
 
 #include <math.h>
 
@@ -94,7 +95,7 @@ static double *random_centres(int n, double from, double to) {
 }
 
 /* Integer peaks err by .29 frames; a Gaussian through three samples by about a tenth of that. */
-static void test_accuracy(void) {
+TEST(accuracy) {
     g_autofree double *centre = random_centres(61 * 47, 3, 92);
     struct pulses pulses = {61, 47, 96, 4095, 1.6, 1500, 70, 10, centre};
     struct result noisy = measure(&pulses, 100);
@@ -110,7 +111,7 @@ static void test_accuracy(void) {
 }
 
 /* A lamp that is still on, or not yet, in the first or the second frame. */
-static void test_odd_first(void) {
+TEST(odd_first) {
     static const double odd_dn[] = {400, 30, -30, -60};
     g_autofree double *centre = random_centres(61 * 47, 8, 90);
     for (int frame = 0; frame < 2; frame++)
@@ -166,7 +167,7 @@ static double rms_of(const float *peak, const double *centre, int n) {
 
 /* Pulses that are up to sixteen times too bright, and narrow: of the longer exposure hardly
  * anything is left but the plateau. What does not saturate stays to the bit. */
-static void test_shorter(void) {
+TEST(shorter) {
     enum { N = 64 * 32 };
     static const double amplitudes[] = {3000, 20000, 60000};
     g_autofree double *centre = random_centres(N, 8, 50);
@@ -192,7 +193,7 @@ static void test_shorter(void) {
 }
 
 /* What the shorter exposure lacks is not made up: nothing of it, or a step that is missing. */
-static void test_shorter_lacks(void) {
+TEST(shorter__lacks) {
     static const guint16 values[] = {10, 10, 300, 900, 900, 900, 200, 10, 10};
     static const guint16 lacks[][9] = {{10, 10, 10, 10, 10, 10, 10, 10, 10},
                                        {10, 10, 30, 300, 10, 200, 20, 10, 10}};
@@ -212,7 +213,7 @@ static void test_shorter_lacks(void) {
 }
 
 /* Two pulses that the longer exposure shows as one plateau are two. */
-static void test_shorter_parts(void) {
+TEST(shorter__parts) {
     static const guint16 values[] = {10, 10, 300, 900, 900, 900, 900, 900, 200, 10, 10};
     static const guint16 parts[] = {10, 10, 40, 300, 50, 20, 60, 400, 30, 10, 10};
     g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
@@ -229,7 +230,7 @@ static void test_shorter_parts(void) {
 }
 
 /* Values above the saturation given are as good as equal. */
-static void test_above_saturation(void) {
+TEST(above_saturation) {
     static const guint16 values[] = {10, 10, 50, 900, 1000, 950, 50, 10, 10};
     g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 900);
     float peak, width, bright;
@@ -248,7 +249,7 @@ static float peak_of(const guint16 *values, int n, double threshold) {
 #define PEAK_OF(threshold, ...)                                                                    \
     peak_of((const guint16[]){__VA_ARGS__}, sizeof((const guint16[]){__VA_ARGS__}) / 2, threshold)
 
-static void test_no_peak(void) {
+TEST(no_peak) {
     g_assert_cmpfloat(PEAK_OF(20, 10, 12, 10, 12, 11, 10), ==, -1); /* below threshold */
     g_assert_cmpfloat(PEAK_OF(20, 90, 50, 10, 10, 10), ==, -1);     /* at the first frame */
     g_assert_cmpfloat(PEAK_OF(20, 10, 10, 10, 50, 90), ==, -1);     /* at the last */
@@ -261,7 +262,7 @@ static void test_no_peak(void) {
 
 /* The first frame cannot be told from background, nor what falls below it later: what is left of
  * such a pulse is right or not there. */
-static void test_at_the_start(void) {
+TEST(at_the_start) {
     enum { N = 2000, EARLY = 400 };
     double centre[N];
     for (int i = 0; i < N; i++)
@@ -280,7 +281,7 @@ static void test_at_the_start(void) {
     }
 }
 
-static void test_shapes(void) {
+TEST(shapes) {
     g_assert_cmpfloat(PEAK_OF(20, 10, 10, 50, 90, 50, 10, 10), ==, 3);
     g_assert_cmpfloat(PEAK_OF(20, 10, 10, 10, 90, 10, 10, 10), ==, 3); /* a single frame */
     g_assert_cmpfloat(PEAK_OF(20, 10, 50, 90, 90, 50, 10, 10), ==, 2.5);
@@ -304,7 +305,7 @@ static double bound_of(const struct pulses *pulses) {
 }
 
 /* Faint ones too: what a pulse has that is hardly brighter than noise counts as well. */
-static void test_faint(void) {
+TEST(faint) {
     g_autofree double *centre = random_centres(64 * 64, 10, 50);
     for (double sigma = 0.7; sigma < 2.1; sigma += 0.3) {
         const struct pulses pulses = {64, 64, 60, 4095, sigma, 20, 70, 1.1, centre, 3.7};
@@ -316,7 +317,7 @@ static void test_faint(void) {
 }
 
 /* Light that another surface throws back comes at another time. */
-static void test_second(void) {
+TEST(second) {
     static const guint16 values[] = {10, 10, 40, 60, 40, 10, 10, 50,
                                      90, 50, 10, 10, 10, 30, 10, 10};
     g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
@@ -330,7 +331,7 @@ static void test_second(void) {
     g_assert_cmpfloat(peak, ==, -1);
 }
 
-static void test_no_second(void) {
+TEST(no_second) {
     static const guint16 values[] = {10, 10, 50, 90, 50, 10, 10, 10};
     g_autoptr(Sweep) sweep = feed_values(values, G_N_ELEMENTS(values), 4000);
     float peak, width, bright;
@@ -340,7 +341,7 @@ static void test_no_second(void) {
 }
 
 /* Noise above what is taken for it must not fill the memory. */
-static void test_noise_alone(void) {
+TEST(noise_alone) {
     enum { SIDE = 64, FRAMES = 200 };
     g_autoptr(Sweep) sweep = sweep_new(SIDE, SIDE, FRAMES, 4000);
     guint16 pixels[SIDE * SIDE];
@@ -356,7 +357,7 @@ static void test_noise_alone(void) {
 }
 
 /* Whatever the number of pixels and frames, queued or absorbed, the answer is the same. */
-static void test_sizes(void) {
+TEST(sizes) {
     for (int n = 1; n < 40; n += 3)
         for (int frames = 9; frames < 22; frames++) {
             g_autofree double *centre = random_centres(n, 2, 7);
@@ -368,7 +369,7 @@ static void test_sizes(void) {
 }
 
 /* sweep_finish() may look in between. */
-static void test_look_in_between(void) {
+TEST(look_in_between) {
     g_autoptr(Sweep) sweep = sweep_new(1, 1, 20, 65535);
     float peak, width, bright;
     for (int t = 0; t < 20; t++) {
@@ -400,7 +401,7 @@ static GBytes *leave(const guint16 *frames, int width, int height, int n_frames,
 
 /* However many frames are handed over at a time, to the bit, whether or not the memory gets tight.
  */
-static void test_together(void) {
+TEST(together) {
     enum { WIDTH = 67, HEIGHT = 31, FRAMES = 90, N = WIDTH * HEIGHT };
     g_autofree guint16 *frames = g_new(guint16, FRAMES * N);
     for (int flicker = 0; flicker < 60; flicker += 25) {
@@ -422,26 +423,8 @@ static void test_together(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/sweep/accuracy", test_accuracy);
-    g_test_add_func("/sweep/odd-first", test_odd_first);
+BEFORE_TESTS {
     g_test_add_data_func("/sweep/many-frames", &many_frames, test_bounds);
     g_test_add_data_func("/sweep/saturated", &saturated, test_bounds);
-    g_test_add_func("/sweep/shorter", test_shorter);
-    g_test_add_func("/sweep/shorter/lacks", test_shorter_lacks);
-    g_test_add_func("/sweep/shorter/parts", test_shorter_parts);
-    g_test_add_func("/sweep/above-saturation", test_above_saturation);
-    g_test_add_func("/sweep/no-peak", test_no_peak);
-    g_test_add_func("/sweep/at-the-start", test_at_the_start);
-    g_test_add_func("/sweep/shapes", test_shapes);
     g_test_add_data_func("/sweep/wide", &wide_lines, test_bounds);
-    g_test_add_func("/sweep/faint", test_faint);
-    g_test_add_func("/sweep/second", test_second);
-    g_test_add_func("/sweep/no-second", test_no_second);
-    g_test_add_func("/sweep/noise-alone", test_noise_alone);
-    g_test_add_func("/sweep/sizes", test_sizes);
-    g_test_add_func("/sweep/together", test_together);
-    g_test_add_func("/sweep/look-in-between", test_look_in_between);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
  * same to a reader and evaluator apart from ours (gltf_peer.py). */
 #include "base/data_error.h"
 #include "base/direction.h"
+#include "lib/test.h"
 #include "maps/maps.h"
 #include "maps/maps_private.h"
 #include "maps/maps_store.h"
@@ -125,7 +126,7 @@ static struct btf_matrix *sunk_btf(double deep_mm, gboolean pattern) {
 }
 
 /* The depth is found; a plane at the reference plane, and one without a pattern, are not moved. */
-static void test_depth(void) {
+TEST(depth) {
     static const double depths_mm[] = {0.33, 0, 0.8, 0.33, -0.2};
     for (gsize i = 0; i < G_N_ELEMENTS(depths_mm); i++) {
         const gboolean pattern = i != 3;
@@ -219,7 +220,7 @@ static struct maps *maps_of_btf(const struct btf_matrix *btf) {
     return maps_of_model(btf, MAPS_MODEL_FULL);
 }
 
-static void test_planted(void) {
+TEST(planted) {
     for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
         g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
         g_autoptr(Maps) maps = maps_of_btf(btf);
@@ -238,7 +239,7 @@ static void test_planted(void) {
 }
 
 /* A fifth of the values missing; and a wall that keeps light from the west away. */
-static void test_trouble(void) {
+TEST(trouble) {
     for (enum trouble trouble = HOLES; trouble <= SHADOW; trouble++) {
         g_autoptr(BtfMatrix) btf = planted_btf(FALSE, trouble);
         g_autoptr(Maps) maps = maps_of_btf(btf);
@@ -251,7 +252,7 @@ static void test_trouble(void) {
 
 /* The core model finds what was planted, which is of it; of stretched lobes it is an isotropic one,
  * and all that would need an extension has the value that a file without it means. */
-static void test_core(void) {
+TEST(core) {
     for (int anisotropic = 0; anisotropic < 2; anisotropic++) {
         g_autoptr(BtfMatrix) btf = planted_btf(anisotropic, NONE);
         g_autoptr(Maps) maps = maps_of_model(btf, MAPS_MODEL_CORE);
@@ -304,7 +305,7 @@ static char *gltf_json(const char *path) {
 #define QUERIES 600
 
 /* The file read and evaluated by others, against our evaluation and against what was planted. */
-static void test_gltf(void) {
+TEST(gltf) {
     static const char *const files[] = {"i.glb", "a.glb", "c.glb"};
     for (int k = 0; k < 3; k++) {
         const gboolean anisotropic = k == 1, core = k == 2;
@@ -366,7 +367,7 @@ static void test_gltf(void) {
 
 /* Cloth of our own model: that its sheen is noticed, and its roughness among those that are tried.
  */
-static void test_layers(void) {
+TEST(layers) {
     g_autoptr(GError) error = NULL;
     const struct maps_layers cloth = maps_layers_new(0.6, 0);
     const struct maps_texel texel = {.base = {0.1F, 0.05F, 0.2F},
@@ -401,7 +402,7 @@ static void test_layers(void) {
 
 /* A groove of two walls that rise by the slope s: of a white sky (1 + s²)^−½ arrives at its bottom
  * (∫ cos²θ(φ) dφ / 2π with tan θ = s |cos φ|). */
-static void test_occlusion(void) {
+TEST(occlusion) {
     enum { ACROSS = 97 };
     g_autofree float *heights = g_new(float, ACROSS *ACROSS);
     g_autofree float *occlusion = g_new(float, ACROSS *ACROSS);
@@ -440,7 +441,7 @@ static GBytes *kept_export(const char *session, int number, gboolean expect_take
 
 /* A second export takes the fit of the first, and says the same; a file that is damaged or of
  * another BTF is made again. */
-static void test_kept(void) {
+TEST(kept) {
     g_autoptr(GError) error = NULL;
     g_autofree char *session = import_session("kept");
     g_autofree char *store = g_build_filename(session, maps_store_product(MAPS_MODEL_FULL), NULL);
@@ -500,7 +501,7 @@ static void assert_nothing_left(const char *folder) {
         g_assert_false(g_str_has_prefix(name, ".") || g_str_has_suffix(name, ".part"));
 }
 
-static void test_command(void) {
+TEST(command) {
     g_autofree char *session = import_session("small");
     g_autofree char *base = g_build_filename(session_fixture_folder, "out", NULL);
     static const char *const kinds[] = {"maps", "materialx", "blender"};
@@ -549,7 +550,7 @@ static void test_command(void) {
     assert_nothing_left(session_fixture_folder);
 }
 
-static void test_bad(void) {
+TEST(bad) {
     g_autofree char *session = import_session("bad");
     g_autofree char *base = g_build_filename(session_fixture_folder, "refused", NULL);
     g_autofree char *none = process_mesorig(1, "export maps %s", session);
@@ -587,7 +588,7 @@ static void test_bad(void) {
 }
 
 /* One view and a single light: nothing but a colour can be known, and it is. */
-static void test_little(void) {
+TEST(little) {
     g_autoptr(BtfMatrix) btf =
         btf_fixture_of("little", 2, 2, direction_list_new(1), direction_list_new(1));
     for (int i = 0; i < 12; i++)
@@ -599,7 +600,7 @@ static void test_little(void) {
         g_assert_cmpfloat(maps->fit->texels[t].normal[2], >, 0.95);
 }
 
-static void test_full_disk(void) {
+TEST(full_disk) {
     g_autofree char *session = import_session("full");
     g_autofree char *disk = g_build_filename(session_fixture_folder, "disk", NULL);
     g_assert_cmpint(g_mkdir(disk, 0777), ==, 0);
@@ -617,19 +618,4 @@ static void test_full_disk(void) {
     g_assert_cmpint(umount2(disk, MNT_DETACH), ==, 0);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/maps/depth", test_depth);
-    g_test_add_func("/maps/planted", test_planted);
-    g_test_add_func("/maps/core", test_core);
-    g_test_add_func("/maps/trouble", test_trouble);
-    g_test_add_func("/maps/gltf", test_gltf);
-    g_test_add_func("/maps/layers", test_layers);
-    g_test_add_func("/maps/occlusion", test_occlusion);
-    g_test_add_func("/maps/little", test_little);
-    g_test_add_func("/maps/command", test_command);
-    g_test_add_func("/maps/kept", test_kept);
-    g_test_add_func("/maps/bad", test_bad);
-    g_test_add_func("/maps/full_disk", test_full_disk);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

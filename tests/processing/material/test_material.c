@@ -5,6 +5,7 @@
 #include "hsh/hsh.h"
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lobes/lobes_levels.h"
 #include "lpca/lpca.h"
 
@@ -218,7 +219,7 @@ static const struct file files[] = {
 };
 
 /* Every codec of the table is among them. */
-static void test_all_codecs(void) {
+TEST(all_codecs) {
     for (gsize i = 0; codecs[i]; i++) {
         gboolean there = FALSE;
         for (gsize k = 0; k < G_N_ELEMENTS(files); k++)
@@ -230,7 +231,7 @@ static void test_all_codecs(void) {
 }
 
 /* A footprint's value is the mean over its square: here of 48 × 48 points. */
-static void test_footprint(void) {
+TEST(footprint) {
     g_autofree char *folder = g_dir_make_tmp("material-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
@@ -262,7 +263,7 @@ static void test_footprint(void) {
 }
 
 /* Two texels wide is one level up: what a material of that level alone has there. */
-static void test_mips(void) {
+TEST(mips) {
     g_autofree char *folder = g_dir_make_tmp("material-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
@@ -295,14 +296,9 @@ static void test_mips(void) {
     remove_tree(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {
         g_autofree char *path = g_strdup_printf("/material/values/%zu-%s", k, files[k].codec);
         g_test_add_data_func(path, &files[k], test_values);
     }
-    g_test_add_func("/material/all-codecs", test_all_codecs);
-    g_test_add_func("/material/footprint", test_footprint);
-    g_test_add_func("/material/mips", test_mips);
-    return g_test_run();
 }

@@ -4,6 +4,7 @@
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <mesorig/material.h>
@@ -73,7 +74,7 @@ static void write_blocks(const char *document, const char *fence, const char *co
 }
 
 /* The header is C89 and C++, and declares what is exported; that is what debian/ has as symbols. */
-static void test_interface(void) {
+TEST(interface) {
     g_autofree char *c89 = shell("echo '#include <mesorig/material.h>\nint unused;' >a.c\n"
                                  "cc -std=c89 -pedantic -Wall -Wextra -Werror -c a.c "
                                  "$(pkg-config --cflags mesorig-material)\n"
@@ -106,7 +107,7 @@ static void test_interface(void) {
 }
 
 /* The sphere of docs/develop/material.md: lit from the upper left, black around it. */
-static void test_program(void) {
+TEST(program) {
     write_blocks("develop/material.md", "```c\n", "/* ");
     g_autofree char *out = shell("cc " SANITIZE " -Wall -Wextra -Werror -o sphere sphere.c "
                                  "$(pkg-config --cflags --libs mesorig-material) -lm\n"
@@ -157,7 +158,7 @@ static void expected_mean(const char *path, double ret[3]) {
     mesorig_material_close(material);
 }
 
-static void test_python(void) {
+TEST(python) {
     static const char *const paths[] = {"material.exr", "a.session"};
     const char *const numpy[] = {"/usr/bin/python3", "-c", "import numpy", NULL};
     char *out, *err;
@@ -190,15 +191,12 @@ static void test_python(void) {
     assert_has(failing, "none");
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     install_library();
-    g_test_add_func("/material-installed/interface", test_interface);
-    g_test_add_func("/material-installed/program", test_program);
-    g_test_add_func("/material-installed/python", test_python);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
     g_free(library);
-    return status;
 }

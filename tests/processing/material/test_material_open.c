@@ -1,6 +1,7 @@
 /* What libmesorig-material opens, and what it says of what it cannot open. */
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <mesorig/material.h>
@@ -20,7 +21,7 @@ static char *make_session(const char *name, const struct btf_matrix *btf) {
 }
 
 /* At the measured directions and texel centres the value is the BTF's own. */
-static void test_session(void) {
+TEST(session) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(FALSE);
     g_autofree char *session = make_session("a.session", btf);
     g_autofree char *products = g_build_filename(session, "products", "btf", NULL);
@@ -58,7 +59,7 @@ static void test_session(void) {
 
 /* Without a BTF the compressed form with the least error is taken; without any, a sentence says
  * what to do. */
-static void test_best(void) {
+TEST(best) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autofree char *session = in_folder("b.session");
     g_autofree char *products = g_build_filename(session, "products", NULL);
@@ -87,7 +88,7 @@ static void test_best(void) {
 
 /* One view under one light, from straight above: it is seen alike from everywhere, and falls off as
  * the cosine does. */
-static void test_one_view(void) {
+TEST(one_view) {
     g_autoptr(BtfMatrix) btf = material_fixture_sized(MATERIAL_WIDTH, MATERIAL_HEIGHT, 0, TRUE);
     g_autofree char *session = make_session("one.session", btf);
     struct mesorig_error error = {0};
@@ -106,7 +107,7 @@ static void test_one_view(void) {
 }
 
 /* The same bytes give the same values, wherever they lie. */
-static void test_memory(void) {
+TEST(memory) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autofree char *path = in_folder("memory.exr");
     g_autofree char *bytes = NULL;
@@ -143,7 +144,7 @@ static void assert_refused(const char *path, const char *mdf, int status, const 
     g_assert_null(mesorig_material_open(path, mdf, NULL));
 }
 
-static void test_bad(void) {
+TEST(bad) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autofree char *good = in_folder("good.exr"), *cut = in_folder("cut.exr");
     g_autofree char *text = in_folder("text.exr"), *gone = in_folder("gone.exr");
@@ -167,7 +168,7 @@ static void test_bad(void) {
     assert_refused(long_name, NULL, MESORIG_ERROR_FILE, "xxxxxx");
 }
 
-static void test_arguments(void) {
+TEST(arguments) {
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
     g_autofree char *path = in_folder("arguments.exr");
     struct mesorig_material_info info = {.size = sizeof info};
@@ -225,17 +226,11 @@ static void test_arguments(void) {
     mesorig_material_close(NULL);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("material-XXXXXX", NULL);
-    g_test_add_func("/material-open/session", test_session);
-    g_test_add_func("/material-open/best", test_best);
-    g_test_add_func("/material-open/one-view", test_one_view);
-    g_test_add_func("/material-open/memory", test_memory);
-    g_test_add_func("/material-open/bad", test_bad);
-    g_test_add_func("/material-open/arguments", test_arguments);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

@@ -2,6 +2,7 @@
 #include "exr/exr.h"
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
 
@@ -112,7 +113,7 @@ static void check_rays(const mesorig_material *m, gboolean measured, double dist
     g_assert_cmpfloat(worst_cosine, >, least_cosine);
 }
 
-static void test_relief(void) {
+TEST(waves) {
     g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autofree char *mdf = g_build_filename(folder, "mdf.exr", NULL);
@@ -163,7 +164,7 @@ static void test_relief(void) {
 }
 
 /* Without relief rays end where they enter. */
-static void test_flat(void) {
+TEST(flat) {
     g_autofree char *folder = g_dir_make_tmp("relief-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
@@ -181,11 +182,4 @@ static void test_flat(void) {
     g_assert_cmpfloat(hit[1].normal[2], ==, 0);
     mesorig_material_close(m);
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/material-relief/waves", test_relief);
-    g_test_add_func("/material-relief/flat", test_flat);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
  * are those of a plain integral over what mesorig_material_evaluate() says; threads; arguments. */
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 
 #include <math.h>
 #include <mesorig/material.h>
@@ -102,7 +103,7 @@ static gpointer ask(gpointer data) {
 }
 
 /* The first calls come at once; all get the same. */
-static void test_threads(void) {
+TEST(threads) {
     mesorig_material *material = open_codec("eigenmaps", "");
     struct asked asked[THREADS];
     GThread *threads[THREADS];
@@ -121,7 +122,7 @@ static void test_threads(void) {
 }
 
 /* Many at once, lengths, and what is no direction. */
-static void test_arguments(void) {
+TEST(arguments) {
     mesorig_material *material = open_codec("eigenmaps", "");
     const float uv[4][2] = {{0.1F, 0.2F}, {0.1F, 0.2F}, {0.1F, 0.2F}, {NAN, 0.2F}};
     const float view[4][3] = {{0, 0, 1}, {0, 0, 7}, {0, 0, -1}, {0, 0, 1}};
@@ -155,7 +156,7 @@ static void test_arguments(void) {
     mesorig_material_close(material);
 }
 
-int main(int argc, char **argv) {
+BEFORE_TESTS {
     static const char *const files[][2] = {
         {"eigenmaps", ""},
         {"lpca", "clusters=3 components=4"},
@@ -165,13 +166,9 @@ int main(int argc, char **argv) {
         {"lafortune", ""},
         {"ptm", ""},
     };
-    g_test_init(&argc, &argv, NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(files); k++) {
         g_autofree char *path =
             g_strdup_printf("/material-sample/codec/%s-%d", files[k][0], (int)k);
         g_test_add_data_func(path, files[k], test_codec);
     }
-    g_test_add_func("/material-sample/threads", test_threads);
-    g_test_add_func("/material-sample/arguments", test_arguments);
-    return g_test_run();
 }

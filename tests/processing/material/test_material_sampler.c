@@ -1,5 +1,6 @@
 /* Light directions drawn from a material: their density is a density, they follow it, and what is
  * estimated with them is right. The material is a formula, so that nothing depends on files. */
+#include "lib/test.h"
 #include "material/material_sampler.h"
 
 #include <math.h>
@@ -117,7 +118,7 @@ static void check_unity(gboolean grid) {
     fixture_clear(&f);
 }
 
-static void test_unity(void) {
+TEST(unity) {
     check_unity(FALSE);
     check_unity(TRUE);
 }
@@ -125,7 +126,7 @@ static void test_unity(void) {
 /* Pearson's χ² of drawn directions against the density's integral over 8 × 16 bins of equal solid
  * angle. Its mean is the number of bins less 1, its standard deviation √(2 · that). The seed is
  * fixed, so that the outcome is. */
-static void test_chi_square(void) {
+TEST(chi_square) {
     enum { RINGS_Z = 8, SECTORS = 16, N = 40000 };
     struct fixture f;
     g_autoptr(GRand) random = g_rand_new_with_seed(5);
@@ -166,7 +167,7 @@ static void test_chi_square(void) {
 
 /* The mean of value / (π p) is the albedo ∫ value dω / π, and its variance is far below that of
  * even directions. */
-static void test_albedo(void) {
+TEST(albedo) {
     enum { N = 20000 };
     struct fixture f;
     g_autoptr(GRand) random = g_rand_new_with_seed(6);
@@ -206,7 +207,7 @@ static void test_albedo(void) {
 }
 
 /* Nothing below the horizon; the largest random numbers. */
-static void test_edges(void) {
+TEST(edges) {
     struct fixture f;
     const float uv[2] = {0.2F, 0.2F}, down[3] = {0.6F, 0.0F, -0.8F}, up[3] = {0.0F, 0.0F, 1.0F};
     float light[3];
@@ -232,7 +233,7 @@ static void black_reconstruct(gconstpointer model, int texel, float *ret) {
     memset(ret, 0, 3 * (gsize)N_ALL * N_ALL * sizeof *ret);
 }
 
-static void test_black(void) {
+TEST(black) {
     struct fixture f;
     fixture_init(&f, FALSE);
     const struct material_sampler_source source = {&f.layout,         f.views, f.lights, 0,
@@ -242,14 +243,4 @@ static void test_black(void) {
     g_assert_cmpfloat_with_epsilon(integrate(&f, uv, up, 0.0F, 0.0, 1.0, 0.0, 2 * G_PI, 200), 1.0,
                                    1e-3);
     fixture_clear(&f);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/material-sampler/unity", test_unity);
-    g_test_add_func("/material-sampler/chi-square", test_chi_square);
-    g_test_add_func("/material-sampler/albedo", test_albedo);
-    g_test_add_func("/material-sampler/edges", test_edges);
-    g_test_add_func("/material-sampler/black", test_black);
-    return g_test_run();
 }

@@ -3,6 +3,7 @@
 #include "lib/material_fixture.h"
 #include "lib/material_threads.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "mdf_codecs/mdf_codec.h"
 
 /* A flat relief: of the views of the fixture, 1 mm deep. */
@@ -24,7 +25,7 @@ static void write_mdf(const char *path, const struct btf_matrix *btf) {
     g_assert_no_error(error);
 }
 
-static void test_threads(void) {
+TEST(agree) {
     const char *keep = g_getenv("MESORIG_MATERIALS_TO"); /* for ThreadSanitizer */
     g_autofree char *made = keep ? NULL : g_dir_make_tmp("material-XXXXXX", NULL);
     const char *folder = keep ? keep : made;
@@ -40,10 +41,4 @@ static void test_threads(void) {
     g_assert_cmpstr(material_threads_ask("/nowhere.exr", NULL, 4), !=, NULL);
     if (!keep)
         remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/material-threads/agree", test_threads);
-    return g_test_run();
 }

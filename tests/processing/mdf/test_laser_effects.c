@@ -3,6 +3,7 @@
 #include "frames/sweep.h"
 #include "intake/radiance.h"
 #include "laser/laser.h"
+#include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "mdf/mdf.h"
 #include "mdf/mdf_lines.h"
@@ -231,7 +232,7 @@ static const char rough[] = "kind=weave\nwidth_mm=66\nheight_mm=66\nbase_mm=0.8\
 static struct album *plates[2]; /* of ideal light */
 
 /* A bent sheet is found, and the surface is as well known as by a flat one. */
-static void test_bent(void) {
+TEST(bent) {
     static const struct effects bent = {"", "sheet_bend_mm=0.1\n"};
     const double bend_rad = 0.1 * FAR_MM / (36 * 36);
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);
@@ -265,7 +266,7 @@ static void test_bent(void) {
 /* One camera has calibrated the sheets, and another that is off by some tenths of a pixel looks at
  * the sample: its points are wrong by much more than noise. The error bars with the calibration's
  * errors hold, over several such calibrations. */
-static void test_calibration_dominates(void) {
+TEST(calibration_dominates) {
     enum { ROUNDS = 4 };
     static const double camera_px[CAMERAS] = {0.6, 0.05};
     g_autoptr(GRand) rand = g_rand_new_with_seed(2);
@@ -289,7 +290,7 @@ static void test_calibration_dominates(void) {
 }
 
 /* Speckle is told apart from a rough sample, and wide lines have a sentence. */
-static void test_light(void) {
+TEST(light) {
     static const struct {
         struct effects effects;
         const char *says;
@@ -318,16 +319,13 @@ static void test_light(void) {
     laser_result_clear(&found);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/laser-effects/bent", test_bent);
-    g_test_add_func("/laser-effects/calibration-dominates", test_calibration_dominates);
-    g_test_add_func("/laser-effects/light", test_light);
+BEFORE_TESTS {
     for (int i = 0; i < 2; i++)
         plates[i] = shoot_plate(&ideal, heights_mm[i]);
-    const int code = g_test_run();
+}
+
+AFTER_TESTS {
     for (int i = 0; i < 2; i++)
         g_free(plates[i]);
     world_fixture_clean();
-    return code;
 }

@@ -1,3 +1,4 @@
+#include "lib/test.h"
 #include "mdf/mdf.h"
 
 #include "frames/rectify.h"
@@ -149,7 +150,7 @@ static struct world *new_world(double theta_deg, double turntable_deg, struct su
 }
 
 /* A plane below the reference plane, level and tilted, in views from steep to grazing. */
-static void test_planes(void) {
+TEST(planes) {
     static const struct surface planes[] = {{3, 0, 0}, {1.5, 0, 0}, {2.5, 0.08, -0.05}};
     for (guint p = 0; p < G_N_ELEMENTS(planes); p++)
         for (int view = 0; view < 10; view++) {
@@ -164,7 +165,7 @@ static void test_planes(void) {
 }
 
 /* A tenth of a frame is about 0.1 mm of one laser; the mean of several is better. */
-static void test_noise(void) {
+TEST(noise) {
     g_autofree struct world *world = new_world(45, 20, (struct surface){2, 0, 0});
     struct errors errors = measure(world, 0.1);
     g_test_message("RMS %.4f mm", errors.rms);
@@ -179,7 +180,7 @@ struct merged {
 /* Error bars are right when twelve, five or two lasers have seen a plane: the mean of
  * ((mm − truth) / s)² is 1. By the scatter of two alone it would be infinite. (With a tenth of a
  * frame of noise, two disagree too often, and pairs that agree by chance are left.) */
-static void test_error_bars(void) {
+TEST(error_bars) {
     enum { DRAWS = 6 };
     static const struct {
         int lasers, from;
@@ -216,7 +217,7 @@ static void test_error_bars(void) {
 
 /* Rig, texels and a surface with a step, whose upper part rises above the reference plane, at half
  * and at ten times the size: as many texels are measured, and their errors have grown as much. */
-static void test_scale(void) {
+TEST(scale) {
     static const double scales[] = {1, 0.5, 10};
     struct errors first = {0};
     for (guint i = 0; i < G_N_ELEMENTS(scales); i++) {
@@ -274,7 +275,7 @@ static void assert_surface(const struct world *world, const struct merged *merge
 }
 
 /* At a step each texel shows one side or the other, never the middle. */
-static void test_step(void) {
+TEST(step) {
     struct surface step = {1, 0, 0, 3, 0.2};
     g_autofree struct world *world = new_world(30, 0, step);
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
@@ -294,7 +295,7 @@ static void test_step(void) {
 
 /* Beside a step, on ground that no laser reaches: hardly a texel takes the height of the step,
  * which some of the pixels around it see. */
-static void test_beside_step(void) {
+TEST(beside_step) {
     enum { EDGES = 15 };
     static struct merged m;
     int wrong = 0;
@@ -325,7 +326,7 @@ static void test_beside_step(void) {
 
 /* Along the foot of a step with teeth as wide as a texel, no laser reaches the ground. Texels
  * there whose pixels see the step's top are off by its height, and their error bars hold it. */
-static void test_hidden_foot(void) {
+TEST(hidden_foot) {
     enum { EDGES = 8, LASERS = 8, FOOT_MM = 1 };
     static struct merged m;
     double squares = 0;
@@ -370,7 +371,7 @@ static void reflect_a_third(struct world *world, int i) {
 }
 
 /* Some lasers see a reflection instead: they are outvoted, not averaged. */
-static void test_outliers(void) {
+TEST(outliers) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &nine, reflect_a_third, NULL);
     world->surface.height = 2;
@@ -386,7 +387,7 @@ static void spoil_a_third(struct world *world, int laser) {
 }
 
 /* Some sweeps are of values that are not numbers, or of impossible ones: the others tell. */
-static void test_not_numbers(void) {
+TEST(not_numbers) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &nine, NULL, spoil_a_third);
     for (int i = 0; i < N_TEXELS; i++)
@@ -405,7 +406,7 @@ static void dim_most(struct world *world, int i) {
 
 /* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
  * few that are bright are believed. Brightness that is not a number counts for nothing. */
-static void test_faint(void) {
+TEST(faint) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &nine, raise_most, dim_most);
     world->surface.height = 2;
@@ -414,7 +415,7 @@ static void test_faint(void) {
 
 /* A ghost of each laser is brighter than its line, at a place of its own: second pulses, which
  * agree, are believed. */
-static void test_ghosts(void) {
+TEST(ghosts) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     g_autofree struct world *ghost = new_world(45, 100, (struct surface){2, 0, 0});
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
@@ -453,7 +454,7 @@ static void hide_strip_of_others(struct world *world, int laser) {
 }
 
 /* Seen by one laser alone, but the surface around goes on there: believed, and said to be one. */
-static void test_continued(void) {
+TEST(continued) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, NULL, hide_strip_of_others);
     int alone = 0;
@@ -467,7 +468,7 @@ static void test_continued(void) {
     g_assert_cmpint(alone, >, 0);
 }
 
-static void test_unseen(void) {
+TEST(unseen) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
@@ -502,7 +503,7 @@ static void keep_one_phase(struct world *world, int laser G_GNUC_UNUSED) {
 }
 
 /* A red laser on a colour sensor: one pixel in four sees it, and that is enough. */
-static void test_one_phase(void) {
+TEST(one_phase) {
     static const struct lasers six = {6, 45, 0, 75, 50};
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.05, 0});
     g_autofree struct merged *merged = merge(world, &six, NULL, keep_one_phase);
@@ -516,7 +517,7 @@ static void hide_others(struct world *world, int laser) {
 
 /* Of many sweeps one alone saw something: nothing contradicts it, so that it is believed, and said
  * to be one. */
-static void test_alone(void) {
+TEST(alone) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, NULL, hide_others);
     assert_surface(world, merged, 0.05);
@@ -534,7 +535,7 @@ static void hide_from_third(struct world *world, int laser) {
 }
 
 /* Two alone saw something, each something else: neither is believed. */
-static void test_contradicted(void) {
+TEST(contradicted) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, raise_second, hide_from_third);
     for (int i = 0; i < N_TEXELS; i++)
@@ -543,7 +544,7 @@ static void test_contradicted(void) {
 
 /* A step that one laser alone reaches on its far side, with noise: the error bars of what it alone
  * saw hold the errors there, and are larger than those of what all saw. */
-static void test_alone_error(void) {
+TEST(alone_error) {
     static const struct lasers six = {6, 45, 0, 75, 50};
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.1, 0, 0.4, 0.2});
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
@@ -579,7 +580,7 @@ static void test_alone_error(void) {
 }
 
 /* Peaks that would put the surface above the reference plane or below the turntable. */
-static void test_impossible_heights(void) {
+TEST(impossible_heights) {
     for (int i = 0; i < 2; i++) {
         g_autofree struct world *world =
             new_world(45, 100, (struct surface){i == 0 ? 6.5 : -3, 0, 0});
@@ -590,7 +591,7 @@ static void test_impossible_heights(void) {
 
 /* Laser and camera on opposite sides in one plane with the origin, the laser's line across it: the
  * volume is a third of the triangle's area times the line's length of 2. */
-static void test_weight(void) {
+TEST(weight) {
     struct line_laser laser = {40 * DEGREE, 480};
     struct rig_laser rig = line_laser_to_rig(&laser, "laser");
     double c[2] = {-650 * sin(1), 650 * cos(1)};
@@ -602,28 +603,4 @@ static void test_weight(void) {
     g_assert_cmpfloat(mdf_weight(NULL, &rig, 0, rig.position_mm), <, 1e-6 * weight);
     /* Camera in the sheet's plane: neither. */
     g_assert_cmpfloat(mdf_weight(NULL, &rig, G_PI_2, vec3(300, l[0], l[1])), <, 1e-6 * weight);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/mdf/planes", test_planes);
-    g_test_add_func("/mdf/noise", test_noise);
-    g_test_add_func("/mdf/error-bars", test_error_bars);
-    g_test_add_func("/mdf/scale", test_scale);
-    g_test_add_func("/mdf/step", test_step);
-    g_test_add_func("/mdf/beside-step", test_beside_step);
-    g_test_add_func("/mdf/hidden-foot", test_hidden_foot);
-    g_test_add_func("/mdf/outliers", test_outliers);
-    g_test_add_func("/mdf/not-numbers", test_not_numbers);
-    g_test_add_func("/mdf/faint", test_faint);
-    g_test_add_func("/mdf/ghosts", test_ghosts);
-    g_test_add_func("/mdf/continued", test_continued);
-    g_test_add_func("/mdf/unseen", test_unseen);
-    g_test_add_func("/mdf/one-phase", test_one_phase);
-    g_test_add_func("/mdf/alone", test_alone);
-    g_test_add_func("/mdf/alone-error", test_alone_error);
-    g_test_add_func("/mdf/contradicted", test_contradicted);
-    g_test_add_func("/mdf/impossible-heights", test_impossible_heights);
-    g_test_add_func("/mdf/weight", test_weight);
-    return g_test_run();
 }

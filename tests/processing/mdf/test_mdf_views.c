@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/test.h"
 #include "mdf/mdf_views.h"
 
 #include "exr/exr.h"
@@ -58,7 +59,7 @@ static struct scene *new_scene(gboolean bridge) {
 }
 
 /* What is right is hardly ever refuted, although walls hide much from others. */
-static void test_agree(void) {
+TEST(agree) {
     g_autofree struct scene *scene = new_scene(FALSE);
     guint16 confirmed[N_TEXELS], denied[N_TEXELS];
     int sure = 0, refuted = 0;
@@ -75,7 +76,7 @@ static void test_agree(void) {
 }
 
 /* A point that hangs in the air is refuted; one that was not seen is asked about by nobody. */
-static void test_ghost(void) {
+TEST(ghost) {
     g_autofree struct scene *scene = new_scene(FALSE);
     guint16 confirmed[N_TEXELS], denied[N_TEXELS];
     int ghost = SIDE * 12 + 4, hole = SIDE * 12 + 18;
@@ -132,7 +133,7 @@ static void check_spoilt(const struct spoilt *s, enum mdf_distance_source source
 }
 
 /* What is missing or refuted comes from others, marked as what it is; all else stays. */
-static void test_settle(void) {
+TEST(settle) {
     static const float instead[] = {-1, 0.4F};
     for (int k = 0; k < 2; k++) {
         struct spoilt *s = new_spoilt(instead[k], FALSE);
@@ -149,7 +150,7 @@ static void test_settle(void) {
 
 /* What the view may have seen itself, and others confirm, is better than their prediction; if they
  * do not, it is not believed. */
-static void test_second_choice(void) {
+TEST(second_choice) {
     for (int right = 0; right < 2; right++) {
         struct spoilt *s = new_spoilt(0.4F, FALSE);
         for (int i = 0; i < SPOILT; i++)
@@ -163,7 +164,7 @@ static void test_second_choice(void) {
 
 /* Nothing was measured, but lasers reach the surface all around: there is a gap, which others do
  * not see. Of a single view nothing is settled. */
-static void test_dark_gap(void) {
+TEST(dark_gap) {
     struct spoilt *s = new_spoilt(-1, FALSE);
     for (int i = 0; i < N_TEXELS; i++)
         s->lasers[i] = 20;
@@ -177,7 +178,7 @@ static void test_dark_gap(void) {
 
 /* Under a bridge: views that see through below it keep what they see, and what is missing there is
  * the ground again, though others see the bridge's top above it. */
-static void test_bridge(void) {
+TEST(bridge) {
     g_autofree struct scene *scene = new_scene(TRUE);
     float mm[N_TEXELS], truth;
     guint8 source[N_TEXELS];
@@ -235,7 +236,7 @@ static char *write_mdf(const struct scene *scene, double texel_mm, const char *c
     return path;
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autofree struct scene *scene = new_scene(FALSE);
     g_autoptr(GError) error = NULL;
     scene->distance[2][0] = -1;
@@ -251,7 +252,7 @@ static void test_file(void) {
     g_assert_cmpfloat(sums.denied_share, <, 0.05);
 }
 
-static void test_damaged(void) {
+TEST(damaged) {
     static const struct {
         const char *channel;
         double texel_mm;
@@ -271,17 +272,4 @@ static void test_damaged(void) {
     g_autoptr(GError) error = NULL;
     g_assert_false(mdf_views_check("/nonexistent.exr", &sums, &error));
     g_assert_nonnull(error);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/mdf-views/agree", test_agree);
-    g_test_add_func("/mdf-views/ghost", test_ghost);
-    g_test_add_func("/mdf-views/settle", test_settle);
-    g_test_add_func("/mdf-views/second-choice", test_second_choice);
-    g_test_add_func("/mdf-views/dark-gap", test_dark_gap);
-    g_test_add_func("/mdf-views/bridge", test_bridge);
-    g_test_add_func("/mdf-views/file", test_file);
-    g_test_add_func("/mdf-views/damaged", test_damaged);
-    return g_test_run();
 }

@@ -1,6 +1,7 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
 #include "hsh/hsh.h"
+#include "lib/test.h"
 #include "lobes/lobes.h"
 #include "normals/fit_normals.h"
 #include "normals/integrate_normals.h"
@@ -150,7 +151,7 @@ static struct errors errors_of(Shape shape, enum trouble trouble, int terms,
     return ret;
 }
 
-static void test_normals(void) {
+TEST(normals) {
     static const int terms[] = {0, 4, 9, 16};
     static const double most_deg[] = {0.6, 1.3, 0.4, 0.4}; /* four terms hold little of a bump */
     static const Shape shapes[] = {sphere, bumps};
@@ -163,7 +164,7 @@ static void test_normals(void) {
 }
 
 /* The polynomial's maximum lies 4° to 8° off, and beyond about 45° outside of the disc. */
-static void test_maximum(void) {
+TEST(maximum) {
     const struct errors e = errors_of(sphere, NONE, 0, FIT_NORMALS_MAXIMUM);
     g_assert_cmpfloat(e.median_deg, <, 9);
     g_assert_cmpint(e.result.clipped, >, TEXELS / 10);
@@ -174,7 +175,7 @@ static void test_maximum(void) {
 }
 
 /* Lights that are left out: 16 terms tell them from the others, a PTM smears them over all. */
-static void test_trouble(void) {
+TEST(trouble) {
     const struct errors shadow = errors_of(bumps, SHADOW, 16, FIT_NORMALS_LAMBERT);
     const struct errors shine = errors_of(bumps, SHINE, 16, FIT_NORMALS_LAMBERT);
     g_assert_cmpfloat(shadow.median_deg, <, 1.5);
@@ -208,7 +209,7 @@ static double height_error(const float *z, Shape shape, int *ret_holes) {
 }
 
 /* Exact slopes, all of them and with a hole, which heights do not lean on. */
-static void test_integrate(void) {
+TEST(integrate) {
     for (int hole = 0; hole < 2; hole++) {
         float p[TEXELS], q[TEXELS], z[TEXELS];
         int holes;
@@ -227,7 +228,7 @@ static void test_integrate(void) {
     }
 }
 
-static void test_height(void) {
+TEST(height) {
     for (int terms = 0; terms <= 9; terms += 9) {
         g_autoptr(GError) error = NULL;
         g_autoptr(BtfMatrix) btf = new_btf(bumps, NONE);
@@ -248,7 +249,7 @@ static void test_height(void) {
     }
 }
 
-static void test_bad(void) {
+TEST(bad) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = btf_fixture_new("black", 4, 3, 1, 12);
     g_autofree char *file = g_build_filename(session_fixture_folder, "bad.exr", NULL);
@@ -272,7 +273,7 @@ static void test_bad(void) {
 }
 
 /* Through the program: of a model's file, and with what is said. */
-static void test_command(void) {
+TEST(command) {
     g_autoptr(BtfMatrix) btf = new_btf(sphere, NONE);
     g_autofree char *model = write_model(btf, 0);
     g_autofree char *file = g_build_filename(session_fixture_folder, "out.exr", NULL);
@@ -296,14 +297,4 @@ static void test_command(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/fit_normals/normals", test_normals);
-    g_test_add_func("/fit_normals/maximum", test_maximum);
-    g_test_add_func("/fit_normals/trouble", test_trouble);
-    g_test_add_func("/fit_normals/integrate", test_integrate);
-    g_test_add_func("/fit_normals/height", test_height);
-    g_test_add_func("/fit_normals/bad", test_bad);
-    g_test_add_func("/fit_normals/command", test_command);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -1,6 +1,7 @@
 /* Photometric stereo of balls whose normals are known, under lights all around and from one side,
  * with cast shadows, highlights and noise: at most 1.1 times the error of robust least squares by
  * tests/normals_peer.py, which shares no code with it. */
+#include "lib/test.h"
 #include "normals/photometric.h"
 
 #include <glib/gstdio.h>
@@ -233,7 +234,7 @@ static int errors_of(const char *path, double *ret_median_deg, double *ret_most_
 }
 
 /* Through the programs, from pictures to normals without compressing anything. */
-static void test_session(void) {
+TEST(session) {
     g_autofree char *list = g_build_filename(session_fixture_folder, "ball.lp", NULL);
     g_autofree char *session = g_build_filename(session_fixture_folder, "ball.session", NULL);
     g_autofree char *file = g_build_filename(session_fixture_folder, "ball.exr", NULL);
@@ -270,12 +271,11 @@ static void test_session(void) {
     g_assert_cmpint(n, >, WIDE * WIDE / 2);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+TESTS_RUN_BY(session_fixture_run);
+
+BEFORE_TESTS {
     for (gsize i = 0; i < G_N_ELEMENTS(balls); i++) {
         g_autofree char *path = g_strdup_printf("/photometric/%s", balls[i].name);
         g_test_add_data_func(path, &balls[i], test_ball);
     }
-    g_test_add_func("/photometric/session", test_session);
-    return session_fixture_run();
 }

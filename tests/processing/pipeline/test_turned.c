@@ -2,6 +2,7 @@
  * each in its own pose. The exposures of this rig's cameras begin up to 8 ms late, as their time
  * stamps say. */
 #include "btf/near_field.h"
+#include "lib/test.h"
 #include "pipeline/pipeline.h"
 
 #include <math.h>
@@ -175,7 +176,7 @@ static void check_places(struct run *run) {
     }
 }
 
-static void test_own_pose(void) {
+TEST(own_pose) {
     struct run *still = captured(standing), *run = captured(turning);
     g_autofree float *truth = btf_of(still), *posed = btf_of(run);
     const double off_deg = poses_off(run), with = rms_off(posed, truth);
@@ -194,8 +195,4 @@ static void test_own_pose(void) {
     run_free(still);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/turned/own-pose", test_own_pose);
-    return run_tests();
-}
+TESTS_RUN_BY(run_tests);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "lib/test.h"
 #include "prediction/prediction.h"
 
 #define VIEWS  12
@@ -64,7 +65,7 @@ static Prediction *predict(double share) {
 
 /* Of rows that were no probes: the error of missing pairs, relative to a diffuser's own (each
  * missing value being the row's albedo times cos θ), and how many lie within 2 σ. */
-static void test_missing_pairs(void) {
+TEST(missing_pairs) {
     const int n = 60;
     g_autoptr(Prediction) prediction = predict(0.5);
     g_autofree float *rows = make_rows(3 * PROBES + n, 0.5);
@@ -99,7 +100,7 @@ static void test_missing_pairs(void) {
 }
 
 /* Scaling all values scales predictions and error bars. */
-static void test_scale(void) {
+TEST(scale) {
     g_autoptr(Prediction) prediction = predict(0.25);
     g_autofree float *one = make_rows(3, 0.25), *two = make_rows(3, 0.25);
     float sigma_one[3 * PAIRS], sigma_two[3 * PAIRS];
@@ -126,7 +127,7 @@ static void make_shots(void) {
 
 /* The expected error falls with each choice, begins where the prediction is, and is what a
  * prediction would expect that has the chosen ones, too; all of it the same with other threads. */
-static void test_choice(void) {
+TEST(choice) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Prediction) prediction = predict(0.25);
     gboolean done[64];
@@ -157,7 +158,7 @@ static void test_choice(void) {
 }
 
 /* The first choice gains most for its price among all; one that costs ten times as much waits. */
-static void test_price(void) {
+TEST(price) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Prediction) prediction = predict(0.25);
     gboolean all_but[64], done[64];
@@ -186,7 +187,7 @@ static void test_price(void) {
 }
 
 /* Fewer are the first of more, and all views and lights come early. */
-static void test_start(void) {
+TEST(start) {
     g_autoptr(GError) error = NULL;
     int few[8], more[24], views_seen = 0, lights_seen = 0;
     g_assert_cmpint(prediction_start(&pairs, shots, 64, 8, few, NULL, &error), ==, 8);
@@ -202,7 +203,7 @@ static void test_start(void) {
 
 /* Rows that lack a measured value tell nothing; if none has all, that is an error. Where nothing is
  * measured, nothing is known. */
-static void test_refused(void) {
+TEST(refused) {
     g_autoptr(GError) error = NULL;
     g_autofree float *probes = make_rows(3, 0.25);
     for (int r = 0, p = 0; r < 3; r++, p++) {
@@ -221,15 +222,7 @@ static void test_refused(void) {
     g_assert_cmpfloat(prediction_error(none), ==, 1);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     make_pairs();
     make_shots();
-    g_test_add_func("/prediction/missing_pairs", test_missing_pairs);
-    g_test_add_func("/prediction/scale", test_scale);
-    g_test_add_func("/prediction/choice", test_choice);
-    g_test_add_func("/prediction/price", test_price);
-    g_test_add_func("/prediction/start", test_start);
-    g_test_add_func("/prediction/refused", test_refused);
-    return g_test_run();
 }

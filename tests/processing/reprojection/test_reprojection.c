@@ -1,6 +1,7 @@
 /* Prediction along reliefs that formulas describe, painted with a smooth texture: the true distance
  * and colour of every texel of every view are known. */
 #include "base/data_error.h"
+#include "lib/test.h"
 #include "reprojection/reprojection.h"
 
 #include "exr/exr.h"
@@ -178,7 +179,7 @@ static const double low[][2] = {{0, 0},   {30, 0},   {30, 120}, {30, 240}, {50, 
                                 {50, 60}, {50, 120}, {50, 180}, {50, 240}, {50, 300}};
 
 /* Between three views, near one of them, and outside of them. */
-static void test_smooth(void) {
+TEST(smooth) {
     static const struct {
         Relief relief;
         double theta_deg, phi_deg;
@@ -200,7 +201,7 @@ static void test_smooth(void) {
 }
 
 /* A wall hides ground from some views: the others count there, and nothing is bridged. */
-static void test_hidden(void) {
+TEST(hidden) {
     struct scene *scene = reprojection_test_scene(wall, ten, 10);
     const struct errors errors = reprojection_test_errors(scene, wall, 42, 25);
     g_test_message("%.4f mm, colour %.4f, mixed %.4f, unseen %d of %d", errors.mm, errors.colour,
@@ -211,7 +212,7 @@ static void test_hidden(void) {
 }
 
 /* In a measured direction, a view's own picture. */
-static void test_measured(void) {
+TEST(measured) {
     struct scene *scene = reprojection_test_scene(bump, ten, 10);
     for (int view = 0; view < scene->n; view += 3)
         for (int i = 0; i < N_TEXELS; i += 7) {
@@ -232,7 +233,7 @@ static void test_measured(void) {
 /* A small turn changes little: no seam where the triangle of views changes. Half a degree of
  * azimuth moves the surface point by 3 mm · tan 40° · 0.0087 at most, and its colour by 0.3 · 2π /
  * 7 mm of that: 0.007; the bound is twice as much. */
-static void test_continuous(void) {
+TEST(continuous) {
     struct scene *scene = reprojection_test_scene(hill, low, 10);
     for (int i = 0; i < 40; i++) {
         const double at_mm[2] = {-4 + 0.2 * i, 1.3};
@@ -251,7 +252,7 @@ static void test_continuous(void) {
 
 /* Values of unknown texels are not used; where nothing is known, texels are mixed and the hit says
  * so. */
-static void test_unknown(void) {
+TEST(unknown) {
     struct scene *scene = reprojection_test_scene(slope, three, 3);
     struct reprojection_hit hit;
     g_autoptr(GError) error = NULL;
@@ -296,7 +297,7 @@ static void reprojection_test_write_mdf(const struct scene *scene, const char *p
     g_assert_no_error(error);
 }
 
-static void test_read(void) {
+TEST(read) {
     struct scene *scene = reprojection_test_scene(slope, three, 3);
     g_autofree char *folder = g_dir_make_tmp("mesorig-reprojection-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "mdf.exr", NULL);
@@ -370,7 +371,7 @@ static char *reprojection_test_session(const struct scene *scene, const char *fo
 }
 
 /* The BTF and the MDF in two new directions, from files to files. */
-static void test_session(void) {
+TEST(session) {
     static float theta_deg[] = {0, 25}, phi_deg[] = {0, 70}, light_theta = 30, light_phi = 0;
     static char name[] = "two";
     const struct btf_directions to = {name, {2, theta_deg, phi_deg}, {1, &light_theta, &light_phi}};
@@ -420,7 +421,7 @@ static void test_session(void) {
     reprojection_test_free(scene);
 }
 
-static void test_invalid(void) {
+TEST(invalid) {
     float distance[N_TEXELS] = {0};
     const struct reprojection_view below = {{0, 0, 4}, distance, NULL};
     g_autoptr(GError) error = NULL;
@@ -429,17 +430,4 @@ static void test_invalid(void) {
     g_clear_error(&error);
     g_assert_null(reprojection_new(&plane, &below, 0, FALSE, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/reprojection/smooth", test_smooth);
-    g_test_add_func("/reprojection/hidden", test_hidden);
-    g_test_add_func("/reprojection/measured", test_measured);
-    g_test_add_func("/reprojection/continuous", test_continuous);
-    g_test_add_func("/reprojection/unknown", test_unknown);
-    g_test_add_func("/reprojection/read", test_read);
-    g_test_add_func("/reprojection/session", test_session);
-    g_test_add_func("/reprojection/invalid", test_invalid);
-    return g_test_run();
 }

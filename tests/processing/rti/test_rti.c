@@ -3,6 +3,7 @@
 #include "btf/btf_matrix.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "reflectance/import_brdf.h"
 #include "rti/rti.h"
 
@@ -108,7 +109,7 @@ static void check_values(const char *path, const double *wanted, gboolean hsh) {
     check_import(path, wanted);
 }
 
-static void test_read(void) {
+TEST(read) {
     static const char *const forms[][2] = {{"PTM_1.2", "PTM_FORMAT_RGB"},
                                            {"PTM_1.2", "PTM_FORMAT_LRGB"},
                                            {"PTM_1.1", "PTM_FORMAT_LRGB"}};
@@ -172,13 +173,13 @@ static void check_written(gboolean lrgb, double tolerance) {
     remove_tree(web);
 }
 
-static void test_write(void) {
+TEST(write) {
     check_written(FALSE, 0.01);
     check_written(TRUE, 0.01);
 }
 
 /* Lights on one ring do not tell lx² + ly² from a constant. */
-static void test_ring(void) {
+TEST(ring) {
     g_autoptr(GError) error = NULL;
     float ring[8 * 3], pictures[8 * 3] = {0};
     struct rti_fit_result fit;
@@ -191,7 +192,7 @@ static void test_ring(void) {
     assert_has(error->message, "one ring");
 }
 
-static void test_refused(void) {
+TEST(refused) {
     static const struct {
         const char *text, *words;
     } bad[] = {
@@ -217,16 +218,12 @@ static void test_refused(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-rti-XXXXXX", NULL);
     make_lights();
-    g_test_add_func("/rti/read", test_read);
-    g_test_add_func("/rti/write", test_write);
-    g_test_add_func("/rti/ring", test_ring);
-    g_test_add_func("/rti/refused", test_refused);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

@@ -1,4 +1,5 @@
 /* What processing takes from the frames of a capture. */
+#include "lib/test.h"
 #include "session/inputs.h"
 
 #include <glib/gstdio.h>
@@ -21,7 +22,7 @@ static struct exr_part *new_part(const char *const *channels, const char *cfa) {
 
 /* Of a picture in colour a pixel keeps the value that it has behind the filter, at its own place.
  */
-static void test_mosaic(void) {
+TEST(mosaic) {
     static const char *const grey[] = {"Y", NULL}, *const bgr[] = {"B", "G", "R", NULL};
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrPart) mono = new_part(grey, "bggr"), colour = new_part(bgr, "rgb");
@@ -37,7 +38,7 @@ static void test_mosaic(void) {
     }
 }
 
-static void test_bad(void) {
+TEST(bad) {
     static const char *const grey[] = {"Y", NULL}, *const red[] = {"R", NULL};
     static const struct {
         const char *const *channels;
@@ -71,7 +72,7 @@ static void read_as(const struct input *input, const char *const *channels, cons
         g_error("it does not say “%s”: %s", words, error->message);
 }
 
-static void test_read(void) {
+TEST(read) {
     static const char *const grey[] = {"Y", NULL}, *const red[] = {"R", NULL};
     g_autofree char *folder = g_dir_make_tmp("mesorig-inputs-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
@@ -104,12 +105,4 @@ static void test_read(void) {
     g_assert_true(g_file_set_contents(path, "no picture", -1, NULL));
     read_as(&input, grey, "delete it, and `mesorig resume` takes it again");
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/inputs/mosaic", test_mosaic);
-    g_test_add_func("/inputs/bad", test_bad);
-    g_test_add_func("/inputs/read", test_read);
-    return g_test_run();
 }

@@ -1,5 +1,6 @@
 /* The lamps' output that fiducials have shown: means, interpolation between measured shots of a
  * lamp, and values in the database that are none. */
+#include "lib/test.h"
 #include "session/outputs.h"
 
 #include <math.h>
@@ -41,7 +42,7 @@ static void assert_outputs(Session *session, const GPtrArray *shots, int measure
     outputs_free(outputs);
 }
 
-static void test_interpolation(void) {
+TEST(interpolation) {
     g_autofree char *path = session_fixture_path("outputs");
     g_autoptr(Session) session = session_fixture_create(path, 1, N);
     g_autoptr(GPtrArray) shots = new_shots();
@@ -58,7 +59,7 @@ static void test_interpolation(void) {
     assert_outputs(session, shots, 3, (const double[N]){1.2, 1.2, 1.2, 1, 1.0, 1.2, 0.8, 1.2});
 }
 
-static void test_bad(void) {
+TEST(bad) {
     static const char *const bad[][2] = {
         {"x/cam30", "1 0.1"},   {"0/cam30", "1 0.1"},  {"9/cam30", "1 0.1"},
         {"3", "1 0.1"},         {"3/cam30", "1"},      {"3/cam30", "1 0.1 2"},
@@ -82,9 +83,4 @@ static void test_bad(void) {
     }
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/outputs/interpolation", test_interpolation);
-    g_test_add_func("/outputs/bad", test_bad);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -4,10 +4,11 @@
  */
 #include "lib/assert_error.h"
 #include "lib/session_fixture.h"
+#include "lib/test.h"
 
 #include <sys/stat.h>
 
-static void test_plan(void) {
+TEST(plan) {
     for (guint32 seed = 1; seed <= 12; seed++) {
         g_autofree char *path = session_fixture_path("plan");
         g_autofree struct random_plan *p = session_fixture_random_plan(seed, (int)seed * 25);
@@ -37,7 +38,7 @@ static void assert_refused(const struct session_plan *plan) {
 
 /* Values that a session is made with are there as soon as it has its name; one that is not set is
  * no error, and differs from one that cannot be read. */
-static void test_first_values(void) {
+TEST(first_values) {
     static const char *const values[][2] = {{"calibration", "nominal"}, {"chosen", NULL}};
     g_autofree struct random_plan *p = session_fixture_random_plan(3, 5);
     g_autofree char *path = session_fixture_path("values"), *found = NULL, *none = NULL;
@@ -69,7 +70,7 @@ static void test_first_values(void) {
 }
 
 /* A plan that somebody has edited in the database is refused where it is read, in words. */
-static void test_edited(void) {
+TEST(edited) {
     static const char *const edits[] = {
         "UPDATE grid SET width = 0",
         "UPDATE grid SET width = 16385",
@@ -152,7 +153,7 @@ static void test_edited(void) {
 }
 
 /* Who may write is for the umask to say, and whose group it is for the folder it is made in. */
-static void test_permissions(void) {
+TEST(permissions) {
     static const struct {
         const char *name;
         mode_t mode;
@@ -175,7 +176,7 @@ static void test_permissions(void) {
     g_assert_cmpint(chmod(parent, before.st_mode & 07777), ==, 0);
 }
 
-static void test_bad_plan(void) {
+TEST(bad_plan) {
     static const double bad[] = {NAN, INFINITY, -INFINITY};
     static const struct session_texts latin = {
         .rig_conf = "\xfc", .session_conf = "", .calibration = ""};
@@ -210,7 +211,7 @@ static void test_bad_plan(void) {
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
 }
 
-static void test_exists(void) {
+TEST(exists) {
     g_autofree char *path = session_fixture_path("exists"),
                     *nowhere = g_build_filename(path, "a/b", NULL);
     g_autofree struct random_plan *p = session_fixture_random_plan(1, 1);
@@ -226,7 +227,7 @@ static void test_exists(void) {
         g_assert_true(*name != '.'); /* nothing half made is left */
 }
 
-static void test_commit(void) {
+TEST(commit) {
     g_autofree char *path = session_fixture_path("commit");
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
@@ -260,7 +261,7 @@ static void assert_commit_fails(Session *session, gint64 shot, const struct sess
 }
 
 /* Refused as a whole: neither state nor frames have changed. */
-static void test_commit_refused(void) {
+TEST(commit_refused) {
     g_autofree char *path = session_fixture_path("refuse");
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
@@ -300,7 +301,7 @@ static void assert_turned(Session *session, guint n, const double *deg) {
 }
 
 /* Where the table was, bit by bit; a later take, and one of another shot, replaces nothing else. */
-static void test_turned(void) {
+TEST(turned) {
     g_autofree char *path = session_fixture_path("turned");
     g_autoptr(Session) session = session_fixture_create(path, 1, 40);
     g_autoptr(GError) error = NULL;
@@ -334,7 +335,7 @@ static void test_turned(void) {
     assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_FORMAT);
 }
 
-static void test_modes(void) {
+TEST(modes) {
     g_autofree char *path = session_fixture_path("modes");
     g_autoptr(GError) error = NULL;
     int lost;
@@ -354,7 +355,7 @@ static void test_modes(void) {
     g_assert_true(session_set_value(maker, "a", "b", &error));
 }
 
-static void test_facts(void) {
+TEST(facts) {
     g_autofree char *path = session_fixture_path("facts");
     g_autoptr(Session) session = session_fixture_create(path, 1, 3);
     g_autoptr(GError) error = NULL;
@@ -389,7 +390,7 @@ static void test_facts(void) {
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
 }
 
-static void test_verify(void) {
+TEST(verify) {
     g_autofree char *path = session_fixture_path("verify");
     g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autofree char *gone = session_file(session, "frames/000001_cam_0.exr");
@@ -420,7 +421,7 @@ static void test_verify(void) {
                             "frames/000001_cam_0.exr is gone"));
 }
 
-static void test_lock(void) {
+TEST(lock) {
     g_autofree char *path = session_fixture_path("lock");
     g_autoptr(GError) error = NULL;
     int ready[2];
@@ -450,7 +451,7 @@ static void test_lock(void) {
 }
 
 /* One process commits two frames a shot, another counts: it never sees half a shot, nor fewer. */
-static void test_concurrent(void) {
+TEST(concurrent) {
     g_autofree char *path = session_fixture_path("two");
     g_autoptr(GError) error = NULL;
     guint seen = 0, reads = 0;
@@ -485,21 +486,4 @@ static void test_concurrent(void) {
     g_assert_cmpuint(reads, >, 0);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/session/plan", test_plan);
-    g_test_add_func("/session/first-values", test_first_values);
-    g_test_add_func("/session/edited", test_edited);
-    g_test_add_func("/session/permissions", test_permissions);
-    g_test_add_func("/session/bad-plan", test_bad_plan);
-    g_test_add_func("/session/exists", test_exists);
-    g_test_add_func("/session/commit", test_commit);
-    g_test_add_func("/session/commit-refused", test_commit_refused);
-    g_test_add_func("/session/turned", test_turned);
-    g_test_add_func("/session/modes", test_modes);
-    g_test_add_func("/session/facts", test_facts);
-    g_test_add_func("/session/verify", test_verify);
-    g_test_add_func("/session/lock", test_lock);
-    g_test_add_func("/session/concurrent", test_concurrent);
-    return session_fixture_run();
-}
+TESTS_RUN_BY(session_fixture_run);

@@ -4,9 +4,10 @@
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 
 /* Killed at any time while committing: what is there is whole. */
-static void test_killed_commit(void) {
+TEST(killed_commit) {
     g_autofree char *path = session_fixture_path("kill");
     GRand *rand = g_rand_new_with_seed(4);
 
@@ -41,7 +42,7 @@ static void test_killed_commit(void) {
 }
 
 /* Killed at any time while being made: there is no session, or a whole one. */
-static void test_killed_create(void) {
+TEST(killed_create) {
     GRand *rand = g_rand_new_with_seed(5);
 
     for (int round = 0; round < 12; round++) {
@@ -84,7 +85,7 @@ static void assert_not_opened(const char *path, const char *says) {
     }
 }
 
-static void test_not_a_session(void) {
+TEST(not_a_session) {
     g_autofree char *none = session_fixture_path("none"), *empty = session_fixture_path("empty"),
                     *text = session_fixture_path("text");
     g_autofree char *foreign = session_fixture_path("foreign"),
@@ -118,7 +119,7 @@ static void assert_changed(const char *statement, const char *says) {
     assert_not_opened(path, says);
 }
 
-static void test_changed_schema(void) {
+TEST(changed_schema) {
     assert_changed("PRAGMA user_version = 2", "newer program");
     assert_changed("PRAGMA user_version = 0", "format 0");
     assert_changed("DROP TABLE event", "damaged");
@@ -130,7 +131,7 @@ static void test_changed_schema(void) {
 }
 
 /* Comments may differ, as those of other versions do. Nothing hides behind them. */
-static void test_changed_comments(void) {
+TEST(changed_comments) {
     static const char change[] = "PRAGMA writable_schema = 1;"
                                  "UPDATE sqlite_schema SET sql = replace(sql, %s)";
     static const char *const others[] = {
@@ -159,7 +160,7 @@ static void test_changed_comments(void) {
 }
 
 /* Rows that a stranger put in are refused when they are read, triggers never run. */
-static void test_changed_rows(void) {
+TEST(changed_rows) {
     static const char *const changes[] = {
         "UPDATE shot SET id = 77 WHERE id = 3",
         "UPDATE shot SET cameras = -1 WHERE id = 3",
@@ -182,7 +183,7 @@ static void test_changed_rows(void) {
     }
 }
 
-static void test_trigger(void) {
+TEST(trigger) {
     g_autofree char *path = session_fixture_path("trigger");
     g_autoptr(GError) error = NULL;
 
@@ -224,7 +225,7 @@ static void read_everything(const char *path, enum session_mode mode) {
     }
 }
 
-static void test_mutated(void) {
+TEST(mutated) {
     g_autofree char *path = session_fixture_path("mutated"), *bytes = NULL;
     g_autofree char *file = g_build_filename(path, "session.db", NULL);
     g_autofree char *wal = g_strconcat(file, "-wal", NULL), *shm = g_strconcat(file, "-shm", NULL);
@@ -360,21 +361,13 @@ static void test_in_name_space(gconstpointer data) {
         g_assert_cmpint(WEXITSTATUS(status), ==, 0);
 }
 
-int main(int argc, char **argv) {
+TESTS_RUN_BY(session_fixture_run);
+
+BEFORE_TESTS {
     static const struct name_space small = {capture_until_full, "small"},
                                    smaller = {create_when_full, "smaller"},
                                    read_only = {read_only_medium, "readonly"};
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/session-damage/killed-commit", test_killed_commit);
-    g_test_add_func("/session-damage/killed-create", test_killed_create);
-    g_test_add_func("/session-damage/not-a-session", test_not_a_session);
-    g_test_add_func("/session-damage/changed-schema", test_changed_schema);
-    g_test_add_func("/session-damage/changed-comments", test_changed_comments);
-    g_test_add_func("/session-damage/changed-rows", test_changed_rows);
-    g_test_add_func("/session-damage/trigger", test_trigger);
-    g_test_add_func("/session-damage/mutated", test_mutated);
     g_test_add_data_func("/session-damage/disk-full", &small, test_in_name_space);
     g_test_add_data_func("/session-damage/create-full", &smaller, test_in_name_space);
     g_test_add_data_func("/session-damage/read-only-medium", &read_only, test_in_name_space);
-    return session_fixture_run();
 }

@@ -1,5 +1,6 @@
 /* Synthesis of samples whose right continuation is known: cut from patterns that repeat. */
 #include "lib/btf_fixture.h"
+#include "lib/test.h"
 #include "synthesis/quilting.h"
 #include "synthesis/synthesis.h"
 #include "synthesis/tileable.h"
@@ -59,7 +60,7 @@ static double break_of_period(const struct btf_matrix *btf, const struct index_m
 }
 
 /* Distances of features are those of the whole rows. */
-static void test_features(void) {
+TEST(features) {
     g_autoptr(BtfMatrix) btf = new_pattern(24, 20, 12, 9, 0);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     const gsize values = btf_layout_values(&btf->layout);
@@ -89,7 +90,7 @@ static struct index_map *synthesize(const struct texel_features *features,
 }
 
 /* A period that must be kept, across blocks and where the map itself repeats. */
-static void test_period(void) {
+TEST(period) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 36, 8, 6, 0);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -105,7 +106,7 @@ static void test_period(void) {
 }
 
 /* Cut so that repeating it shows a seam: the part that is left repeats as the pattern does. */
-static void test_seam(void) {
+TEST(seam) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 42, 23, 17, 0);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -125,7 +126,7 @@ static void test_seam(void) {
 }
 
 /* With noise nothing fits exactly, and the seam still differs no more than neighbours do. */
-static void test_noisy_seam(void) {
+TEST(noisy_seam) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 42, 23, 17, 0.15);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -137,7 +138,7 @@ static void test_noisy_seam(void) {
 }
 
 /* What only the relief shows counts, too: colours repeat every 9 texels, heights every 18. */
-static void test_relief(void) {
+TEST(relief) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 40, 9, 9, 0);
     const float angles[2] = {0, 45};
     g_autoptr(MdfTable) mdf = mdf_table_new(40, 40, 2, btf->layout.texel_mm, angles, angles);
@@ -176,7 +177,7 @@ static void assert_same_maps(const struct index_map *a, const struct index_map *
 }
 
 /* The same seed gives the same map, with any number of threads; another one another. */
-static void test_seeds(void) {
+TEST(seeds) {
     g_autoptr(BtfMatrix) btf = new_pattern(32, 28, 11, 13, 0.4);
     const struct work one = {.n_threads = 1}, four = {.n_threads = 4};
     for (int method = SYNTHESIS_AUTO; method <= SYNTHESIS_QUILTING; method++) {
@@ -205,7 +206,7 @@ static void test_seeds(void) {
 }
 
 /* Textons lose an order of long range, quilting keeps it, and auto sees that. */
-static void test_auto(void) {
+TEST(auto) {
     g_autoptr(BtfMatrix) btf = new_pattern(48, 48, 16, 16, 0.3);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -216,7 +217,7 @@ static void test_auto(void) {
 }
 
 /* Most texels of a map of textons continue their neighbours, and those at seams fit. */
-static void test_textons(void) {
+TEST(textons) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 36, 8, 6, 0);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -226,7 +227,7 @@ static void test_textons(void) {
 }
 
 /* A block of a level looks like what stands there. */
-static void test_levels(void) {
+TEST(levels) {
     g_autoptr(BtfMatrix) btf = new_pattern(48, 45, 20, 23, 0);
     g_autoptr(TexelFeatures) features = features_of(btf, NULL);
     struct synthesis_result result;
@@ -267,7 +268,7 @@ static struct index_map *read_back(const struct index_map *map, GError **error) 
     return read;
 }
 
-static void test_file(void) {
+TEST(file) {
     g_autoptr(GError) error = NULL;
     g_autoptr(IndexMap) map = index_map_new(7, 5, 300, 200, 0.25, "textons");
     for (int i = 0; i < 35; i++) {
@@ -292,19 +293,4 @@ static void test_file(void) {
     g_autoptr(IndexMap) huge = index_map_new(7, 5, 1 << 20, 200, 0.25, "textons");
     g_assert_null(read_back(huge, &error));
     g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/synthesis/features", test_features);
-    g_test_add_func("/synthesis/period", test_period);
-    g_test_add_func("/synthesis/seam", test_seam);
-    g_test_add_func("/synthesis/noisy-seam", test_noisy_seam);
-    g_test_add_func("/synthesis/relief", test_relief);
-    g_test_add_func("/synthesis/seeds", test_seeds);
-    g_test_add_func("/synthesis/auto", test_auto);
-    g_test_add_func("/synthesis/textons", test_textons);
-    g_test_add_func("/synthesis/levels", test_levels);
-    g_test_add_func("/synthesis/file", test_file);
-    return g_test_run();
 }

@@ -2,6 +2,7 @@
 #include "capture/capture_marks.h"
 #include "lib/grey_fixture.h"
 #include "lib/process.h"
+#include "lib/test.h"
 #include "session/outputs.h"
 
 #include <sqlite3.h>
@@ -80,7 +81,7 @@ static void put_gamma(const char *folder) {
 #define RADIANS(what) "UPDATE shot SET " what " = " what " * 0.017453292519943295"
 #define DEGREES(what) "UPDATE shot SET " what " = " what " / 0.017453292519943295"
 
-static void wrong_tile(void) {
+TEST(wrong_tile) {
     static const struct {
         const char *sql, *undo, *says;
     } wrong[] = {
@@ -117,7 +118,7 @@ static void wrong_tile(void) {
     radiometry_rig_remove(folder);
 }
 
-static void grey_scale(void) {
+TEST(grey_scale) {
     for (int seed = 1; seed <= 2; seed++)
         g_assert_cmpfloat(grey_error(seed, TRUE), <, 0.005);
 }
@@ -131,7 +132,7 @@ static void expect(const char *world_keys, const char *turntable_keys, enum capt
     g_assert_true(!not || !strstr(told, not ));
 }
 
-static void quick_check(void) {
+TEST(quick_check) {
     expect(NULL, "", CAPTURE_DONE, "quick check", "moved since");
     expect("turn_deg=0;0.1;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.1", "cam0");
     expect("turn_deg=-0.1;0;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.", "cam2");
@@ -168,7 +169,7 @@ static char *check_shot(Capture *capture, gboolean turned) {
 }
 
 /* A light may make marks look displaced; nobody is called at night for one shot's sake. */
-static void quick_check_asks_twice(void) {
+TEST(quick_check_asks_twice) {
     g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "few.session", NULL);
     g_autofree char *calibration_path = g_build_filename(folder, "calibration.conf", NULL);
     grey_truth(folder, "radiometry", 1);
@@ -231,7 +232,7 @@ static void policy(void) {
 }
 
 /* Shots in which no mark was seen have what their lamp's neighbours have; nonsense is refused. */
-static void lamp_outputs(void) {
+TEST(lamp_outputs) {
     g_autofree char *folder = grey_folder();
     g_autofree char *path = g_build_filename(folder, "few.session", NULL);
     g_autoptr(GError) error = NULL;
@@ -276,16 +277,11 @@ static void lamp_outputs(void) {
     radiometry_rig_remove(folder);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     g_test_add_func("/tile/tile", tile);
-    g_test_add_func("/tile/wrong-tile", wrong_tile);
-    g_test_add_func("/tile/grey-scale", grey_scale);
-    g_test_add_func("/tile/quick-check", quick_check);
-    g_test_add_func("/tile/quick-check-asks-twice", quick_check_asks_twice);
     g_test_add_func("/tile/policy", policy);
-    g_test_add_func("/tile/lamp-outputs", lamp_outputs);
-    int status = g_test_run();
+}
+
+AFTER_TESTS {
     world_fixture_clean();
-    return status;
 }

@@ -8,6 +8,7 @@
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
+#include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lpca/lpca_levels.h"
 #include "methods/lpca_revised.h"
@@ -182,7 +183,7 @@ static gint64 webgl_test_size(const char *path) {
     return status.st_size;
 }
 
-static void test_size(void) {
+TEST(size) {
     g_autofree char *material = g_strdup(in_folder("noise.exr"));
     g_autofree char *page = g_strdup(in_folder("noise.html"));
     g_autofree char *file = g_strdup(in_folder("noise.mesoweb"));
@@ -267,7 +268,7 @@ static void webgl_test_write_constant(const char *path, int rings, enum lpca_col
 }
 
 /* Logarithms are decoded and compressed again; one view is seen from everywhere. */
-static void test_converted(void) {
+TEST(converted) {
     g_autofree char *log = g_strdup(in_folder("log.exr")), *one = g_strdup(in_folder("one.exr"));
     webgl_test_write_constant(log, 2, LPCA_LOG);
     webgl_test_write_constant(one, 0, LPCA_RGB);
@@ -295,7 +296,7 @@ static double webgl_test_plane(Browser *browser, double theta_deg, int phi_deg) 
 
 /* Light ends at the horizon by degrees, from whatever azimuth; here of few lights, on a coarse
  * grid, whose corners are at odd multiples of 45°. */
-static void test_terminator(void) {
+TEST(terminator) {
     g_autoptr(GError) error = NULL;
     g_autofree char *few = g_strdup(in_folder("few.exr")), *page = g_strdup(in_folder("few.html"));
     g_autofree char *address = g_strconcat("file://", page, NULL);
@@ -323,7 +324,7 @@ static void test_terminator(void) {
 }
 
 /* A session's directory: its BTF is compressed, its products/lpca.exr is taken as it is. */
-static void test_session(void) {
+TEST(session) {
     g_autofree char *btf = g_strdup(in_folder("session.btf"));
     g_autofree char *session = g_strdup(in_folder("small.session"));
     g_autofree char *values = g_strdup(in_folder("session.values"));
@@ -356,7 +357,7 @@ static void webgl_test_refused(const char *command, const char *words) {
     assert_has(said, words);
 }
 
-static void test_refused(void) {
+TEST(refused) {
     g_autofree char *there = g_strdup(in_folder("there.html")), *nowhere = NULL, *content = NULL;
     g_autofree char *to = g_strdup(in_folder("refused.html"));
     g_assert_true(g_file_set_contents(there, "mine", -1, NULL));
@@ -387,7 +388,7 @@ static void check_incomplete(Browser *browser, const char *address) {
 }
 
 /* A page that was cut off says so; small.exr is test_file()'s. */
-static void test_cut(void) {
+TEST(cut) {
     g_autofree char *page = g_strdup(in_folder("small.html")),
                     *cut = g_strdup(in_folder("cut.html"));
     g_autofree char *text = NULL, *address = g_strconcat("file://", cut, NULL);
@@ -407,21 +408,15 @@ static void test_cut(void) {
     browser_free(browser);
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-webgl-XXXXXX", NULL);
     g_test_add_func("/webgl/file", test_file);
-    g_test_add_func("/webgl/size", test_size);
-    g_test_add_func("/webgl/converted", test_converted);
-    g_test_add_func("/webgl/session", test_session);
-    g_test_add_func("/webgl/terminator", test_terminator);
     g_test_add_data_func("/webgl/pictures/weave", GINT_TO_POINTER(RELIEF_WEAVE), test_pictures);
     g_test_add_data_func("/webgl/pictures/bumps", GINT_TO_POINTER(RELIEF_BUMPS), test_pictures);
     g_test_add_data_func("/webgl/pictures/grooves", GINT_TO_POINTER(RELIEF_GROOVES), test_pictures);
-    g_test_add_func("/webgl/refused", test_refused);
-    g_test_add_func("/webgl/cut", test_cut);
-    const int status = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return status;
 }

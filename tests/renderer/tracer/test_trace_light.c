@@ -3,6 +3,7 @@
 #include "base/direction.h"
 #include "lib/material_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/trace_fixture.h"
 #include "scene/environment_made.h"
 #include "tracer/trace_path.h"
@@ -87,7 +88,7 @@ static char *four_pixels(void) {
 
 /* A diffuser with that picture under a lamp above it shows c/π · π = c, the product of factor and
  * pixel, where the pixels' middles are: the plane is 2 wide, its first row lies at +y. */
-static void test_texture(void) {
+TEST(texture) {
     static const struct {
         double x, y;
         float rgb[3];
@@ -126,7 +127,7 @@ static void test_texture(void) {
 }
 
 /* A picture that is damaged, and one that is not there: the colour alone, and a warning. */
-static void test_texture_unread(void) {
+TEST(texture_unread) {
     static const char *const uris[] = {"data:image/jpeg;base64,/9j/4A==", "nowhere.png"};
     static const char *const words[] = {"its picture, a JPEG", "nowhere.png"};
     g_autoptr(Mesh) plane = scene_plane();
@@ -151,7 +152,7 @@ static void test_texture_unread(void) {
 }
 
 /* Beyond its edges a picture is repeated, mirrored or held. */
-static void test_wrap(void) {
+TEST(wrap) {
     static const struct {
         enum gltf_wrap wrap;
         double u, red; /* at the height of the upper row, whose pixels are red and green */
@@ -191,7 +192,7 @@ static const char four_squares[] =
     "Wv/Z";
 
 /* A JPEG has the colours that were written, and one that ends early is refused. */
-static void test_jpeg(void) {
+TEST(jpeg) {
     static const double squares[4][3] = {
         {200, 40, 40}, {40, 180, 60}, {50, 60, 210}, {240, 240, 240}};
     const enum gltf_wrap wrap[2] = {GLTF_WRAP_REPEAT, GLTF_WRAP_REPEAT};
@@ -217,7 +218,7 @@ static void test_jpeg(void) {
 }
 
 /* Beneath an even sky of radiance 1 a white body is invisible: every pixel is 1. Convex. */
-static void test_furnace_sphere(void) {
+TEST(furnace__sphere) {
     g_autoptr(Mesh) sphere = scene_sphere();
     const struct trace_object object = {sphere, 0, 1.0F, {0, 0, 0}, FALSE};
     g_autoptr(TraceScene) scene = read_objects(&object, 1, WHITE);
@@ -234,7 +235,7 @@ static void test_furnace_sphere(void) {
 
 /* A white box without a lid, seen from above: light is reflected many times before it leaves, and
  * the inside is as bright as the sky nevertheless. */
-static void test_furnace_box(void) {
+TEST(furnace__box) {
     g_autoptr(Mesh) plane = scene_plane();
     struct mesh sides[5];
     struct trace_object objects[5];
@@ -276,7 +277,7 @@ static void test_furnace_box(void) {
 /* Captured white, as Ward's formula has it and as a table of directions; the library's own value of
  * what the sky sends, by the midpoint rule, is 1 for the formula, and little less where values are
  * interpolated between measured lights. */
-static void test_furnace_captured(void) {
+TEST(furnace__captured) {
     static const char *const forms[] = {"ward", "eigenmaps"};
     enum { STEPS = 400 };
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -321,7 +322,7 @@ static void test_furnace_captured(void) {
 }
 
 /* A plane of albedo 0.5 under lamps whose light is known, with every way to draw directions. */
-static void test_plane(void) {
+TEST(plane) {
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
     g_autoptr(TraceScene) scene = read_objects(&object, 1, DIFFUSER("0.5, 0.5, 0.5"));
@@ -364,7 +365,7 @@ static struct mesh turned_over(const struct mesh *plane) {
 }
 
 /* Light from an area, with a body below it that throws a shadow, or none. */
-static void test_area(void) {
+TEST(area) {
     g_autoptr(Mesh) plane = scene_plane();
     struct mesh over = turned_over(plane);
     const struct trace_object objects[] = {{plane, 0, 3.0F, {0, 0, 0}, FALSE},
@@ -397,7 +398,7 @@ static void test_area(void) {
 
 /* glTF's lamps and camera: a point and a spot above a white plane; the camera's right is +x of the
  * node and its up +y, where a shadow lies. */
-static void test_punctual(void) {
+TEST(punctual) {
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object objects[] = {{plane, 0, 4.0F, {0, 0, 0}, FALSE},
                                            {plane, 1, 0.5F, {1, 1, 1}, FALSE}};
@@ -455,7 +456,7 @@ static void test_punctual(void) {
 
 /* A captured material on the plane: its value at that point, with the texture's first row at y = 1,
  * for the directions of eye and lamp in the plane's frame. */
-static void test_captured(void) {
+TEST(captured) {
     static const double points[][2] = {{0.31, 0.17}, {-0.62, 0.55}, {0.05, -0.83}};
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
@@ -498,7 +499,7 @@ static void test_captured(void) {
 }
 
 /* The same with any number of threads; another with another seed. */
-static void test_same(void) {
+TEST(same) {
     g_autoptr(Mesh) knot = scene_shape("torus-knot", SCENE_Z_UP, NULL);
     const struct trace_object object = {knot, 0, 1.0F, {0, 0, 0}, FALSE};
     g_autoptr(TraceScene) scene = read_objects(&object, 1, DIFFUSER("0.7, 0.6, 0.5"));
@@ -514,7 +515,7 @@ static void test_same(void) {
     g_assert_cmpfloat(mean_of(a->rgb, 4800, 1), !=, mean_of(c->rgb, 4800, 1));
 }
 
-static void test_cancelled(void) {
+TEST(cancelled) {
     g_autoptr(Mesh) plane = scene_plane();
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
     g_autoptr(TraceScene) scene = read_objects(&object, 1, WHITE);
@@ -564,7 +565,7 @@ static double outline_radius(const TraceScene *scene) {
 /* The surface of a sphere's material lies d below the mesh: a ray whose greatest depth below it is
  * z² / 2, z being the cosine to the normal where it enters, passes where that is less than d,
  * beyond the distance √(1 − z²) = √(1 − 2 d) from the middle. */
-static void test_relief(void) {
+TEST(relief) {
     static const double depths[] = {0.03, 0.08};
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
@@ -595,23 +596,4 @@ static void test_relief(void) {
         g_assert_cmpfloat_with_epsilon(radius, sqrt(1.0 - 2.0 * depths[k]), 3e-3);
     }
     remove_tree(folder);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/trace-light/furnace/sphere", test_furnace_sphere);
-    g_test_add_func("/trace-light/furnace/box", test_furnace_box);
-    g_test_add_func("/trace-light/furnace/captured", test_furnace_captured);
-    g_test_add_func("/trace-light/plane", test_plane);
-    g_test_add_func("/trace-light/area", test_area);
-    g_test_add_func("/trace-light/punctual", test_punctual);
-    g_test_add_func("/trace-light/texture", test_texture);
-    g_test_add_func("/trace-light/texture_unread", test_texture_unread);
-    g_test_add_func("/trace-light/wrap", test_wrap);
-    g_test_add_func("/trace-light/jpeg", test_jpeg);
-    g_test_add_func("/trace-light/captured", test_captured);
-    g_test_add_func("/trace-light/relief", test_relief);
-    g_test_add_func("/trace-light/same", test_same);
-    g_test_add_func("/trace-light/cancelled", test_cancelled);
-    return g_test_run();
 }

@@ -3,6 +3,7 @@
 #include "lib/material_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/test.h"
 #include "lib/trace_fixture.h"
 
 #include <glib/gstdio.h>
@@ -57,7 +58,7 @@ static void write_material(void) {
 
 /* A picture with a captured material: the PNG is the EXR's radiance, exposed; both ways of drawing
  * directions see the same material. */
-static void test_picture(void) {
+TEST(picture) {
     g_autofree char *exr_path = in_folder("a.exr"), *png_path = in_folder("a.png");
     g_autoptr(GError) error = NULL;
     g_autofree char *said =
@@ -99,7 +100,7 @@ static void test_picture(void) {
 }
 
 /* The same command gives the same bytes. */
-static void test_again(void) {
+TEST(again) {
     static const char arguments[] = "a.gltf -o c.png --material cloth=cloth.exr --lamp 40,30,2 "
                                     "--size 16x16 --samples 4 --threads ";
     g_autofree char *path = in_folder("c.png"), *bytes[2] = {NULL, NULL};
@@ -115,7 +116,7 @@ static void test_again(void) {
 }
 
 /* The scene of docs/artists/path-tracing.md, with its camera and two captured materials. */
-static void test_documented(void) {
+TEST(documented) {
     g_autofree char *scene = in_folder("two.gltf");
     const char *const argv[] = {SOURCE_DIR "/etc/sample/make_scene", scene, NULL};
     g_autofree char *made = process_text(0, argv);
@@ -127,7 +128,7 @@ static void test_documented(void) {
 }
 
 /* Each ends with a sentence that names what is wrong, and without a file. */
-static void test_mistakes(void) {
+TEST(mistakes) {
     static const struct {
         int code;
         const char *arguments, *says;
@@ -187,7 +188,7 @@ static void test_mistakes(void) {
 }
 
 /* A picture that cannot be written leaves the one that was there. */
-static void test_full(void) {
+TEST(full) {
     g_autofree char *path = in_folder("kept.png"), *bytes = NULL;
     g_autofree char *script =
         g_strdup_printf("ulimit -f 1; trap '' XFSZ; exec " TRACE
@@ -205,18 +206,13 @@ static void test_full(void) {
         g_assert_true(!g_str_has_prefix(name, "kept.png.") && !g_str_has_prefix(name, "kept.png~"));
 }
 
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
+BEFORE_TESTS {
     folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     write_scene("a.gltf", MATERIALS, FALSE);
     write_material();
-    g_test_add_func("/trace-program/picture", test_picture);
-    g_test_add_func("/trace-program/again", test_again);
-    g_test_add_func("/trace-program/documented", test_documented);
-    g_test_add_func("/trace-program/mistakes", test_mistakes);
-    g_test_add_func("/trace-program/full", test_full);
-    const int result = g_test_run();
+}
+
+AFTER_TESTS {
     remove_tree(folder);
     g_free(folder);
-    return result;
 }

@@ -1,5 +1,6 @@
 /* What directions and lights are drawn from: plain materials and the sky. Sums over drawn
  * directions are compared with sums over even ones. */
+#include "lib/test.h"
 #include "scene/environment_made.h"
 #include "tracer/trace_plain.h"
 #include "tracer/trace_random.h"
@@ -44,7 +45,7 @@ static void integrate(const struct trace_plain *plain, struct vec3 view, double 
 
 /* No material reflects more than it receives, and the white diffuser reflects all. Densities sum to
  * 1, less what a microfacet would send below the horizon. */
-static void test_energy(void) {
+TEST(energy) {
     for (gsize k = 0; k < G_N_ELEMENTS(plains); k++)
         for (double theta = 5; theta < 89; theta += 14) {
             double density, albedo;
@@ -63,7 +64,7 @@ static void test_energy(void) {
 }
 
 /* f (v, l) = f (l, v) */
-static void test_reciprocity(void) {
+TEST(reciprocity) {
     for (gsize k = 0; k < G_N_ELEMENTS(plains); k++)
         for (int i = 0; i < 50; i++) {
             const struct vec3 a = at_deg(1.7 * i, 40 * i), b = at_deg(85 - 1.6 * i, 73 * i);
@@ -77,7 +78,7 @@ static void test_reciprocity(void) {
 }
 
 /* The mean over drawn directions is the integral; the density of each is that which is said. */
-static void test_draw(void) {
+TEST(draw) {
     enum { N = 40000 };
     for (gsize k = 0; k < G_N_ELEMENTS(plains); k++)
         for (int i = 0; i < 2; i++) {
@@ -105,7 +106,7 @@ static void test_draw(void) {
 /* The sky's density sums to 1 over the sphere and is that of drawn directions; its light is that of
  * the formula: the overcast sky gives π on the ground, and half of its ground's on what faces down.
  */
-static void test_sky(void) {
+TEST(sky) {
     enum { N = 400, DRAWN = 20000 };
     static const char *const names[] = {"studio", "overcast"};
     for (int k = 0; k < 2; k++) {
@@ -153,7 +154,7 @@ static void test_sky(void) {
 }
 
 /* Drawn directions lie in the pixel whose radiance and density they come with. */
-static void test_sky_pixels(void) {
+TEST(sky_pixels) {
     struct environment *made = environment_make("studio");
     g_autoptr(TraceSky) sky = trace_sky_new(made, -71.0);
     struct trace_random random = trace_random_new(4, 5, 6);
@@ -171,14 +172,4 @@ static void test_sky_pixels(void) {
     const struct environment none = {2, 1, black};
     g_assert_null(trace_sky_new(&none, 0.0));
     environment_free(made);
-}
-
-int main(int argc, char **argv) {
-    g_test_init(&argc, &argv, NULL);
-    g_test_add_func("/trace-sampling/energy", test_energy);
-    g_test_add_func("/trace-sampling/reciprocity", test_reciprocity);
-    g_test_add_func("/trace-sampling/draw", test_draw);
-    g_test_add_func("/trace-sampling/sky", test_sky);
-    g_test_add_func("/trace-sampling/sky-pixels", test_sky_pixels);
-    return g_test_run();
 }

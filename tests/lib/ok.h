@@ -1,0 +1,33 @@
+/*
+ * A call that must not fail:
+ *
+ *     g_autoptr(ExrFile) file = ok(exr_read(path, ERR));
+ *
+ * ok() has the value of the call. The test fails with the message of an error that was set. A test
+ * of a failure has a GError of its own.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* The last argument of a call inside ok(). */
+#define ERR (&ok_call.error)
+
+#define ok(call)                                                                                   \
+    ({                                                                                             \
+        __attribute__((cleanup(ok_end))) struct ok_call ok_call = {NULL, __FILE__, G_STRFUNC,      \
+                                                                   #call, __LINE__};               \
+        call;                                                                                      \
+    })
+
+struct ok_call {
+    GError *error;
+    const char *file, *function, *text;
+    int line;
+};
+
+static inline void ok_end(struct ok_call *call) {
+    if (call->error)
+        g_assertion_message_error(G_LOG_DOMAIN, call->file, call->line, call->function, call->text,
+                                  call->error, 0, 0);
+}
