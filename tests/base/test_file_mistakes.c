@@ -1,6 +1,7 @@
 /* A rig, session or world file with many mistakes tells all of them, each as it is told alone, in
  * the order of its lines; what only follows from another mistake is not told. */
 #include "base/options.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
@@ -113,8 +114,7 @@ static void check_kind(const char *kind, Reader read, const struct mistake *mist
     g_autofree char *text = file_of_kind(kind), *all = g_strdup(text);
     g_autofree struct told *told = g_new0(struct told, n);
     g_autoptr(GError) error = NULL;
-    g_assert_true(read(text, path, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(read(text, path, ERR)));
     for (gsize i = 0; i < n; i++) {
         g_autofree char *one = with_mistake(text, &mistakes[i]);
         const char *at = mistakes[i].at ? mistakes[i].at : mistakes[i].to;
@@ -300,8 +300,7 @@ TEST(mutations) {
 TEST(error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
     g_autoptr(GError) error = NULL;
-    g_assert_true(mistakes_report(mistakes, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(mistakes_report(mistakes, ERR)));
     g_assert_false(mistakes_add(mistakes, NULL));
     g_assert_cmpuint(mistakes_count(mistakes), ==, 0);
     mistakes_add(mistakes, g_error_new(G_FILE_ERROR, G_FILE_ERROR_NOENT, "there is no a.png"));

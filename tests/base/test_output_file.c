@@ -4,6 +4,7 @@
 #include "base/new_file.h"
 #include "base/output_file.h"
 #include "base/png_bytes.h"
+#include "lib/ok.h"
 #include "lib/refusing.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
@@ -32,9 +33,7 @@ static const char *in_top(const char *name) {
 }
 
 static void put(const char *path, const char *text) {
-    g_autoptr(GError) error = NULL;
-    g_file_set_contents(path, text, -1, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(path, text, -1, ERR));
 }
 
 static char *get(const char *path) {
@@ -81,18 +80,14 @@ static void refused(const char *path, const char *kind, gboolean force, int code
 }
 
 static OutputFile *taken(const char *path, const char *kind, gboolean force) {
-    g_autoptr(GError) error = NULL;
-    OutputFile *file = output_file_new(path, kind, force, &error);
-    g_assert_no_error(error);
+    OutputFile *file = ok(output_file_new(path, kind, force, ERR));
     return file;
 }
 
 static void delivers(const char *path, const char *kind, gboolean force, const char *text,
                      const char *note) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) file = taken(path, kind, force);
-    g_assert_true(output_file_put(file, text, strlen(text), &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(output_file_put(file, text, strlen(text), ERR)));
     g_assert_cmpstr(output_file_note(file), ==, note);
 }
 
@@ -123,8 +118,7 @@ TEST(abandoned) {
     empty_top();
     g_autoptr(GError) error = NULL;
     g_autoptr(OutputFile) file = taken(in_top("b.txt"), NULL, FALSE);
-    const char *path = output_file_path(file, &error);
-    g_assert_no_error(error);
+    const char *path = ok(output_file_path(file, ERR));
     g_assert_true(g_str_has_suffix(path, "/b.txt"));
     put(path, "half");
     g_set_error(&error, DATA_ERROR, DATA_ERROR_IO, "%s: no more paper", path);
@@ -291,7 +285,6 @@ static void test_moves(void) {
 
 /* The same where renames cannot be told not to replace anything; with and without hard links. */
 static gpointer moves_bare(gpointer links) {
-    g_autoptr(GError) error = NULL;
     struct new_file file;
     refusing_begin(GPOINTER_TO_INT(links));
     test_moves();
@@ -317,8 +310,7 @@ TEST(bare) {
 /* Each format with room for its kind is known again, and still what it was to its readers. */
 static void written_as(OutputFile *file, const char *kind, gboolean ok, GError *error) {
     g_assert_no_error(error);
-    g_assert_true(output_file_end(file, ok, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(output_file_end(file, ok, ERR)));
     output_file_free(file);
 }
 

@@ -5,6 +5,7 @@
 #include "base/text_table.h"
 #include "btf/btf_directions.h"
 
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"
@@ -103,8 +104,7 @@ TEST(directions) {
     static const char good[] = "\xef\xbb\xbf"
                                "of;theta_deg;phi_deg\r\nboth;12,5;0\r\n";
     g_assert_true(g_file_set_contents(path, good, -1, NULL));
-    struct btf_directions *read = btf_directions_read(path, &error);
-    g_assert_no_error(error);
+    struct btf_directions *read = ok(btf_directions_read(path, ERR));
     g_assert_cmpfloat((double)read->views.theta_deg[0], ==, 12.5);
     btf_directions_free(read);
     g_assert_true(g_file_set_contents(path, "of,theta_deg,phi\nboth,0,0\n", -1, NULL));

@@ -1,6 +1,7 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
 #include "boards/board.h"
 #include "boards/corner.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "pictures/picture_read.h"
 #include "pictures/vision.h"
@@ -12,11 +13,9 @@
 static char *folder;
 
 static struct board parse(const char *spec) {
-    g_autoptr(GError) error = NULL;
     struct board board;
 
-    g_assert_true(board_parse(&board, spec, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(board_parse(&board, spec, ERR)));
     return board;
 }
 
@@ -26,8 +25,7 @@ static struct picture *draw(const struct board *board, const char *name) {
     const struct board_drawing drawing = {5, 8};
 
     g_assert_true(board_draw(board, path, &drawing, &error));
-    struct picture *picture = picture_read(path, &error);
-    g_assert_no_error(error);
+    struct picture *picture = ok(picture_read(path, ERR));
     g_unlink(path);
     return picture;
 }
@@ -72,8 +70,7 @@ TEST(upright) {
 
     for (gsize i = 0; i < G_N_ELEMENTS(good); i++) {
         const struct board board = parse(good[i]);
-        g_assert_true(board_check_upright(&board, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(board_check_upright(&board, ERR)));
     }
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         const struct board board = parse(bad[i]);
@@ -158,13 +155,11 @@ TEST(markers) {
 }
 
 TEST(chessboard) {
-    g_autoptr(GError) error = NULL;
     const struct board board = parse("8x5,square=10");
     g_autoptr(Picture) picture = draw(&board, "board.png");
     double xy[2 * 7 * 4];
 
-    g_assert_true(vision_find_chessboard(picture, 8, 5, xy, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(vision_find_chessboard(picture, 8, 5, xy, ERR)));
     const gboolean turned = xy[0] > xy[2 * 27];
     for (int id = 0; id < 28; id++) {
         double mm[2];

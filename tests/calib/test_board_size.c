@@ -8,6 +8,7 @@
  * number of 0 … 6 after it: of this print alone.
  */
 #include "boards/board_size.h"
+#include "lib/ok.h"
 
 #include <math.h>
 #include <string.h>
@@ -28,10 +29,8 @@ struct view {
 };
 
 static struct board parse(const char *spec) {
-    g_autoptr(GError) error = NULL;
     struct board board;
-    g_assert_true(board_parse(&board, spec, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(board_parse(&board, spec, ERR)));
     return board;
 }
 

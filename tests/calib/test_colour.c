@@ -1,5 +1,6 @@
 /* Colour matrices: of made-up charts, and of one in a session of the simulated rig. */
 #include "lib/grey_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "radiometry/colour.h"
 #include "targets/chart_session.h"
@@ -73,8 +74,7 @@ static void scales(void) {
                 patches[i].xyz[k] *= 1 + 0.03 * g_rand_double_range(random, -1, 1);
             }
         }
-        g_assert_true(colour_fit(patches, 24, &found, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(colour_fit(patches, 24, &found, ERR)));
         g_test_message("brightness %g: %.3f ΔE", of[s], found.residual);
         first = s == 0 ? found.residual : first;
         g_assert_cmpfloat_with_epsilon(found.residual, first, 1e-6);
@@ -182,8 +182,7 @@ static void session(void) {
     g_assert_no_error(error);
     g_assert_cmpuint(fields->len, ==, N_PATCHES);
     g_assert_true(chart_session(opened, fields, patches, &error));
-    g_assert_true(colour_fit(patches, N_PATCHES, &found, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(colour_fit(patches, N_PATCHES, &found, ERR)));
     g_test_message("%.2f ΔE", found.residual);
     for (int i = 0; i < 9; i++)
         g_assert_cmpfloat(fabs(found.matrix[i] - truth[i]), <, 0.015);

@@ -1,4 +1,5 @@
 #include "geometry/rig.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <locale.h>
@@ -434,10 +435,8 @@ TEST(wobble) {
         assert_vec(at->lasers[0].normal, rig->lasers[0].normal, 1e-12);
     }
     /* It is in the file, and in no file of a rig without wobble. */
-    g_autoptr(GError) error = NULL;
     g_autofree char *text = rig_to_text(rig);
-    g_assert_true(rig_from_text(at, text, NULL, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(rig_from_text(at, text, NULL, ERR)));
     g_assert_cmpmem(&at->wobble, sizeof at->wobble, &rig->wobble, sizeof rig->wobble);
     memset(&rig->wobble, 0, sizeof rig->wobble);
     g_autofree char *without = rig_to_text(rig);
@@ -449,11 +448,9 @@ TEST(text_round_trip) {
 
     for (int i = 0; i < 50; i++) {
         struct rig rig = random_rig(rand), read;
-        g_autoptr(GError) error = NULL;
         g_autofree char *text = rig_to_text(&rig);
         memset(&read, 0xa5, sizeof read);
-        g_assert_true(rig_from_text(&read, text, "calibration.conf", &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(rig_from_text(&read, text, "calibration.conf", ERR)));
         g_autofree char *again = rig_to_text(&read);
         g_assert_cmpstr(text, ==, again);
         g_assert_cmpstr(read.id, ==, rig.id);
@@ -474,15 +471,13 @@ TEST(text_round_trip) {
 /* As written before arcs were measured: an ideal one. */
 TEST(text_without_arc) {
     g_autoptr(GRand) rand = g_rand_new_with_seed(8);
-    g_autoptr(GError) error = NULL;
     struct rig rig = random_rig(rand), read;
     g_autofree char *text = rig_to_text(&rig);
     g_autoptr(GRegex) lines =
         g_regex_new("(arc_zero|arc_tilt|arc_centre|stretch)[^\n]*\n", 0, 0, NULL);
     g_autofree char *old = g_regex_replace(lines, text, -1, 0, "", 0, NULL);
 
-    g_assert_true(rig_from_text(&read, old, "calibration.conf", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(rig_from_text(&read, old, "calibration.conf", ERR)));
     const struct rig_arc ideal = {0};
     g_assert_cmpmem(&read.arc, sizeof read.arc, &ideal, sizeof ideal);
     g_assert_true(read.lasers[1].stretch == 0);

@@ -1,6 +1,7 @@
 /* Several lamps, and light from all around. */
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "methods/microfacet.h"
 #include "scene/environment_made.h"
@@ -13,9 +14,7 @@
 #define SIZE 48
 
 static float *draw(Viewer *viewer, const struct viewer_settings *s) {
-    g_autoptr(GError) error = NULL;
-    float *linear = viewer_render_linear(viewer, s, SIZE, SIZE, &error);
-    g_assert_no_error(error);
+    float *linear = ok(viewer_render_linear(viewer, s, SIZE, SIZE, ERR));
     return linear;
 }
 

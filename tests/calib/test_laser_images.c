@@ -9,6 +9,7 @@
  */
 #include "calibration/calibration.h"
 #include "laser/laser_plane.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -55,10 +56,8 @@ static void true_plane(double ret[4]) {
 }
 
 static struct board parse(const char *spec) {
-    g_autoptr(GError) error = NULL;
     struct board board;
-    g_assert_true(board_parse(&board, spec, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(board_parse(&board, spec, ERR)));
     return board;
 }
 
@@ -189,7 +188,6 @@ struct test {
 
 static void begin(struct test *test) {
     struct rig rig = {.id = "photographs", .n_cameras = 1};
-    g_autoptr(GError) error = NULL;
     test->folder = g_dir_make_tmp("mesorig-laser-XXXXXX", NULL);
     test->lit = g_build_filename(test->folder, "lit", NULL);
     test->dark = g_build_filename(test->folder, "dark", NULL);
@@ -201,8 +199,7 @@ static void begin(struct test *test) {
     rig.cameras[0] = true_camera();
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     calibration_set_part(calibration, CALIBRATION_CAMERAS, "by the test", 9, "", NULL);
-    g_assert_true(calibration_write(calibration, test->lens, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(calibration_write(calibration, test->lens, ERR)));
 }
 
 static void end(struct test *test) {

@@ -6,6 +6,7 @@
  */
 #include "boards/board_find.h"
 #include "geometry/rig.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "pictures/vision.h"
 
@@ -196,8 +197,7 @@ static void test_print(gconstpointer data) {
     const struct print *print = data;
     struct board board;
     g_autoptr(GError) error = NULL;
-    g_assert_true(board_parse(&board, print->spec, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(board_parse(&board, print->spec, ERR)));
     n_bits = board.marker_mm > 0 ? vision_dictionary(board.dictionary, NULL) : 0;
     for (int i = 0; n_bits > 0 && i < 24; i++)
         g_assert_true(vision_marker_bits(board.dictionary, i, bits[i]));

@@ -1,4 +1,5 @@
 #include "base/residual.h"
+#include "lib/ok.h"
 #include "lib/radiometry_fixture.h"
 #include "lib/test.h"
 #include "radiometry/photon_transfer.h"
@@ -114,15 +115,13 @@ static void tile(void) {
     struct normalised response = {0}, colour = {0}, lamp = {0}, output = {0};
     for (int seed = 1; seed <= SEEDS; seed++) {
         g_autoptr(World) world = tile_world(seed);
-        g_autoptr(GError) error = NULL;
         struct rig rig;
         struct tile_shot shots[N_SHOTS];
         struct tile_fit fit;
         radiometry_fixture_rig(&rig);
         g_autoptr(GArray) cells = tile_cells(world, &rig, shots);
-        gboolean ok = tile_fit(&rig, shots, N_SHOTS, (struct tile_cell *)(void *)cells->data,
-                               (int)cells->len, &fit, &error);
-        g_assert_no_error(error);
+        gboolean ok = ok(tile_fit(&rig, shots, N_SHOTS, (struct tile_cell *)(void *)cells->data,
+                                  (int)cells->len, &fit, ERR));
         g_assert_true(ok);
         g_test_message("seed %d: %d cells, residual %.4f, quality %.3f, rejected %d", seed,
                        (int)cells->len, fit.residual, fit.quality, fit.rejected);
@@ -180,12 +179,10 @@ static void photon_transfer(void) {
     for (int seed = 1; seed <= SEEDS; seed++) {
         g_autoptr(World) world = tile_world(seed);
         for (int c = 0; c < 3; c++) {
-            g_autoptr(GError) error = NULL;
             struct pairs pairs;
             struct transfer found;
             take_pairs(world, c, (guint64)seed, &pairs);
-            gboolean ok = transfer_fit(&sensor, pairs.dark, 4, pairs.lit, 5, &found, &error);
-            g_assert_no_error(error);
+            gboolean ok = ok(transfer_fit(&sensor, pairs.dark, 4, pairs.lit, 5, &found, ERR));
             g_assert_true(ok);
             g_assert_cmpfloat(fabs(found.gain_dn_e / k - 1), <, 0.05);
             g_assert_cmpfloat(found.linearity, <, 0.002);
@@ -310,7 +307,6 @@ TEST(wrong_tones) {
         g_autofree struct tile_cell *own = g_memdup2(cells->data, cells->len * sizeof *own);
         struct rig rig = nominal;
         struct tile_fit fit;
-        g_autoptr(GError) error = NULL;
         for (guint i = 0; i < cells->len; i++) {
             const double power = wrong == 1 ? 1 / 2.2 : 1, signal = own[i].signal;
             own[i].error *= power * pow(signal, power - 1);
@@ -318,8 +314,7 @@ TEST(wrong_tones) {
             if (wrong == 2)
                 own[i].signal *= 1 + 0.005 * sin(0.3 * own[i].point_mm.x + own[i].point_mm.y);
         }
-        const gboolean ok = tile_fit(&rig, shots, N_SHOTS, own, (int)cells->len, &fit, &error);
-        g_assert_no_error(error);
+        const gboolean ok = ok(tile_fit(&rig, shots, N_SHOTS, own, (int)cells->len, &fit, ERR));
         g_assert_true(ok);
         g_test_message("%d: residual %.5f, expected %.5f, exponents %.2f, aims %.3f, excess %.5f",
                        wrong, fit.residual, fit.expected, fit.exponent_off, fit.aim_off_rad,

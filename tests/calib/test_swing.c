@@ -1,6 +1,7 @@
 /* The axis of a camera arm from the poses of its stops, which are computed here with quaternions:
  * about a direction a by an angle b, (cos b/2, a sin b/2). */
 #include "geometry/swing.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <math.h>
@@ -113,8 +114,7 @@ TEST(text) {
         g_snprintf(rig.cameras[c].name, RIG_NAME, "c%d@%g", c / 4, rig.cameras[c].arm_deg);
     }
     g_autofree char *text = rig_to_text(&rig);
-    g_assert_true(rig_from_text(&back, text, "c", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(rig_from_text(&back, text, "c", ERR)));
     g_assert_cmpmem(&back, sizeof back, &rig, sizeof rig);
     rig.cameras[4].stop = 7; /* of a camera that has not so many */
     g_autofree char *bad = rig_to_text(&rig);

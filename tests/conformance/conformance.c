@@ -1,4 +1,5 @@
 #include "conformance_private.h"
+#include "lib/ok.h"
 
 #define FILES_WAIT_S 5
 
@@ -89,10 +90,8 @@ Clock *conformance_clock(const struct conformance *with) {
 
 Config *conformance_config(const struct conformance *with, const char *more_keys,
                            const struct config_section **ret_section) {
-    GError *error = NULL;
     g_autofree char *text = g_strconcat(with->section, "\n", more_keys, NULL);
-    Config *config = config_parse(text, with->path ? with->path : "./test.conf", &error);
-    g_assert_no_error(error);
+    Config *config = ok(config_parse(text, with->path ? with->path : "./test.conf", ERR));
     gsize n;
     *ret_section = config_sections(config, &n);
     g_assert_cmpuint(n, ==, 1);

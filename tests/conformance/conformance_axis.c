@@ -1,4 +1,5 @@
 #include "conformance_private.h"
+#include "lib/ok.h"
 
 #include <math.h>
 
@@ -45,9 +46,7 @@ static void on_event(Axis *axis, enum axis_event event, const GError *error, gpo
 static void open_with(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    GError *error = NULL;
-    bench->axis = axis_open(bench->driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->axis = ok(axis_open(bench->driver, section, NULL, bench->clock, ERR));
     axis_listen(bench->axis, on_event, bench);
     device_watch_safety(&bench->axis->device, conformance_on_safety, &bench->safety);
 }

@@ -1,4 +1,5 @@
 #include "conformance_private.h"
+#include "lib/ok.h"
 
 #include <math.h>
 
@@ -43,22 +44,17 @@ static gboolean configure(struct bench *bench, gint64 exposure_us, GError **erro
 static void open_camera(struct bench *bench, gconstpointer driver, const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
-    GError *error = NULL;
     *bench = (struct bench){driver, with, .clock = conformance_clock(with)};
-    bench->camera = camera_open(driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->camera = ok(camera_open(driver, section, NULL, bench->clock, ERR));
     camera_listen(bench->camera, on_event, bench);
     bench->exposure_us =
         with->exposure_us > 0 ? with->exposure_us : bench->camera->format.min_exposure_us;
 }
 
 static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
-    GError *error = NULL;
     open_camera(bench, driver, with);
-    configure(bench, bench->exposure_us, &error);
-    g_assert_no_error(error);
-    camera_arm(bench->camera, &error);
-    g_assert_no_error(error);
+    ok(configure(bench, bench->exposure_us, ERR));
+    ok(camera_arm(bench->camera, ERR));
     g_assert_true(camera_is_armed(bench->camera));
 }
 

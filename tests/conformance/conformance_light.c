@@ -1,4 +1,5 @@
 #include "conformance_private.h"
+#include "lib/ok.h"
 
 /* Lamps, laser and interlock: what is only switched. */
 
@@ -59,9 +60,7 @@ static void expect_silence(struct bench *bench, double seconds) {
 static void open_bank(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    GError *error = NULL;
-    bench->bank = lamps_open(bench->driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->bank = ok(lamps_open(bench->driver, section, NULL, bench->clock, ERR));
     lamps_listen(bench->bank, on_lamp, bench);
     device_watch_safety(&bench->bank->device, conformance_on_safety, &bench->safety);
 }
@@ -275,9 +274,7 @@ static const struct interlock_driver door_driver = {
 static void open_laser(struct bench *bench, const char *keys) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(bench->with, keys, &section);
-    GError *error = NULL;
-    bench->laser = laser_open(bench->driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->laser = ok(laser_open(bench->driver, section, NULL, bench->clock, ERR));
     laser_listen(bench->laser, on_laser, bench);
     laser_guard(bench->laser, bench->door);
     device_watch_safety(&bench->laser->device, conformance_on_safety, &bench->safety);
@@ -287,10 +284,8 @@ static void begin_laser(struct bench *bench, gconstpointer driver, const struct 
     static const struct conformance door = {.section = "[interlock door]"};
     const struct config_section *door_section;
     g_autoptr(Config) door_config = conformance_config(&door, "", &door_section);
-    GError *error = NULL;
     *bench = (struct bench){driver, with, conformance_clock(with)};
-    bench->door = interlock_open(&door_driver, door_section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->door = ok(interlock_open(&door_driver, door_section, NULL, bench->clock, ERR));
     open_laser(bench, "");
 }
 
@@ -426,10 +421,8 @@ static void begin_interlock(struct bench *bench, gconstpointer driver,
                             const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
-    GError *error = NULL;
     *bench = (struct bench){driver, with, conformance_clock(with)};
-    bench->door = interlock_open(driver, section, NULL, bench->clock, &error);
-    g_assert_no_error(error);
+    bench->door = ok(interlock_open(driver, section, NULL, bench->clock, ERR));
 }
 
 static void interlock_wrong_option(struct bench *bench) {

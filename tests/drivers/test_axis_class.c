@@ -1,5 +1,6 @@
 /* The axis class, over simulated axes and one that says nothing by itself. */
 #include "lib/heard.h"
+#include "lib/ok.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,9 +13,7 @@ static Axis *open_axis(const struct axis_driver *driver, const char *section, st
     const struct conformance with = {.section = section, .path = RIG};
     const struct config_section *found;
     g_autoptr(Config) config = conformance_config(&with, "", &found);
-    GError *error = NULL;
-    Axis *axis = axis_open(driver, found, NULL, heard->clock, &error);
-    g_assert_no_error(error);
+    Axis *axis = ok(axis_open(driver, found, NULL, heard->clock, ERR));
     axis_listen(axis, on_axis, heard);
     return axis;
 }
@@ -25,9 +24,7 @@ static void home(Axis *axis, struct heard *heard) {
 }
 
 static void go(Axis *axis, struct heard *heard, double to_deg) {
-    GError *error = NULL;
-    axis_move(axis, to_deg, &error);
-    g_assert_no_error(error);
+    ok(axis_move(axis, to_deg, ERR));
     heard_next(heard, AXIS_ARRIVED);
 }
 

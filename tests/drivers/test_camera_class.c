@@ -1,5 +1,6 @@
 /* The camera class: a picture that is not the one asked for is never taken for it. */
 #include "lib/heard.h"
+#include "lib/ok.h"
 
 #include <math.h>
 #include <string.h>
@@ -20,9 +21,7 @@ static Camera *open_camera(const struct camera_driver *driver, const char *keys,
     g_autoptr(Config) config = conformance_config(&camera, keys, &section);
     const struct camera_settings settings = {20000, 0};
     const char *const also[] = {"world", NULL};
-    GError *error = NULL;
-    Camera *opened = camera_open(driver, section, also, heard->clock, &error);
-    g_assert_no_error(error);
+    Camera *opened = ok(camera_open(driver, section, also, heard->clock, ERR));
     camera_listen(opened, on_camera, heard);
     g_assert_true(camera_configure(opened, &settings, NULL));
     g_assert_true(camera_arm(opened, NULL));
@@ -30,9 +29,7 @@ static Camera *open_camera(const struct camera_driver *driver, const char *keys,
 }
 
 static void shoot(Camera *from, struct heard *heard, guint64 shot, int event) {
-    GError *error = NULL;
-    camera_trigger(from, shot, &error);
-    g_assert_no_error(error);
+    ok(camera_trigger(from, shot, ERR));
     heard_next(heard, event);
 }
 

@@ -1,5 +1,6 @@
 /* The classes of what shines and what guards it: lamps, lasers, interlocks. */
 #include "lib/heard.h"
+#include "lib/ok.h"
 
 #include <math.h>
 #include <string.h>
@@ -18,9 +19,7 @@ static LampBank *open_lamps(const struct lamps_driver *driver, const char *keys,
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(&bank, keys, &section);
     const char *const also[] = {"world", NULL};
-    GError *error = NULL;
-    LampBank *opened = lamps_open(driver, section, also, heard->clock, &error);
-    g_assert_no_error(error);
+    LampBank *opened = ok(lamps_open(driver, section, also, heard->clock, ERR));
     lamps_listen(opened, on_lamp, heard);
     return opened;
 }
@@ -142,9 +141,7 @@ static Laser *open_scripted_laser(struct heard *heard) {
     const struct config_section *section;
     static const struct conformance with = {.section = "[laser l]"};
     g_autoptr(Config) config = conformance_config(&with, "", &section);
-    GError *error = NULL;
-    Laser *opened = laser_open(&scripted_laser_driver, section, NULL, heard->clock, &error);
-    g_assert_no_error(error);
+    Laser *opened = ok(laser_open(&scripted_laser_driver, section, NULL, heard->clock, ERR));
     laser_listen(opened, on_laser, heard);
     g_free(script.why);
     script = (struct script){0};

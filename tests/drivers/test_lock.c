@@ -2,6 +2,7 @@
  */
 #include "drivers/device.h"
 #include "drivers/lock.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -55,11 +56,9 @@ static void assert_refused(const char *key, enum lock_kind kind, pid_t by) {
 }
 
 static void assert_free(const char *key) {
-    g_autoptr(GError) error = NULL;
     pid_t pid;
     g_assert_false(lock_holder(key, &pid));
-    Lock *lock = lock_take(key, LOCK_ALONE, "it", &error);
-    g_assert_no_error(error);
+    Lock *lock = ok(lock_take(key, LOCK_ALONE, "it", ERR));
     g_assert_cmpstr(lock_key(lock), ==, key);
     lock_release(lock);
 }
@@ -68,8 +67,7 @@ TEST(one_process) {
     g_autofree char *key = unique_key("own");
     g_autoptr(GError) error = NULL;
     pid_t pid;
-    Lock *lock = lock_take(key, LOCK_ALONE, "the line", &error);
-    g_assert_no_error(error);
+    Lock *lock = ok(lock_take(key, LOCK_ALONE, "the line", ERR));
     g_assert_true(lock_holder(key, &pid));
     g_assert_cmpint(pid, ==, getpid());
     g_assert_null(lock_take(key, LOCK_ALONE, "the line", &error));

@@ -3,6 +3,7 @@
  * processed with and without it; all of it compared with the simulated truth. */
 #include "demo_calibration.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -31,10 +32,8 @@ static void write_part(const char *name) {
                                            "axis sweep%d"};
     static const int others[] = {15, 45, 75};
     g_autoptr(GKeyFile) file = g_key_file_new();
-    g_autoptr(GError) error = NULL;
     g_autofree char *from = g_build_filename(DEMO, name, NULL), *to = in_folder(name);
-    g_key_file_load_from_file(file, from, G_KEY_FILE_NONE, &error);
-    g_assert_no_error(error);
+    ok(g_key_file_load_from_file(file, from, G_KEY_FILE_NONE, ERR));
     for (gsize s = 0; s < G_N_ELEMENTS(sections); s++)
         for (gsize i = 0; i < G_N_ELEMENTS(others); i++) {
             g_auto(GStrv) parts = g_strsplit(sections[s], "%d", 2);
@@ -47,8 +46,7 @@ static void write_part(const char *name) {
     } else {
         g_key_file_set_value(file, "world", "gather_rays", "0");
     }
-    g_key_file_save_to_file(file, to, &error);
-    g_assert_no_error(error);
+    ok(g_key_file_save_to_file(file, to, ERR));
 }
 
 static void write_session(const char *name, const char *sample, const char *views,
@@ -156,8 +154,7 @@ static void compare_btf(Session *session, World *world, const char *path, GArray
     const struct truth_grid grid = {TEXELS, TEXELS, 50, 50, 2.2};
     g_autofree float *truth = g_new(float, TEXELS *TEXELS * 3);
     const struct session_direction *view = views->pdata[1];
-    struct exr_part *part = exr_read_part(path, "light_0001", &error);
-    g_assert_no_error(error);
+    struct exr_part *part = ok(exr_read_part(path, "light_0001", ERR));
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];
         if (shot->kind != SHOT_LAMP || shot->source != 1 || !(shot->cameras >> view->device & 1) ||
@@ -202,8 +199,7 @@ TEST(process) {
     RUN(MESORIG, "process", directory, "-c", "nominal");
     const float nominal = btf_error(directory);
     RUN(MESORIG, "process", directory, "-c", calibration);
-    g_autofree char *after = exr_sha256(product, NULL, &error);
-    g_assert_no_error(error);
+    g_autofree char *after = ok(exr_sha256(product, NULL, ERR));
     g_test_message("BTF: %.1f %% by the rig file, %.1f %% calibrated", (double)(100 * nominal),
                    (double)(100 * calibrated));
     g_assert_cmpfloat(calibrated, <, 0.5f * nominal);

@@ -7,6 +7,7 @@
  */
 #include "calibration/calibration.h"
 #include "cli/commands.h"
+#include "lib/ok.h"
 #include "rig/devices.h"
 
 #include <errno.h>
@@ -149,9 +150,7 @@ static char *place_path(const struct place *place, const char *name) {
 
 static void put(const struct place *place, const char *name, const void *bytes, gssize n) {
     g_autofree char *path = place_path(place, name);
-    g_autoptr(GError) error = NULL;
-    g_file_set_contents(path, bytes, n, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(path, bytes, n, ERR));
 }
 
 /* Runs a program in the folder. arguments: with blanks between them; further: NULL, or one more. */
@@ -159,7 +158,6 @@ static void place_runs(struct place *place, const char *program, const char *arg
                        const char *further) {
     g_auto(GStrv) words = g_strsplit(arguments, " ", -1);
     g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autoptr(GError) error = NULL;
     g_autofree char *out = NULL, *err = NULL;
     int status = 0;
     g_auto(GStrv) environment = g_get_environ();
@@ -176,9 +174,8 @@ static void place_runs(struct place *place, const char *program, const char *arg
     if (further)
         g_ptr_array_add(argv, (gpointer)further);
     g_ptr_array_add(argv, NULL);
-    g_spawn_sync(place->folder, (char **)argv->pdata, environment, G_SPAWN_SEARCH_PATH, NULL, NULL,
-                 &out, &err, &status, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_sync(place->folder, (char **)argv->pdata, environment, G_SPAWN_SEARCH_PATH, NULL,
+                    NULL, &out, &err, &status, ERR));
     g_free(place->out);
     place->out = g_strconcat(out, err, NULL);
     place->code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;

@@ -15,6 +15,7 @@
 #include "calibration/calibration.h"
 
 #include "foreign_album.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 
@@ -342,9 +343,7 @@ static void calibrate(const char *format, ...) {
 }
 
 static Calibration *calibrated(void) {
-    g_autoptr(GError) error = NULL;
-    Calibration *found = calibration_read(calibration, &error);
-    g_assert_no_error(error);
+    Calibration *found = ok(calibration_read(calibration, ERR));
     return found;
 }
 

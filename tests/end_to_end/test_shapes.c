@@ -7,6 +7,7 @@
 #include "calibration/calibration.h"
 #include "exr/exr.h"
 #include "geometry/swing.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -27,10 +28,8 @@ static char *folder;
 
 static char *read_text(const char *path) {
     char *text = NULL;
-    g_autoptr(GError) error = NULL;
 
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     return text;
 }
 
@@ -59,21 +58,18 @@ static char *lay_down(const char *name, const char *shape, const char *sample,
     g_autofree char *rig_to = g_build_filename(to, "rig.conf", NULL);
     g_autofree char *world_to = g_build_filename(to, "world.conf", NULL);
     g_autoptr(GKeyFile) file = g_key_file_new();
-    g_autoptr(GError) error = NULL;
 
     g_assert_cmpint(g_mkdir(to, 0700), ==, 0);
     const gboolean still = g_str_has_prefix(name, "still");
     if (still || g_str_has_prefix(name, "stuck")) {
-        g_key_file_load_from_data(file, rig, strlen(rig), G_KEY_FILE_NONE, &error);
-        g_assert_no_error(error);
+        ok(g_key_file_load_from_data(file, rig, strlen(rig), G_KEY_FILE_NONE, ERR));
         g_assert_true(still ? g_key_file_remove_group(file, "axis turntable", NULL)
                             : g_key_file_remove_key(file, "axis arm", "world", NULL));
         g_free(rig);
         rig = g_key_file_to_data(file, NULL, NULL);
     }
     g_assert_true(g_file_set_contents(rig_to, rig, -1, NULL));
-    g_key_file_load_from_data(file, world, strlen(world), G_KEY_FILE_NONE, &error);
-    g_assert_no_error(error);
+    ok(g_key_file_load_from_data(file, world, strlen(world), G_KEY_FILE_NONE, ERR));
     g_key_file_set_value(file, "world", "gather_rays", "0");
     g_auto(GStrv) keys = g_key_file_get_keys(file, "world", NULL, NULL);
     for (char **key = keys; *key; key++)
@@ -156,8 +152,7 @@ static struct errors btf_errors(const char *session_path, const char *world_path
             g_autofree char *path =
                 g_strdup_printf("%s/products/btf/view_%04u.exr", session_path, v);
             g_autofree char *part_name = g_strdup_printf("light_%04d", shot->source);
-            struct exr_part *part = exr_read_part(path, part_name, &error);
-            g_assert_no_error(error);
+            struct exr_part *part = ok(exr_read_part(path, part_name, ERR));
             world_set_arm(world, rig_arm_deg(&rig, shot->cameras));
             world_set_probe(world, rig_probe_deg(&rig, shot->device));
             truth_btf(world, world_camera(world, &rig, view->device),

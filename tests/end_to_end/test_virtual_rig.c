@@ -2,6 +2,7 @@
  * packets lost, and the programs capture it in real time. Its frames and products are those of the
  * simulated drivers, but for the noise. */
 #include "lib/find_guardian.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -107,9 +108,7 @@ static gboolean lose_power(gpointer data) {
 
 static void on_over(GObject *source, GAsyncResult *result, gpointer data) {
     struct mishap *mishap = data;
-    g_autoptr(GError) error = NULL;
-    g_subprocess_communicate_utf8_finish(mishap->capture, result, &mishap->out, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8_finish(mishap->capture, result, &mishap->out, NULL, ERR));
     mishap->over = TRUE;
 }
 
@@ -146,9 +145,7 @@ static void abandoned(void) {
         g_autofree char *session = twin_path(folder), *socket = twin_path(folder + 9);
         g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
         struct mishap mishap = {0};
-        GError *error = NULL;
-        mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
-        g_assert_no_error(error);
+        mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, NULL, ERR));
         /* A stopped daemon that goes on must notice the lamp, not the silent interlock. */
         g_autoptr(GString) text = g_string_new(virtual_rig_text(mishap.rig));
         g_assert_cmpint(g_string_replace(text, "lost_ms = 3000\n", "lost_ms = 10000\n", 0), ==, 1);
@@ -189,9 +186,7 @@ static void mishaps(void) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     struct virtual_camera_faults faults = {.cut = 2};
     struct mishap mishap = {0};
-    GError *error = NULL;
-    mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
-    g_assert_no_error(error);
+    mishap.rig = ok(virtual_rig_new(SMALL "rig.conf", NULL, NULL, ERR));
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
     write_short_session(conf);

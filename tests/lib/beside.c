@@ -3,6 +3,7 @@
 #include <gio/gio.h>
 #include <glib/gstdio.h>
 
+#include "lib/ok.h"
 #include "process.h"
 #include "remove_tree.h"
 
@@ -18,16 +19,13 @@ static const char *beside_folder(void) {
 }
 
 char *beside_run(const char *test_path) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *made = g_dir_make_tmp("mesorig-beside-XXXXXX", &error);
-    g_assert_no_error(error);
+    g_autofree char *made = ok(g_dir_make_tmp("mesorig-beside-XXXXXX", ERR));
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *copy = g_build_filename(made, "program", NULL);
     g_autofree char *empty = g_build_filename(made, IN_PATH, NULL);
     g_autofree char *path = g_strdup_printf("PATH=%s:%s", empty, g_getenv("PATH"));
     g_autoptr(GFile) from = g_file_new_for_path(self), to = g_file_new_for_path(copy);
-    g_file_copy(from, to, G_FILE_COPY_NONE, NULL, NULL, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_copy(from, to, G_FILE_COPY_NONE, NULL, NULL, NULL, ERR));
     g_assert_cmpint(g_mkdir(empty, 0777), ==, 0);
     const char *const argv[] = {"env", path, copy, "-p", test_path, NULL};
     char *said = process_text(0, argv);
@@ -39,14 +37,12 @@ char *beside_run(const char *test_path) {
 
 static void beside_write_to(const char *folder, const char *program, const char *head,
                             const char *text) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(folder, program, NULL);
     g_unlink(path);
     if (!text)
         return;
     g_autofree char *all = g_strconcat(head, text, "\n", NULL);
-    g_file_set_contents_full(path, all, -1, G_FILE_SET_CONTENTS_NONE, 0755, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents_full(path, all, -1, G_FILE_SET_CONTENTS_NONE, 0755, ERR));
 }
 
 const char *beside_write(const char *program, const char *text) {

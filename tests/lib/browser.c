@@ -1,6 +1,7 @@
 #include "browser.h"
 
 #include "base/json.h"
+#include "lib/ok.h"
 #include "process.h"
 
 #include <gio/gio.h>
@@ -33,8 +34,7 @@ static JsonNode *call(Browser *browser, const char *method, const char *path, co
     const char *text = g_bytes_get_data(answer, &length);
     if (soup_message_get_status(message) != SOUP_STATUS_OK)
         g_error("%s %s: %.*s", method, path, (int)length, text);
-    json_parser_load_from_data(parser, text, (gssize)length, &error);
-    g_assert_no_error(error);
+    ok(json_parser_load_from_data(parser, text, (gssize)length, ERR));
     JsonObject *object = json_node_get_object(json_parser_get_root(parser));
     return json_node_copy(json_object_get_member(object, "value"));
 }
@@ -47,10 +47,8 @@ static gboolean answers(int port) {
 }
 
 static int free_port(void) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(GSocketListener) listener = g_socket_listener_new();
-    const guint16 port = g_socket_listener_add_any_inet_port(listener, NULL, &error);
-    g_assert_no_error(error);
+    const guint16 port = ok(g_socket_listener_add_any_inet_port(listener, NULL, ERR));
     g_socket_listener_close(listener);
     return port;
 }

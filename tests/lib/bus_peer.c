@@ -1,6 +1,7 @@
 #include "bus_peer.h"
 
 #include "bus/bus_client.h"
+#include "lib/ok.h"
 #include "process.h"
 #include "remove_tree.h"
 
@@ -15,17 +16,13 @@ static void bus_peer_on_event(GDBusConnection *connection, const char *sender, c
 }
 
 GDBusConnection *bus_peer_join(struct bus_peer *peer) {
-    g_autoptr(GError) error = NULL;
-    GDBusConnection *client = bus_client_connect(peer->address, &error);
-    g_assert_no_error(error);
+    GDBusConnection *client = ok(bus_client_connect(peer->address, ERR));
     return client;
 }
 
 struct bus_peer *bus_peer_new(const struct change *changes) {
     struct bus_peer *peer = g_new0(struct bus_peer, 1);
-    g_autoptr(GError) error = NULL;
-    peer->folder = g_dir_make_tmp("mesorig-peer-XXXXXX", &error);
-    g_assert_no_error(error);
+    peer->folder = ok(g_dir_make_tmp("mesorig-peer-XXXXXX", ERR));
     peer->address = g_strdup_printf("unix:path=%s/bus", peer->folder);
     peer->rig = g_build_filename(peer->folder, "rig.conf", NULL);
     peer->conf = g_build_filename(peer->folder, "session.conf", NULL);
@@ -35,8 +32,7 @@ struct bus_peer *bus_peer_new(const struct change *changes) {
     small_rig_write(peer->folder, "world.conf", NULL);
     small_rig_write(peer->folder, "session.conf", changes);
     peer->bus = bus_new(peer->address);
-    peer->server = bus_serve(peer->bus, peer->address, &error);
-    g_assert_no_error(error);
+    peer->server = ok(bus_serve(peer->bus, peer->address, ERR));
     peer->client = bus_peer_join(peer);
     g_dbus_connection_signal_subscribe(peer->client, NULL, BUS_NAME, "Event", NULL, NULL,
                                        G_DBUS_SIGNAL_FLAGS_NONE, bus_peer_on_event, peer, NULL);

@@ -1,4 +1,5 @@
 #include "calibration_fixture.h"
+#include "lib/ok.h"
 
 static double boards_theta_deg(const struct fixture_rig *o, int camera) {
     return o->n_cameras == 1 ? o->first_theta_deg
@@ -83,15 +84,13 @@ void boards_open(struct fixture *f, const struct fixture_rig *options,
     g_autofree char *print = g_build_filename(f->folder, "board.png", NULL);
     const double cell = f->board.marker_mm > 0 ? f->board.marker_mm / 6 : f->board.square_mm;
     const struct board_drawing drawing = {0, 1 / cell}; /* cells of a marker are whole pixels */
-    board_draw(&f->board, print, &drawing, &error);
-    g_assert_no_error(error);
+    ok(board_draw(&f->board, print, &drawing, ERR));
     for (int l = 0; l < n_lays; l++) {
         g_autofree char *name = g_strdup_printf("world%d.conf", l);
         g_autofree char *path = g_build_filename(f->folder, name, NULL);
         g_autofree char *text = boards_world_text(f, &lays[l]);
         g_assert_true(g_file_set_contents(path, text, -1, NULL));
-        f->worlds[l] = world_get(path, &error);
-        g_assert_no_error(error);
+        f->worlds[l] = ok(world_get(path, ERR));
     }
 }
 

@@ -4,16 +4,15 @@
 #include <string.h>
 
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "remove_tree.h"
 
 static char *top; /* everything is made in here */
 static int n_made;
 
 void run_open_devices(struct run *run) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *rig = g_build_filename(run->directory, "rig.conf", NULL);
-    run->devices = devices_open(rig, &error);
-    g_assert_no_error(error);
+    run->devices = ok(devices_open(rig, ERR));
 }
 
 void run_change_rig(struct run *run, const struct change *changes) {
@@ -34,10 +33,8 @@ struct run *run_new(const struct change *changes) {
     small_rig_write(run->directory, "world.conf", changes);
     small_rig_write(run->directory, "session.conf", changes);
     run_open_devices(run);
-    g_autoptr(GError) error = NULL;
     g_autofree char *conf = g_build_filename(run->directory, "session.conf", NULL);
-    g_assert_true(session_conf_load(&run->conf, conf, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_load(&run->conf, conf, ERR)));
     return run;
 }
 
@@ -72,10 +69,8 @@ static struct capture_callbacks callbacks_of(struct run *run) {
 }
 
 void run_start(struct run *run) {
-    g_autoptr(GError) error = NULL;
     struct capture_callbacks callbacks = callbacks_of(run);
-    run->capture = capture_start(run->devices, &run->conf, run->session, &callbacks, &error);
-    g_assert_no_error(error);
+    run->capture = ok(capture_start(run->devices, &run->conf, run->session, &callbacks, ERR));
 }
 
 struct run *run_begin(const struct change *changes) {
@@ -85,17 +80,13 @@ struct run *run_begin(const struct change *changes) {
 }
 
 void run_resume(struct run *run) {
-    g_autoptr(GError) error = NULL;
     struct capture_callbacks callbacks = callbacks_of(run);
     g_clear_pointer(&run->capture, capture_free);
-    run->capture = capture_resume(run->devices, run->session, &callbacks, &error);
-    g_assert_no_error(error);
+    run->capture = ok(capture_resume(run->devices, run->session, &callbacks, ERR));
 }
 
 void run_continue(struct run *run) {
-    g_autoptr(GError) error = NULL;
-    g_assert_true(capture_continue(run->capture, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(capture_continue(run->capture, ERR)));
 }
 
 struct capture_status run_status(struct run *run) {
@@ -160,8 +151,7 @@ GPtrArray *run_frames(const char *session_path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(session_path, SESSION_READ, &error);
     g_assert_no_error(error);
-    GPtrArray *frames = session_frames(session, &error);
-    g_assert_no_error(error);
+    GPtrArray *frames = ok(session_frames(session, ERR));
     return frames;
 }
 
@@ -169,8 +159,7 @@ GPtrArray *run_shots(const char *session_path) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(session_path, SESSION_READ, &error);
     g_assert_no_error(error);
-    GPtrArray *shots = session_shots(session, &error);
-    g_assert_no_error(error);
+    GPtrArray *shots = ok(session_shots(session, ERR));
     return shots;
 }
 
@@ -185,13 +174,10 @@ static void check_same_part(const char *path, const struct exr_part *a, const st
 }
 
 static void check_same_file(const char *a_session, const char *b_session, const char *relative) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *a_path = g_build_filename(a_session, relative, NULL);
     g_autofree char *b_path = g_build_filename(b_session, relative, NULL);
-    struct exr_file *a = exr_read(a_path, &error);
-    g_assert_no_error(error);
-    struct exr_file *b = exr_read(b_path, &error);
-    g_assert_no_error(error);
+    struct exr_file *a = ok(exr_read(a_path, ERR));
+    struct exr_file *b = ok(exr_read(b_path, ERR));
     g_assert_cmpint(a->parts->len, ==, b->parts->len);
     for (guint i = 0; i < a->parts->len; i++)
         check_same_part(a_path, a->parts->pdata[i], b->parts->pdata[i]);

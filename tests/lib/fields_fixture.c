@@ -1,7 +1,7 @@
 #include "fields_fixture.h"
+#include "lib/ok.h"
 
 void fields_fixture_write(const char *path, int width, int height) {
-    g_autoptr(GError) error = NULL;
     const float texel[7] = {0.4F, 0.3F, 0.2F, 0, 0, 1, 1};
     struct eigenmaps *like = view_fixture_material(LIGHT, 1, 3);
     const int n = like->layout.views.n;
@@ -23,8 +23,7 @@ void fields_fixture_write(const char *path, int width, int height) {
     fields.values = g_new(float, texels *G_N_ELEMENTS(texel));
     for (gsize k = 0; k < texels; k++)
         memcpy(fields.values + G_N_ELEMENTS(texel) * k, texel, sizeof texel);
-    g_assert_true(lobes_write(path, &fields, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(lobes_write(path, &fields, ERR)));
     g_free(fields.values);
     eigenmaps_free(like);
 }

@@ -1,4 +1,5 @@
 #include "file_portal.h"
+#include "lib/ok.h"
 
 #include <gio/gio.h>
 
@@ -92,22 +93,17 @@ static gpointer serve(gpointer data) {
     static const GDBusInterfaceVTable table = {on_call, NULL, NULL, {NULL}};
     static const GDBusInterfaceVTable notices = {on_notice, NULL, NULL, {NULL}};
     FilePortal *portal = data;
-    g_autoptr(GError) error = NULL;
     g_main_context_push_thread_default(portal->context);
-    portal->connection =
+    portal->connection = ok(
         g_dbus_connection_new_for_address_sync(g_test_dbus_get_bus_address(portal->bus),
                                                G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT |
                                                    G_DBUS_CONNECTION_FLAGS_MESSAGE_BUS_CONNECTION,
-                                               NULL, NULL, &error);
-    g_assert_no_error(error);
-    GDBusNodeInfo *node = g_dbus_node_info_new_for_xml(interfaces, &error);
-    g_assert_no_error(error);
-    g_dbus_connection_register_object(portal->connection, PATH, node->interfaces[0], &table, portal,
-                                      NULL, &error);
-    g_assert_no_error(error);
-    g_dbus_connection_register_object(portal->connection, "/org/freedesktop/Notifications",
-                                      node->interfaces[1], &notices, portal, NULL, &error);
-    g_assert_no_error(error);
+                                               NULL, NULL, ERR));
+    GDBusNodeInfo *node = ok(g_dbus_node_info_new_for_xml(interfaces, ERR));
+    ok(g_dbus_connection_register_object(portal->connection, PATH, node->interfaces[0], &table,
+                                         portal, NULL, ERR));
+    ok(g_dbus_connection_register_object(portal->connection, "/org/freedesktop/Notifications",
+                                         node->interfaces[1], &notices, portal, NULL, ERR));
     own_name(portal->connection, NAME);
     own_name(portal->connection, "org.freedesktop.Notifications");
     g_mutex_lock(&portal->lock);

@@ -1,15 +1,13 @@
 #include "formula_fixture.h"
+#include "lib/ok.h"
 
 void formula_compare(Expected func, gconstpointer data, Viewer *view,
                      const struct viewer_settings *settings) {
-    g_autoptr(GError) error = NULL;
-    g_autofree float *shown = viewer_render_linear(view, settings, SIZE, SIZE, &error);
-    g_assert_no_error(error);
+    g_autofree float *shown = ok(viewer_render_linear(view, settings, SIZE, SIZE, ERR));
     float *given[3];
     for (int k = 0; k < 3; k++) {
         given[k] =
-            viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, &error);
-        g_assert_no_error(error);
+            ok(viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, ERR));
     }
     int n = 0, wrong = 0;
     double worst = 0;
@@ -32,9 +30,7 @@ void formula_compare(Expected func, gconstpointer data, Viewer *view,
 }
 
 void formula_start_view(Viewer *view, struct viewer_settings *settings, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
-    viewer_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
+    ok(viewer_set_mesh(view, mesh, ERR));
     *settings = viewer_settings_default;
     settings->camera_distance = 3;
     settings->tiles_u = 3;

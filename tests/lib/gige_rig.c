@@ -1,4 +1,5 @@
 #include "gige_rig.h"
+#include "lib/ok.h"
 
 VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
     struct virtual_camera_options options = {.serial = serial,
@@ -7,9 +8,7 @@ VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa)
                                              .bits = 12,
                                              .cfa = cfa,
                                              .black_level = 64};
-    GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
-    g_assert_no_error(error);
+    VirtualGige *device = ok(virtual_gige_new(&options, NULL, ERR));
     return device;
 }
 
@@ -48,11 +47,8 @@ gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error) {
 }
 
 void eye_start(struct eye *eye, const char *keys, gint64 exposure_us) {
-    GError *error = NULL;
-    eye_open(eye, keys, &error);
-    g_assert_no_error(error);
-    eye_ready(eye, exposure_us, &error);
-    g_assert_no_error(error);
+    ok(eye_open(eye, keys, ERR));
+    ok(eye_ready(eye, exposure_us, ERR));
 }
 
 void eye_begin(struct eye *eye, gconstpointer keys) {
@@ -73,9 +69,7 @@ void eye_end(struct eye *eye, gconstpointer unused) {
 }
 
 void eye_trigger(struct eye *eye, guint64 shot) {
-    GError *error = NULL;
-    camera_trigger(eye->camera, shot, &error);
-    g_assert_no_error(error);
+    ok(camera_trigger(eye->camera, shot, ERR));
 }
 
 enum camera_event eye_shoot(struct eye *eye, guint64 shot) {

@@ -1,4 +1,5 @@
 #include "grey_fixture.h"
+#include "lib/ok.h"
 
 char *grey_folder(void) {
     char *folder = g_dir_make_tmp("mesorig-tile-XXXXXX", NULL);
@@ -11,8 +12,7 @@ void grey_calibrate(const char *folder, int seed, struct tile_result *ret) {
     g_autoptr(GError) error = NULL;
     radiometry_rig_write_tile(folder, seed);
     enum capture_state state =
-        radiometry_rig_capture(folder, TILE_CONF, "tile", NULL, NULL, &error);
-    g_assert_no_error(error);
+        ok(radiometry_rig_capture(folder, TILE_CONF, "tile", NULL, NULL, ERR));
     g_assert_cmpint(state, ==, CAPTURE_DONE);
     g_autofree char *path = g_build_filename(folder, "tile.session", NULL);
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
@@ -22,8 +22,7 @@ void grey_calibrate(const char *folder, int seed, struct tile_result *ret) {
     g_assert_no_error(error);
     /* Geometry is right as it is said in the rig file. */
     calibration_set_part(calibration, CALIBRATION_CAMERAS, "nominal", 0, "-", NULL);
-    gboolean ok = tile_session(session, calibration, &grey_tile, ret, &error);
-    g_assert_no_error(error);
+    gboolean ok = ok(tile_session(session, calibration, &grey_tile, ret, ERR));
     g_assert_true(ok);
     g_autofree char *to = g_build_filename(folder, "calibration.conf", NULL);
     g_assert_true(calibration_write(calibration, to, &error));
@@ -89,12 +88,10 @@ double grey_error(int seed, gboolean calibrated) {
         grey_calibrate(folder, seed, &result);
     grey_write(folder, seed, "drift_pct=3\ndrift_period_s=170");
     enum capture_state state =
-        radiometry_rig_capture(folder, GREY_CONF, "grey", NULL, NULL, &error);
-    g_assert_no_error(error);
+        ok(radiometry_rig_capture(folder, GREY_CONF, "grey", NULL, NULL, ERR));
     g_assert_cmpint(state, ==, CAPTURE_DONE);
     g_autofree char *path = g_build_filename(folder, "grey.session", NULL);
-    gboolean ok = pipeline_run(path, &options, &made, &error);
-    g_assert_no_error(error);
+    gboolean ok = ok(pipeline_run(path, &options, &made, ERR));
     g_assert_true(ok);
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
     g_assert_true(session_grid(session, &grid, &error));
@@ -138,7 +135,6 @@ char *grey_pause(int seed, const char *world_keys, const char *turntable_keys,
     g_autofree char *folder = grey_folder(), *reason = NULL;
     g_autofree char *rig = radiometry_rig_text(turntable_keys);
     g_autoptr(GString) told = g_string_new(NULL);
-    g_autoptr(GError) error = NULL;
     radiometry_rig_write(folder, "rig.conf", rig);
     grey_truth(folder, "radiometry", 1);
     grey_write(folder, seed, "");
@@ -151,8 +147,7 @@ char *grey_pause(int seed, const char *world_keys, const char *turntable_keys,
         radiometry_rig_write(folder, "world.conf", changed);
     }
     enum capture_state state =
-        radiometry_rig_capture(folder, GREY_FEW_CONF, "few", told, &reason, &error);
-    g_assert_no_error(error);
+        ok(radiometry_rig_capture(folder, GREY_FEW_CONF, "few", told, &reason, ERR));
     if (g_test_initialized())
         g_test_message("%s%s: %s", world_keys ? world_keys : "", turntable_keys,
                        reason ? reason : told->str);

@@ -1,4 +1,5 @@
 #include "lines.h"
+#include "lib/ok.h"
 
 const char *const lines_names[N_DEVICES] = {"laser top",      "lamps bank", "door",
                                             "axis turntable", "axis arc",   "axis sweep"};
@@ -15,9 +16,7 @@ int lines_n_failures(enum line line) {
 VirtualModbus *lines_new_device(gboolean rtu) {
     const struct virtual_modbus_options options = {
         .rtu = rtu, .unit = 1, .speed_steps_s = 200, .accel_steps_s2 = 4000};
-    GError *error = NULL;
-    VirtualModbus *device = virtual_modbus_new(&options, &error);
-    g_assert_no_error(error);
+    VirtualModbus *device = ok(virtual_modbus_new(&options, ERR));
     return device;
 }
 

@@ -1,4 +1,5 @@
 #include "lobes_scene.h"
+#include "lib/ok.h"
 
 #include <string.h>
 
@@ -106,8 +107,7 @@ void lobes_scene_compare(struct scene *scene, const struct method *method, const
     settings.style.nearest = scene->nearest;
     settings.style.rotation = scene->rotation;
     settings.ambient = scene->ambient;
-    g_assert_true(viewer_open(view, method, path, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(viewer_open(view, method, path, ERR)));
     if (refuses) {
         g_assert_false(viewer_open(view, refuses, path, &error));
         g_assert_nonnull(strstr(error->message, model));

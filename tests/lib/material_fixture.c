@@ -1,4 +1,5 @@
 #include "material_fixture.h"
+#include "lib/ok.h"
 
 #include "session/session.h"
 
@@ -64,10 +65,8 @@ void material_fixture_write(const char *path, const struct codec *codec,
     }
     const struct codec_job job = {.btf = btf, .options = target, .work = &quiet};
     struct codec_result result = {0};
-    g_assert_true(codec->encode(codec, &job, &result, &error));
-    g_assert_no_error(error);
-    g_assert_true(codec->write(path, result.levels->pdata, (int)result.levels->len, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(codec->encode(codec, &job, &result, ERR)));
+    g_assert_true(ok(codec->write(path, result.levels->pdata, (int)result.levels->len, ERR)));
     g_ptr_array_unref(result.levels);
 }
 
@@ -75,7 +74,6 @@ static void material_fixture_write_views(const char *folder, const struct btf_ma
     static const char *const channels[] = {"B", "G", "R", NULL};
     const struct direction_list *views = &btf->layout.views, *lights = &btf->layout.lights;
     const gsize texels = btf_layout_texels(&btf->layout);
-    g_autoptr(GError) error = NULL;
     g_assert_cmpint(g_mkdir_with_parents(folder, 0755), ==, 0);
     for (gsize v = 0; v < views->n; v++) {
         g_autofree char *path = g_strdup_printf("%s/view_%04zu.exr", folder, v);
@@ -95,8 +93,7 @@ static void material_fixture_write_views(const char *folder, const struct btf_ma
                         btf->values[((k * views->n + v) * lights->n + l) * 3 + c];
             exr_file_add(file, part);
         }
-        g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(exr_write(path, file, EXR_NONE, FALSE, ERR)));
     }
 }
 
@@ -131,7 +128,6 @@ void material_fixture_write_session(const char *path, const struct btf_matrix *b
     material_fixture_write_views(folder, btf);
     for (gsize v = 0; v < layout->views.n; v++) {
         g_autofree char *view = g_strdup_printf("products/btf/view_%04zu.exr", v);
-        g_assert_true(session_add_product(session, view, "process", &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(session_add_product(session, view, "process", ERR)));
     }
 }

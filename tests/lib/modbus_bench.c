@@ -1,4 +1,5 @@
 #include "modbus_bench.h"
+#include "lib/ok.h"
 
 static void hear(struct bench *bench, int event, const GError *error) {
     bench->n++;
@@ -52,35 +53,27 @@ const struct config_section *bench_section(struct bench *bench, const char *head
 
 void bench_open_axis(struct bench *bench, const char *keys) {
     g_autofree char *all = g_strconcat(RIG_AXIS, keys, NULL);
-    GError *error = NULL;
-    bench->axis = axis_open(&modbus_axis_driver, bench_section(bench, "axis arc", all), NULL,
-                            bench->clock, &error);
-    g_assert_no_error(error);
+    bench->axis = ok(axis_open(&modbus_axis_driver, bench_section(bench, "axis arc", all), NULL,
+                               bench->clock, ERR));
     axis_listen(bench->axis, on_axis, bench);
 }
 
 void bench_open_bank(struct bench *bench, const char *keys) {
-    GError *error = NULL;
-    bench->bank = lamps_open(&modbus_relays_driver, bench_section(bench, "lamps bank", keys), NULL,
-                             bench->clock, &error);
-    g_assert_no_error(error);
+    bench->bank = ok(lamps_open(&modbus_relays_driver, bench_section(bench, "lamps bank", keys),
+                                NULL, bench->clock, ERR));
     lamps_listen(bench->bank, on_lamp, bench);
 }
 
 void bench_open_laser(struct bench *bench, const char *keys) {
-    GError *error = NULL;
-    bench->laser = laser_open(&modbus_laser_driver, bench_section(bench, "laser l", keys), NULL,
-                              bench->clock, &error);
-    g_assert_no_error(error);
+    bench->laser = ok(laser_open(&modbus_laser_driver, bench_section(bench, "laser l", keys), NULL,
+                                 bench->clock, ERR));
     laser_listen(bench->laser, bench_on_laser, bench);
 }
 
 void bench_open_door(struct bench *bench, const char *keys) {
-    GError *error = NULL;
     bench->door =
-        interlock_open(&modbus_inputs_driver, bench_section(bench, "interlock door", keys), NULL,
-                       bench->clock, &error);
-    g_assert_no_error(error);
+        ok(interlock_open(&modbus_inputs_driver, bench_section(bench, "interlock door", keys), NULL,
+                          bench->clock, ERR));
     interlock_listen(bench->door, on_door, bench);
 }
 

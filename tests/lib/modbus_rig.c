@@ -1,4 +1,5 @@
 #include "modbus_rig.h"
+#include "lib/ok.h"
 
 VirtualModbus *modbus_rig_device(gboolean rtu) {
     static const struct virtual_modbus_options options = {.unit = RIG_UNIT,
@@ -6,10 +7,8 @@ VirtualModbus *modbus_rig_device(gboolean rtu) {
                                                           .accel_steps_s2 = 400000,
                                                           .speed_unit_steps_s = 50};
     struct virtual_modbus_options with = options;
-    GError *error = NULL;
     with.rtu = rtu;
-    VirtualModbus *device = virtual_modbus_new(&with, &error);
-    g_assert_no_error(error);
+    VirtualModbus *device = ok(virtual_modbus_new(&with, ERR));
     return device;
 }
 

@@ -1,4 +1,5 @@
 #include "near_field_fixture.h"
+#include "lib/ok.h"
 
 char *near_folder;
 
@@ -125,8 +126,7 @@ char *near_field_make_session(const char *name, const struct rings *views,
         g_autofree char *to = session_file(session, relative);
         for (int light = 0; light < lights->n; light++)
             exr_file_add(file, near_field_make_part(views, lights, view, light, wish));
-        exr_write(to, file, EXR_NONE, FALSE, &error);
-        g_assert_no_error(error);
+        ok(exr_write(to, file, EXR_NONE, FALSE, ERR));
         exr_file_free(file);
     }
     return path;
@@ -135,16 +135,12 @@ char *near_field_make_session(const char *name, const struct rings *views,
 char *near_field_resample(const char *session, const char *name, const struct btf_directions *to,
                           struct near_field_correction_result *ret) {
     char *path = g_strdup_printf("%s/%s.session", near_folder, name);
-    g_autoptr(GError) error = NULL;
-    near_field_correct(session, path, to, &quiet, ret, &error);
-    g_assert_no_error(error);
+    ok(near_field_correct(session, path, to, &quiet, ret, ERR));
     return path;
 }
 
 struct exr_file *near_field_read_view(const char *session, int view) {
     g_autofree char *path = g_strdup_printf("%s/products/btf/view_%04d.exr", session, view);
-    g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(path, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read(path, ERR));
     return file;
 }

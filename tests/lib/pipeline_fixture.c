@@ -1,4 +1,5 @@
 #include "pipeline_fixture.h"
+#include "lib/ok.h"
 
 struct rig fixture_make_rig(void) {
     struct rig rig = {.id = "test", .arc_radius_mm = 500, .arc_width_mm = 30};
@@ -135,7 +136,6 @@ struct session_frame fixture_write_frame(const struct fixture *fixture, struct e
 
 static void fixture_capture_shot(struct fixture *fixture, Session *session,
                                  struct session_shot *shot, Spoil spoil) {
-    g_autoptr(GError) error = NULL;
     struct session_frame frames[N_CAMERAS];
     for (int camera = 0; camera < N_CAMERAS; camera++) {
         struct exr_part *part =
@@ -144,8 +144,7 @@ static void fixture_capture_shot(struct fixture *fixture, Session *session,
             spoil(part, shot);
         frames[camera] = fixture_write_frame(fixture, part, shot, camera);
     }
-    session_commit_shot(session, shot->id, SHOT_DONE, frames, N_CAMERAS, NULL, &error);
-    g_assert_no_error(error);
+    ok(session_commit_shot(session, shot->id, SHOT_DONE, frames, N_CAMERAS, NULL, ERR));
     for (int camera = 0; camera < N_CAMERAS; camera++) {
         g_free(frames[camera].path);
         g_free(frames[camera].sha256);
@@ -171,12 +170,10 @@ void fixture_set_state(const struct fixture *fixture, const char *state) {
 
 struct pipeline_result fixture_process(const struct fixture *fixture, int n_threads,
                                        gboolean follow) {
-    g_autoptr(GError) error = NULL;
     struct pipeline_options options = {
         .n_eigenmaps = 2, .work.n_threads = n_threads, .follow = follow};
     struct pipeline_result result;
-    pipeline_run(fixture->path, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(fixture->path, &options, &result, ERR));
     return result;
 }
 

@@ -1,4 +1,5 @@
 #include "lib/plan_case.h"
+#include "lib/ok.h"
 
 #include <string.h>
 
@@ -12,10 +13,8 @@ static const char *const tail = "[capture]\nexposures_us = 4000; 16000\n";
 struct session_conf plan_case_conf(const char *directions) {
     g_autofree char *text = g_strconcat(head, directions, tail, NULL);
     struct session_conf conf;
-    GError *error = NULL;
 
-    g_assert_true(session_conf_parse(&conf, text, "test.conf", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_parse(&conf, text, "test.conf", ERR)));
     return conf;
 }
 
@@ -66,10 +65,7 @@ struct rig_timing plan_case_timing(double warm_up_s) {
 
 struct plan *plan_case_build(const struct session_conf *conf, const struct rig *rig,
                              const struct rig_timing *timing) {
-    GError *error = NULL;
-    struct plan *plan = plan_build(conf, rig, timing, &error);
-
-    g_assert_no_error(error);
+    struct plan *plan = ok(plan_build(conf, rig, timing, ERR));
     g_assert_nonnull(plan);
     return plan;
 }

@@ -1,4 +1,5 @@
 #include "process.h"
+#include "lib/ok.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -14,10 +15,9 @@
 int process_run_in(const char *folder, const char *const *argv, char **ret_out, char **ret_err) {
     const GSpawnFlags flags =
         G_SPAWN_SEARCH_PATH | (ret_out ? G_SPAWN_DEFAULT : G_SPAWN_STDOUT_TO_DEV_NULL);
-    g_autoptr(GError) error = NULL;
     int status = -1;
-    g_spawn_sync(folder, (char **)argv, NULL, flags, NULL, NULL, ret_out, ret_err, &status, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_sync(folder, (char **)argv, NULL, flags, NULL, NULL, ret_out, ret_err, &status,
+                    ERR));
     if (!WIFEXITED(status))
         g_error("%s %s: ended with wait status 0x%x: %s", argv[0], argv[1] ? argv[1] : "",
                 (unsigned)status, ret_err ? *ret_err : "");
@@ -59,12 +59,10 @@ static void die_with_parent(gpointer unused) {
 }
 
 static GSubprocess *start(GSubprocessLauncher *launcher, const char *log, const char *const *argv) {
-    g_autoptr(GError) error = NULL;
     if (log)
         g_subprocess_launcher_set_stderr_file_path(launcher, log);
     g_subprocess_launcher_set_child_setup(launcher, die_with_parent, NULL, NULL);
-    GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, &error);
-    g_assert_no_error(error);
+    GSubprocess *process = ok(g_subprocess_launcher_spawnv(launcher, argv, ERR));
     return process;
 }
 

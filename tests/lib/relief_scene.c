@@ -1,4 +1,5 @@
 #include "relief_scene.h"
+#include "lib/ok.h"
 
 #include "base/vec.h"
 #include "lpca/lpca_levels.h"
@@ -108,31 +109,26 @@ struct mdf_table *relief_scene_mdf(enum relief_kind kind) {
 }
 
 struct lpca *relief_scene_compress(const struct btf_matrix *btf, int clusters, int components) {
-    g_autoptr(GError) error = NULL;
     const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_compute(btf, &options, ERR));
     return lpca;
 }
 
 /* The three forms of a local PCA: with mip levels in halves; on a grid of its own with 8 bits, and
  * in halves. */
 static void relief_scene_write_material(enum relief_kind kind, const char *path) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = relief_scene_btf(kind);
     g_autoptr(BtfMatrix) half = btf_matrix_halved(btf);
     struct lpca *levels[2] = {relief_scene_compress(btf, 4, 4), relief_scene_compress(half, 2, 4)};
     const gboolean mips = kind == RELIEF_WEAVE;
     if (kind != RELIEF_WEAVE) {
-        struct lpca *grid = lpca_resample(levels[0], 8, &error);
-        g_assert_no_error(error);
+        struct lpca *grid = ok(lpca_resample(levels[0], 8, ERR));
         lpca_free(levels[0]);
         levels[0] = grid;
     }
     for (int k = 0; k < 2; k++)
         lpca_quantise(levels[k], kind == RELIEF_BUMPS ? LPCA_8BIT_WEIGHTS : LPCA_HALF);
-    lpca_write_levels(path, levels, mips ? 2 : 1, &error);
-    g_assert_no_error(error);
+    ok(lpca_write_levels(path, levels, mips ? 2 : 1, ERR));
     for (int k = 0; k < 2; k++)
         lpca_free(levels[k]);
 }

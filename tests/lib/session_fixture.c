@@ -1,4 +1,5 @@
 #include "session_fixture.h"
+#include "lib/ok.h"
 
 char *session_fixture_folder;
 
@@ -85,10 +86,7 @@ struct random_plan *session_fixture_random_plan(guint32 seed, int n_shots) {
 
 Session *session_fixture_create(const char *path, guint32 seed, int n_shots) {
     g_autofree struct random_plan *p = session_fixture_random_plan(seed, n_shots);
-    g_autoptr(GError) error = NULL;
-    Session *session = session_create(path, "Loden, grün", &texts, &p->plan, &error);
-
-    g_assert_no_error(error);
+    Session *session = ok(session_create(path, "Loden, grün", &texts, &p->plan, ERR));
     g_assert_nonnull(session);
     return session;
 }
@@ -146,8 +144,7 @@ void session_fixture_assert_plan(Session *session, const struct random_plan *p) 
     assert_directions(session_views(session, &error), p->views, p->plan.n_views);
     assert_directions(session_lights(session, &error), p->lights, p->plan.n_lights);
     assert_directions(session_lasers(session, &error), p->lasers, p->plan.n_lasers);
-    assert_shots(session_shots(session, &error), p->shots, p->plan.n_shots);
-    g_assert_no_error(error);
+    ok(assert_shots(session_shots(session, ERR), p->shots, p->plan.n_shots));
 }
 
 struct session_frame session_fixture_frame(Session *session, gint64 shot, int camera) {

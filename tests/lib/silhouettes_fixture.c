@@ -1,4 +1,5 @@
 #include "silhouettes_fixture.h"
+#include "lib/ok.h"
 
 /* A diffuser: one term, cos θ at three lights. */
 static struct eigenmaps *silhouettes_grey(void) {
@@ -26,11 +27,9 @@ static struct eigenmaps *silhouettes_grey(void) {
 Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = silhouettes_grey();
-    Viewer *view = viewer_new(material, &error);
-    g_assert_no_error(error);
+    Viewer *view = ok(viewer_new(material, ERR));
     eigenmaps_free(material);
-    viewer_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
+    ok(viewer_set_mesh(view, mesh, ERR));
     if (mdf != NULL)
         viewer_set_mdf(view, &(struct mdf_source){.table = mdf}, &error);
     g_assert_no_error(error);
@@ -47,7 +46,6 @@ int silhouettes_differ(const float *a, const float *b, int n, float tolerance) {
 char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid, int first_camera,
                                     const double *theta_deg, int n_theta, int n_phi) {
     static const char *const channels[] = {"D", NULL};
-    g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
     for (int k = 0; k < n_theta * n_phi; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
@@ -64,8 +62,7 @@ char *silhouettes_write_truth_rings(World *world, const struct truth_grid *grid,
         exr_file_add(file, part);
     }
     char *path = g_build_filename(world_fixture_folder(), "mdf.exr", NULL);
-    exr_write(path, file, EXR_PIZ, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_PIZ, FALSE, ERR));
     exr_file_free(file);
     return path;
 }

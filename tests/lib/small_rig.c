@@ -1,4 +1,5 @@
 #include "small_rig.h"
+#include "lib/ok.h"
 
 #include <string.h>
 
@@ -26,9 +27,7 @@ void small_rig_write(const char *directory, const char *name, const struct chang
     g_autofree char *from = g_strconcat(SOURCE_DIR "/tests/small/", name, NULL);
     g_autofree char *to = g_build_filename(directory, name, NULL);
     g_autofree char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(from, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(from, &text, NULL, ERR));
     for (const struct change *change = changes; change && change->head; change++) {
         const gboolean fault = change->line && g_str_has_prefix(change->line, "fault_");
         if (!strstr(text, change->head) || (fault && !g_str_equal(name, "rig.conf")))
@@ -37,6 +36,5 @@ void small_rig_write(const char *directory, const char *name, const struct chang
         g_free(text);
         text = changed;
     }
-    g_file_set_contents(to, text, -1, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(to, text, -1, ERR));
 }

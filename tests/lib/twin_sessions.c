@@ -1,4 +1,5 @@
 #include "twin_sessions.h"
+#include "lib/ok.h"
 
 #include "process.h"
 
@@ -16,9 +17,7 @@ char *twin_path(const char *name) {
 struct difference twin_compare(const char *a, const char *b, const char *folder, gboolean holes) {
     struct difference difference;
     g_autofree char *in_a = twin_path(a), *in_b = twin_path(b);
-    g_autoptr(GError) error = NULL;
-    difference_folder(in_a, in_b, folder, holes, &difference, &error);
-    g_assert_no_error(error);
+    ok(difference_folder(in_a, in_b, folder, holes, &difference, ERR));
     g_assert_cmpint(difference.n_files, >, 0);
     g_assert_cmpint(difference.n_values, >, 0);
     g_test_message("%s and %s, %s: RMS %.5f, mean %+.5f, seen differently %.4f", a, b, folder,

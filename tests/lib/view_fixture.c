@@ -1,4 +1,5 @@
 #include "view_fixture.h"
+#include "lib/ok.h"
 
 #include <png.h>
 
@@ -163,13 +164,10 @@ void view_fixture_compare(const struct check *c, double tolerance, int at_least)
 }
 
 Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
     struct eigenmaps *material = view_fixture_material(kind, n_rings, n_phi);
-    Viewer *view = viewer_new(material, &error);
-    g_assert_no_error(error);
+    Viewer *view = ok(viewer_new(material, ERR));
     eigenmaps_free(material);
-    viewer_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
+    ok(viewer_set_mesh(view, mesh, ERR));
     return view;
 }
 
@@ -180,9 +178,7 @@ Viewer *view_fixture_plane(enum kind kind, int n_rings, int n_phi) {
 }
 
 float *view_fixture_linear(Viewer *view, const struct viewer_settings *s, int width, int height) {
-    g_autoptr(GError) error = NULL;
-    float *pixels = viewer_render_linear(view, s, width, height, &error);
-    g_assert_no_error(error);
+    float *pixels = ok(viewer_render_linear(view, s, width, height, ERR));
     return pixels;
 }
 
@@ -253,14 +249,12 @@ void remove_folder(const char *path) {
 }
 
 char *view_fixture_write_session(void) {
-    g_autoptr(GError) error = NULL;
     char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *products = g_build_filename(dir, "products", NULL);
     g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
     g_mkdir(products, 0755);
     struct eigenmaps *material = view_fixture_material(LIGHT, 3, 4);
-    eigenmaps_write(path, material, &error);
-    g_assert_no_error(error);
+    ok(eigenmaps_write(path, material, ERR));
     eigenmaps_free(material);
     return dir;
 }

@@ -1,4 +1,5 @@
 #include "web_site.h"
+#include "lib/ok.h"
 
 #include <string.h>
 
@@ -46,8 +47,7 @@ struct site *site_new(int flags, const struct change *changes) {
         process_start(G_SUBPROCESS_FLAGS_STDOUT_PIPE, site->log, (const char *const *)argv->pdata);
     g_autoptr(GDataInputStream) out =
         g_data_input_stream_new(g_subprocess_get_stdout_pipe(site->server));
-    site->uri = g_data_input_stream_read_line(out, NULL, NULL, &error);
-    g_assert_no_error(error);
+    site->uri = ok(g_data_input_stream_read_line(out, NULL, NULL, ERR));
     g_assert_nonnull(site->uri);
     site->uri[strcspn(site->uri, " ")] = '\0';
     g_autoptr(GUri) uri = g_uri_parse(site->uri, G_URI_FLAGS_NONE, &error);
@@ -104,27 +104,21 @@ guint site_ask(const struct site *site, const char *method, const char *path, co
 }
 
 GSocket *site_dial(const struct site *site, const char *from) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(GSocketAddress) own = g_inet_socket_address_new_from_string(from, 0);
     g_autoptr(GSocketAddress) server =
         g_inet_socket_address_new_from_string("127.0.0.1", site->port);
     GSocket *socket =
-        g_socket_new(G_SOCKET_FAMILY_IPV4, G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_TCP, &error);
-    g_assert_no_error(error);
+        ok(g_socket_new(G_SOCKET_FAMILY_IPV4, G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_TCP, ERR));
     g_socket_set_timeout(socket, SITE_WAIT_S);
-    g_socket_bind(socket, own, FALSE, &error);
-    g_assert_no_error(error);
-    g_socket_connect(socket, server, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_socket_bind(socket, own, FALSE, ERR));
+    ok(g_socket_connect(socket, server, NULL, ERR));
     return socket;
 }
 
 void site_send(GSocket *socket, const char *text) {
     const gsize n = strlen(text);
-    g_autoptr(GError) error = NULL;
     for (gsize at = 0; at < n;) {
-        const gssize sent = g_socket_send(socket, text + at, n - at, NULL, &error);
-        g_assert_no_error(error);
+        const gssize sent = ok(g_socket_send(socket, text + at, n - at, NULL, ERR));
         at += (gsize)sent;
     }
 }

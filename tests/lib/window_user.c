@@ -1,4 +1,5 @@
 #include "window_user.h"
+#include "lib/ok.h"
 
 #include "remove_tree.h"
 #include "skip.h"
@@ -7,7 +8,6 @@
 #include <png.h>
 
 static gboolean start(struct user *u, const char *const *options) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
     g_autoptr(GPtrArray) argv = g_ptr_array_new();
@@ -25,8 +25,7 @@ static gboolean start(struct user *u, const char *const *options) {
     g_subprocess_launcher_unsetenv(launcher, "DBUS_SESSION_BUS_ADDRESS");
     if (u->bus != NULL)
         g_subprocess_launcher_setenv(launcher, "DBUS_SESSION_BUS_ADDRESS", u->bus, TRUE);
-    u->program = g_subprocess_launcher_spawnv(launcher, (const char *const *)argv->pdata, &error);
-    g_assert_no_error(error);
+    u->program = ok(g_subprocess_launcher_spawnv(launcher, (const char *const *)argv->pdata, ERR));
     u->says = g_data_input_stream_new(g_subprocess_get_stdout_pipe(u->program));
     return x_display_wait_window(u->x, 60.0);
 }
@@ -53,11 +52,9 @@ gboolean user_sit_down_on(struct user *u, const char *bus, const char *folder, c
 }
 
 char *user_stand_up(struct user *u, int code) {
-    g_autoptr(GError) error = NULL;
     char *err = NULL;
     const gint64 from = g_get_monotonic_time();
-    g_subprocess_communicate_utf8(u->program, NULL, NULL, NULL, &err, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8(u->program, NULL, NULL, NULL, &err, ERR));
     g_test_message("%sclosed in %.2f s", err, (g_get_monotonic_time() - from) * 1e-6);
     g_assert_true(g_subprocess_get_if_exited(u->program));
     g_assert_cmpint(g_subprocess_get_exit_status(u->program), ==, code);

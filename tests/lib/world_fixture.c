@@ -1,4 +1,5 @@
 #include "world_fixture.h"
+#include "lib/ok.h"
 
 char *world_fixture_folder(void) {
     static char *folder;
@@ -15,9 +16,7 @@ char *world_fixture_write(const char *name, const char *text) {
 
 World *world_fixture_new(const char *text) {
     g_autofree char *path = world_fixture_write("world.conf", text);
-    g_autoptr(GError) error = NULL;
-    World *world = world_get(path, &error);
-    g_assert_no_error(error);
+    World *world = ok(world_get(path, ERR));
     return world;
 }
 

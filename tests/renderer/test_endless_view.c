@@ -1,6 +1,7 @@
 /* Materials in hexagons without end: what the graphics card draws against the same on the
  * processor, and the laws of where hexagons look: nothing beyond the sample's edges, no jump, a
  * lattice that closes, and mean and variance of the sample. */
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/test.h"
@@ -144,8 +145,7 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     s.camera_distance = 1.6;
     s.endless = TRUE;
     g_autofree float *drawn =
-        reference_render_linear(reference, view, &s, 200, 150, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, view, &s, 200, 150, &relative, ERR));
     s.endless = FALSE;
     g_autofree float *plain =
         reference_render_linear(reference, view, &s, 200, 150, &repeated, &error);
@@ -187,8 +187,7 @@ static void test_depth(struct fixture *f, gconstpointer data) {
     g_autofree float *to_view =
         viewer_render_geometry(view, &s, VIEWER_GEOMETRY_VIEW, width, height, &error);
     g_autofree float *lit =
-        viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, width, height, &error);
-    g_assert_no_error(error);
+        ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, width, height, ERR));
     struct endless_lattice lattice;
     const struct endless *e = viewer_endless(view, &s, &lattice);
     int n = 0, wrong = 0;

@@ -1,5 +1,6 @@
 /* Shapes of glTF files: a square whose frame is known, in every way a file may say it, and files
  * that lie. */
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "shapes/scene.h"
@@ -215,8 +216,7 @@ static GByteArray *binary_file(void) {
 TEST(files) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GByteArray) file = binary_file(), bytes = buffer_bytes();
-    struct mesh *mesh = read_bytes("A.GLB", file->data, file->len, SCENE_Z_UP, &error);
-    g_assert_no_error(error);
+    struct mesh *mesh = ok(read_bytes("A.GLB", file->data, file->len, SCENE_Z_UP, ERR));
     check_square(mesh, 4);
     mesh_free(mesh);
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
@@ -228,8 +228,7 @@ TEST(files) {
     g_assert_error(error, SCENE_ERROR, SCENE_ERROR_IO);
     g_clear_error(&error);
     g_assert_true(g_file_set_contents(beside, (const char *)bytes->data, bytes->len, NULL));
-    mesh = scene_shape(path, SCENE_Z_UP, &error);
-    g_assert_no_error(error);
+    mesh = ok(scene_shape(path, SCENE_Z_UP, ERR));
     check_square(mesh, 4);
     mesh_free(mesh);
     remove_tree(folder);

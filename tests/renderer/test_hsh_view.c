@@ -1,6 +1,7 @@
 /* Pictures of hemispherical harmonics against hsh_evaluate(), pixel by pixel. */
 #include "lib/lobes_scene.h"
 
+#include "lib/ok.h"
 #include "methods/hsh_view.h"
 
 #include <glib/gstdio.h>
@@ -65,8 +66,7 @@ static void check_terms(int n_terms, gboolean nearest, double ambient) {
     struct hsh *made = make_hsh(n_terms);
     g_assert_true(hsh_write(path, made, &error));
     hsh_free(made);
-    struct hsh *hsh = hsh_read(path, &error);
-    g_assert_no_error(error);
+    struct hsh *hsh = ok(hsh_read(path, ERR));
     struct scene scene = {.ambient = ambient,
                           .nearest = nearest,
                           .layout = &hsh->layout,

@@ -1,6 +1,7 @@
 /* Materials seen through an index map, against the same materials with the map's texels laid out in
  * full: the pictures must not differ. */
 #include "lib/lobes_scene.h"
+#include "lib/ok.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
@@ -123,8 +124,7 @@ static struct lobes *new_lobes(int width, int height, const float *values) {
 
 static Viewer *new_lobes_view(struct lobes *lobes, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
-    gpointer material = lobes_view_new(&lobes, 1, &error);
-    g_assert_no_error(error);
+    gpointer material = ok(lobes_view_new(&lobes, 1, ERR));
     Viewer *view = viewer_new(NULL, &error);
     g_assert_true(viewer_set_method(view, &methods_lobes[LOBES_PTM], material, &error) &&
                   viewer_set_mesh(view, mesh, &error));
@@ -221,8 +221,7 @@ static void test_reference(struct fixture *f, gconstpointer data) {
     double relative = 1, without = 0;
     g_assert_true(viewer_set_index(view, map, &error));
     g_autofree float *drawn =
-        reference_render_linear(reference, view, &s, 60, 45, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, view, &s, 60, 45, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.02);
     g_autofree float *with = view_fixture_linear(view, &s, 60, 45);
     g_assert_true(viewer_set_index(view, NULL, &error));
@@ -254,8 +253,7 @@ static void test_other_sample(struct fixture *f, gconstpointer data) {
     g_assert_null(viewer_index(view));
     g_clear_error(&error);
     g_assert_true(index_map_write(path, map, &error));
-    g_assert_true(viewer_open_index(view, path, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(viewer_open_index(view, path, ERR)));
     g_assert_nonnull(viewer_index(view));
     remove_folder(folder);
 }

@@ -1,5 +1,6 @@
 /* Shadows of several lamps: each against displaced geometry that is ray traced, and against the
  * first lamp's in its place. */
+#include "lib/ok.h"
 #include "lib/silhouettes_fixture.h"
 
 #include <string.h>
@@ -15,9 +16,7 @@
 static const struct viewer_lamp lamps[N - 1] = {{55, 320, {0, 0, 1}}, {35, 80, {0, 1, 0}}};
 
 static float *draw(Viewer *view, const struct viewer_settings *s) {
-    g_autoptr(GError) error = NULL;
-    float *linear = viewer_render_linear(view, s, W, H, &error);
-    g_assert_no_error(error);
+    float *linear = ok(viewer_render_linear(view, s, W, H, ERR));
     return linear;
 }
 
@@ -87,8 +86,7 @@ static void test_truth(gconstpointer data) {
         s.silhouettes = way;
         g_autofree float *drawn = draw(view, &s);
         g_autofree float *seen =
-            viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, W, H, &error);
-        g_assert_no_error(error);
+            ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, W, H, ERR));
         for (int k = 0; k < N; k++)
             shares[way][k] = share(&s, k, drawn, seen, displaced);
     }

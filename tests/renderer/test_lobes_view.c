@@ -1,5 +1,6 @@
 /* Pictures of the analytic models of texels against lobes_evaluate(), pixel by pixel. */
 #include "lib/lobes_scene.h"
+#include "lib/ok.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -71,8 +72,7 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
     struct lobes *made = make_lobes(model, n_lobes);
     g_assert_true(lobes_write(path, made, &error));
     lobes_free(made);
-    struct lobes *lobes = lobes_read(path, &error);
-    g_assert_no_error(error);
+    struct lobes *lobes = ok(lobes_read(path, ERR));
     struct scene scene = {.lobes = lobes,
                           .ambient = ambient,
                           .nearest = nearest,

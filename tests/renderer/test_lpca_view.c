@@ -1,5 +1,6 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
 #include "lib/lpca_scene.h"
+#include "lib/ok.h"
 #include "lpca_codec/lpca_resample.h"
 #include "methods/lpca_grid.h"
 #include "methods/lpca_revised.h"
@@ -160,8 +161,7 @@ static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
         g_autofree float *one = viewer_render_flat(a, &s, to_view, to_light, W, H, &error);
-        g_autofree float *other = viewer_render_flat(b, &s, to_view, to_light, W, H, &error);
-        g_assert_no_error(error);
+        g_autofree float *other = ok(viewer_render_flat(b, &s, to_view, to_light, W, H, ERR));
         for (int i = 0; i < 4 * W * H; i++) {
             off += i % 4 < 3 ? pow((double)other[i] - one[i], 2) : 0;
             all += i % 4 < 3 ? pow(one[i], 2) : 0;
@@ -180,8 +180,7 @@ static void test_agree(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = make_btf();
     const struct lpca_options options = {.n_clusters = 2, .n_components = 3};
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_compute(btf, &options, ERR));
     g_autoptr(Viewer) original = viewer_new(NULL, &error), revised = viewer_new(NULL, &error);
     double before = 1;
     viewer_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);

@@ -1,5 +1,6 @@
 /* Lamps near the object: light, cones and shadows against formulas, and the reference's pictures.
  */
+#include "lib/ok.h"
 #include "lib/view_fixture.h"
 #include "scene/reference.h"
 
@@ -42,8 +43,7 @@ static void check_geometry(Viewer *view, const struct viewer_settings *s,
     g_autofree float *lit =
         viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, &error);
     g_autofree float *light =
-        viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIGHT, WIDTH, HEIGHT, &error);
-    g_assert_no_error(error);
+        ok(viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIGHT, WIDTH, HEIGHT, ERR));
     double worst = 0.0, worst_light = 0.0;
     for (int k = 0; k < WIDTH * HEIGHT; k++) {
         const struct vec3 p = on_plane(s, radius, k, 0.0);
@@ -221,8 +221,7 @@ static void test_shadows(gconstpointer data) {
     for (gsize l = 0; l < G_N_ELEMENTS(lamps); l++) {
         s.lamps[0] = lamps[l];
         g_autofree float *lit =
-            viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, &error);
-        g_assert_no_error(error);
+            ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, ERR));
         int both = 0, either = 0;
         for (int k = 0; k < WIDTH * HEIGHT; k++) {
             struct vec3 eye;
@@ -264,8 +263,7 @@ static void test_reference(gconstpointer data) {
                                       .cone_deg = 30,
                                       .inner_deg = 10};
     g_autofree float *whole =
-        reference_render_linear(reference, view, &s, WIDTH, HEIGHT, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, view, &s, WIDTH, HEIGHT, &relative, ERR));
     g_test_message("relative error %.5f", relative);
     g_assert_cmpfloat(relative, <, 0.005);
     /* Not the first lamp alone. */

@@ -1,6 +1,7 @@
 /* Normal maps from files, whole and broken, and metal under them against microfacet_evaluate(). */
 #include "exr/exr.h"
 #include "lib/formula_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 #include "methods/microfacet.h"
@@ -69,9 +70,7 @@ static void write_exr(const char *part_name, const char *const *channels, gboole
 static const char *const xyz[] = {"X", "Y", "Z", NULL}, *const bgr[] = {"B", "G", "R", NULL};
 
 static void check_read(double tolerance) {
-    g_autoptr(GError) error = NULL;
-    struct normal_map *map = normal_map_read(path, &error);
-    g_assert_no_error(error);
+    struct normal_map *map = ok(normal_map_read(path, ERR));
     g_assert_cmpint(map->width, ==, W);
     g_assert_cmpint(map->height, ==, H);
     for (int k = 0; k < W * H; k++) {

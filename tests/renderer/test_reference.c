@@ -1,4 +1,5 @@
 /* Pictures from the whole BTF: against the formula, and against eigen-maps that are exact. */
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
@@ -19,8 +20,7 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     double relative;
     g_autofree float *pixels =
-        reference_render_linear(reference, view, s, c.width, c.height, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, view, s, c.width, c.height, &relative, ERR));
     c.pixels = pixels;
     view_fixture_compare(&c, tolerance, 1000);
     /* These materials' eigen-maps are exact. */
@@ -47,8 +47,7 @@ static void test_reference_agrees(gconstpointer data) {
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct viewer_settings s = viewer_settings_default;
     double relative = 1.0;
-    g_autofree guint8 *whole = reference_render(reference, view, &s, 60, 40, &relative, &error);
-    g_assert_no_error(error);
+    g_autofree guint8 *whole = ok(reference_render(reference, view, &s, 60, 40, &relative, ERR));
     g_autofree guint8 *maps = viewer_render(view, &s, 60, 40, &error);
     g_assert_cmpfloat(relative, <, 0.005);
     for (int k = 0; k < 60 * 40 * 3; k++)
@@ -69,8 +68,7 @@ static void test_reference_shadows(gconstpointer data) {
     s.ambient = 0.1;
     double relative = 1.0, dark = 0.0;
     g_autofree float *whole =
-        reference_render_linear(reference, view, &s, 120, 90, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, view, &s, 120, 90, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.005);
     g_autofree float *lit = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, 120, 90, &error);
     for (int k = 0; k < 120 * 90; k++)
@@ -90,9 +88,7 @@ static char *make_session(const char *views) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     char *session = g_build_filename(folder, "a.session", NULL);
     g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
-    g_autoptr(GError) error = NULL;
-    session_close(session_create(session, "a", &texts, &plan, &error));
-    g_assert_no_error(error);
+    ok(session_close(session_create(session, "a", &texts, &plan, ERR)));
     g_autofree char *products = g_path_get_dirname(btf);
     g_assert_cmpint(g_mkdir_with_parents(products, 0755), ==, 0);
     g_assert_cmpint(g_rename(views, btf), ==, 0);
@@ -119,8 +115,7 @@ static void test_reference_library(gconstpointer data) {
     s.ambient = 0.0;
     s.style.nearest = FALSE;
     g_autofree float *whole =
-        reference_render_linear(reference, viewer, &s, WIDTH, HEIGHT, NULL, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, viewer, &s, WIDTH, HEIGHT, NULL, ERR));
     float *geometry[3];
     const enum viewer_geometry kinds[] = {VIEWER_GEOMETRY_TEXEL, VIEWER_GEOMETRY_VIEW,
                                           VIEWER_GEOMETRY_LIGHT};
@@ -163,8 +158,7 @@ static void test_reference_file(gconstpointer data) {
     struct viewer_settings s = viewer_settings_default;
     g_assert_cmpfloat(s.ambient, >, 0.0);
     double relative = 1.0;
-    g_autofree guint8 *whole = reference_render(reference, viewer, &s, 60, 40, &relative, &error);
-    g_assert_no_error(error);
+    g_autofree guint8 *whole = ok(reference_render(reference, viewer, &s, 60, 40, &relative, ERR));
     g_assert_cmpfloat(relative, <, 0.005);
     g_assert_null(reference_open_material(none, &error));
     g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
@@ -209,8 +203,7 @@ static void test_measured(gconstpointer data) {
     s.light_theta_deg = 20;
     s.light_phi_deg = 200;
     s.exposure_ev = -1; /* below where tones bend */
-    g_assert_true(measured_compare(reference, view, &s, 3 * W * 4 + 5, &m, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(measured_compare(reference, view, &s, 3 * W * 4 + 5, &m, ERR)));
     g_assert_cmpint(m.width, ==, 3 * W * 4);
     g_assert_cmpint(m.height, ==, H * 4);
     g_assert_cmpfloat_with_epsilon((double)m.view_theta_deg, 170.0 / 3, 0.1);
@@ -244,8 +237,7 @@ static void test_compose(gconstpointer data) {
     guint8 *pictures[3];
     g_autofree guint8 *other = viewer_render(b, &s, 80, 60, &error);
     for (int k = 0; k < 3; k++) {
-        pictures[k] = compose_render(compose, a, b, &hows[k], &s, 80, 60, &error);
-        g_assert_no_error(error);
+        pictures[k] = ok(compose_render(compose, a, b, &hows[k], &s, 80, 60, ERR));
     }
     for (int k = 0; k < 80 * 60 * 3; k++) {
         const int x = k / 3 % 80, first = pictures[0][k];
@@ -280,8 +272,7 @@ TEST(live) {
         }
         struct eigenmaps *maps = NULL;
         for (int k = 0; maps == NULL && k < 1000; k++) {
-            maps = live_poll(live, &n_views, &error);
-            g_assert_no_error(error);
+            maps = ok(live_poll(live, &n_views, ERR));
             g_usleep(maps == NULL ? 10000 : 0);
         }
         g_assert_nonnull(maps);
@@ -363,15 +354,13 @@ static double deep_error(Reference *reference, Viewer *viewer, const struct view
     enum { WIDTH = 80, HEIGHT = 60 };
     g_autoptr(GError) error = NULL;
     g_autofree float *drawn =
-        reference_render_linear(reference, viewer, s, WIDTH, HEIGHT, NULL, &error);
-    g_assert_no_error(error);
+        ok(reference_render_linear(reference, viewer, s, WIDTH, HEIGHT, NULL, ERR));
     g_autofree float *at =
         viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, WIDTH, HEIGHT, &error);
     g_autofree float *v =
         viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, WIDTH, HEIGHT, &error);
     g_autofree float *lit =
-        viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, &error);
-    g_assert_no_error(error);
+        ok(viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, WIDTH, HEIGHT, ERR));
     double squares = 0;
     int n = 0;
     for (int k = 0; k < 4 * WIDTH * HEIGHT; k += 4) {
@@ -401,8 +390,7 @@ static void test_along_surface(gconstpointer data) {
     g_assert_false(reference_move_along_surface(reference, folder, &error)); /* no file */
     g_assert_nonnull(error);
     g_clear_error(&error);
-    reference_move_along_surface(reference, mdf, &error);
-    g_assert_no_error(error);
+    ok(reference_move_along_surface(reference, mdf, ERR));
     const double along = deep_error(reference, viewer, &s);
     g_test_message("off by %g mixed, by %g along the surface", mixed, along);
     g_assert_cmpfloat(along, <, 0.005);

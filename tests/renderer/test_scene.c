@@ -1,3 +1,4 @@
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "shapes/scene.h"
 
@@ -90,9 +91,7 @@ TEST(torus) {
 }
 
 static struct mesh *parse(const char *text, enum scene_up up) {
-    g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_parse_obj("test.obj", text, up, &error);
-    g_assert_no_error(error);
+    struct mesh *mesh = ok(scene_parse_obj("test.obj", text, up, ERR));
     check_frames(mesh);
     return mesh;
 }
@@ -265,8 +264,7 @@ TEST(obj__damaged) {
 TEST(obj__files) {
     g_autofree char *path = NULL;
     g_autoptr(GError) error = NULL, missing = NULL, binary = NULL;
-    int file = g_file_open_tmp("mesorig-XXXXXX.obj", &path, &error);
-    g_assert_no_error(error);
+    int file = ok(g_file_open_tmp("mesorig-XXXXXX.obj", &path, ERR));
     g_close(file, NULL);
     g_assert_true(g_file_set_contents(path, square, -1, NULL));
     g_autoptr(Mesh) mesh = scene_shape(path, SCENE_Z_UP, &error);

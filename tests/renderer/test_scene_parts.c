@@ -1,4 +1,5 @@
 /* Scenes of several objects and materials: how glTF becomes one mesh, and what is drawn of it. */
+#include "lib/ok.h"
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/silhouettes_fixture.h"
@@ -136,8 +137,7 @@ static void test_drawn(gconstpointer data) {
     s.light_theta_deg = 65.0;
     s.light_phi_deg = 20.0;
     g_autofree float *drawn =
-        reference_render_scene_linear(references, 2, view, &s, WIDTH, HEIGHT, &relative, &error);
-    g_assert_no_error(error);
+        ok(reference_render_scene_linear(references, 2, view, &s, WIDTH, HEIGHT, &relative, ERR));
     g_autofree float *texel =
         viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, WIDTH, HEIGHT, &error);
     g_autofree float *maps = view_fixture_linear(view, &s, WIDTH, HEIGHT);

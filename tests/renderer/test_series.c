@@ -1,5 +1,6 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
 #include "lib/capturing_fixture.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "window/live.h"
@@ -45,8 +46,7 @@ static void test_stripes(gconstpointer data) {
         s.camera_azimuth_deg = views[k].phi_deg + 20.0;
         s.camera_elevation_deg = 90.0 - views[k].theta_deg + 5.0;
         viewer_set_planned(view, NULL, 0);
-        g_autofree guint8 *plain = viewer_render(view, &s, 64, 64, &error);
-        g_assert_no_error(error);
+        g_autofree guint8 *plain = ok(viewer_render(view, &s, 64, 64, ERR));
         viewer_set_planned(view, views, N);
         const int n = pixels_that_differ(view, &s, plain);
         g_test_message("view %d: %d pixels striped", k, n);
@@ -91,8 +91,7 @@ static void test_series(gconstpointer data) {
             g_usleep(10000);
         g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
     }
-    g_subprocess_communicate_utf8(program, NULL, NULL, &out, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8(program, NULL, NULL, &out, NULL, ERR));
     g_assert_cmpint(g_subprocess_get_exit_status(program), ==, 0);
     g_assert_nonnull(strstr(out, "\"frames\": 3"));
     g_assert_nonnull(strstr(out, "\"views\": 8"));
@@ -119,8 +118,7 @@ static void refuse_to(const char *picture, const char *session, int code, const 
         G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, VIEWER, session, "--live", "--series", series,
         "--render", picture, "--size", "32x24", "--wait-s", "0.5", NULL);
     g_assert_no_error(error);
-    g_subprocess_communicate_utf8(program, NULL, NULL, NULL, &err, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8(program, NULL, NULL, NULL, &err, ERR));
     g_test_message("%s", err);
     g_assert_cmpint(g_subprocess_get_exit_status(program), ==, code);
     g_assert_nonnull(strstr(err, said));
@@ -149,8 +147,7 @@ static void test_refused(gconstpointer data) {
     g_assert_true(g_file_set_contents(last, "", 0, &error));
     g_autoptr(Session) opened = session_open(session, SESSION_PRODUCTS, &error);
     g_assert_no_error(error);
-    session_set_value(opened, "state", "aborted", &error);
-    g_assert_no_error(error);
+    ok(session_set_value(opened, "state", "aborted", ERR));
     refuse(session, 1, "its capture has ended with 1 of 8", "50");
     remove_tree(made);
     remove_tree(folder);

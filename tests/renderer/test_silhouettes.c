@@ -1,5 +1,6 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
+#include "lib/ok.h"
 #include "lib/silhouettes_fixture.h"
 #include "lib/test.h"
 #include "shapes/mesh_shape.h"
@@ -10,9 +11,7 @@
 #define H 240
 
 static float *see(Viewer *view, const struct viewer_settings *s, int width, int height) {
-    g_autoptr(GError) error = NULL;
-    float *seen = viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, width, height, &error);
-    g_assert_no_error(error);
+    float *seen = ok(viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, width, height, ERR));
     return seen;
 }
 
@@ -181,16 +180,13 @@ static void test_lists_grow(gconstpointer data) {
 
 /* Without structure, silhouettes change nothing. */
 static void test_smooth(gconstpointer data) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(Mesh) mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
     g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
     struct viewer_settings s = viewer_settings_default;
-    g_autofree float *without = viewer_render_linear(view, &s, W, H, &error);
-    g_assert_no_error(error);
+    g_autofree float *without = ok(viewer_render_linear(view, &s, W, H, ERR));
     s.silhouettes = TRUE;
-    g_autofree float *with = viewer_render_linear(view, &s, W, H, &error);
-    g_assert_no_error(error);
+    g_autofree float *with = ok(viewer_render_linear(view, &s, W, H, ERR));
     g_assert_cmpint(silhouettes_differ(with, without, 4 * W * H, 2e-3f), <=, 4 * W * H / 5000);
     mdf_table_free(mdf);
 }
@@ -300,8 +296,7 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     g_autoptr(Mesh) mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
     g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
-    viewer_open_mdf(view, mdf, &error);
-    g_assert_no_error(error);
+    ok(viewer_open_mdf(view, mdf, ERR));
     struct truth_surface surface;
     truth_surface(world, &surface);
     struct displaced_shape shape =
@@ -348,7 +343,6 @@ struct bad {
 
 static void write_bad(const struct bad *bad, const char *path) {
     static const char *const channels[] = {"D", NULL}, *const others[] = {"N", NULL};
-    g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
     for (int k = 0; k < 3; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
@@ -364,8 +358,7 @@ static void write_bad(const struct bad *bad, const char *path) {
             exr_set_double(part, "texel_mm", 1.0);
         exr_file_add(file, part);
     }
-    exr_write(path, file, EXR_NONE, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_NONE, FALSE, ERR));
     exr_file_free(file);
 }
 
@@ -414,8 +407,7 @@ TEST(table__holes) {
     g_autofree char *path = g_build_filename(world_fixture_folder(), "holes.exr", NULL);
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
     exr_file_free(file);
-    struct mdf_table *t = mdf_table_read(path, &error);
-    g_assert_no_error(error);
+    struct mdf_table *t = ok(mdf_table_read(path, ERR));
     for (int i = 0; i < 25; i++)
         g_assert_cmpfloat_with_epsilon(t->depth_mm[i], 1.0, 1e-5);
     g_assert_cmpfloat_with_epsilon(t->deepest_mm, 1.0, 1e-5);

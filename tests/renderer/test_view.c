@@ -1,5 +1,6 @@
 /* Pictures against what the formula gives; view_fixture.h says how. */
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/skip.h"
 #include "lib/test.h"
@@ -110,22 +111,19 @@ static void test_bytes(gconstpointer data) {
     } cases[] = {{0.0, 0.4}, {-2.0, 0.1}, {1.0, 0.8}, {2.0, 1.0 - 0.2 * exp(-4.0)}, {9.0, 1.0}};
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++)
         for (int samples = 1; samples <= 4; samples += 3) {
-            g_autoptr(GError) error = NULL;
             struct viewer_settings s = view_fixture_settings();
             s.camera_elevation_deg = 90.0;
             s.camera_distance = 0.5;
             s.light_theta_deg = 20.0;
             s.exposure_ev = cases[k].ev;
             s.samples = samples;
-            g_autofree guint8 *rgb = viewer_render(view, &s, 16, 12, &error);
-            g_assert_no_error(error);
+            g_autofree guint8 *rgb = ok(viewer_render(view, &s, 16, 12, ERR));
             const double x = cases[k].linear;
             const double srgb = x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055;
             for (int b = 0; b < 16 * 12 * 3; b++)
                 g_assert_cmpfloat_with_epsilon(rgb[b], 255.0 * srgb, 1.01);
             /* Light is neither toned nor rounded. */
-            g_autofree float *light = viewer_render_light(view, &s, 16, 12, &error);
-            g_assert_no_error(error);
+            g_autofree float *light = ok(viewer_render_light(view, &s, 16, 12, ERR));
             for (int b = 0; b < 16 * 12 * 3; b++)
                 g_assert_cmpfloat_with_epsilon(light[b] / exp2(cases[k].ev), 0.4, 0.002);
         }
@@ -275,8 +273,7 @@ TEST(png) {
     for (gsize k = 0; k < sizeof rgb; k++)
         rgb[k] = 37 * k;
     const char *texts[] = {"Shape", "torus", "Light", "theta 50°", NULL};
-    g_assert_true(picture_write_png(path, rgb, 5, 3, texts, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(picture_write_png(path, rgb, 5, 3, texts, ERR)));
     int width, height;
     g_autofree guint8 *read = view_fixture_read_png(path, &width, &height);
     g_assert_cmpint(width, ==, 5);

@@ -3,6 +3,7 @@
  * black picture. */
 #include "codecs/codecs.h"
 #include "lib/fields_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
@@ -35,7 +36,6 @@ static void hide(gpointer paths) {
 
 static int run_without(const char *const *hidden, const char *const *environment,
                        const char *const *arguments, char **ret_err) {
-    g_autoptr(GError) error = NULL;
     g_auto(GStrv) all = g_get_environ();
     g_autofree char *out = NULL;
     int status;
@@ -43,9 +43,8 @@ static int run_without(const char *const *hidden, const char *const *environment
         all = environment[k + 1] != NULL
                   ? g_environ_setenv(all, environment[k], environment[k + 1], TRUE)
                   : g_environ_unsetenv(all, environment[k]);
-    g_spawn_sync(NULL, (char **)arguments, all, G_SPAWN_SEARCH_PATH, hidden != NULL ? hide : NULL,
-                 (gpointer)hidden, &out, ret_err, &status, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_sync(NULL, (char **)arguments, all, G_SPAWN_SEARCH_PATH,
+                    hidden != NULL ? hide : NULL, (gpointer)hidden, &out, ret_err, &status, ERR));
     g_assert_true(WIFEXITED(status));
     return WEXITSTATUS(status);
 }
@@ -110,8 +109,7 @@ static void write_lpca(const char *path, const struct btf_matrix *btf) {
     const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
     struct lpca *lpca[2];
     for (int k = 0; k < 2; k++) {
-        lpca[k] = lpca_compute(levels[k], &options, &error);
-        g_assert_no_error(error);
+        lpca[k] = ok(lpca_compute(levels[k], &options, ERR));
         lpca_quantise(lpca[k], LPCA_HALF);
     }
     g_assert_true(lpca_write_levels(path, lpca, 2, &error));
@@ -131,8 +129,7 @@ static void write_model(const char *path, const struct btf_matrix *btf, const st
     for (const struct option *option = codec->options; option->name != NULL; option++)
         if (g_str_equal(option->name, "components"))
             g_assert_true(options_set(option, "1", options, &error));
-    g_assert_true(codec->encode(codec, &job, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(codec->encode(codec, &job, &result, ERR)));
     g_assert_true(codec->write(path, result.levels->pdata, (int)result.levels->len, &error));
     g_ptr_array_unref(result.levels);
 }
@@ -195,9 +192,7 @@ static void tear(const struct method *method, const char *path) {
 }
 
 static void write_all(const char *path, const struct exr_file *file) {
-    g_autoptr(GError) error = NULL;
-    exr_write(path, file, EXR_NONE, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_NONE, FALSE, ERR));
 }
 
 /* One value of one plane after the other is none, or endless. */
@@ -255,8 +250,7 @@ static void check_file(const struct method *method, const char *path, int option
     if (!opens(method, path, &error))
         g_error("%s", error->message);
     tear(method, path);
-    struct exr_file *file = exr_read(path, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read(path, ERR));
     poison(method, path, file);
     lack(method, path, file, optional);
     exr_file_free(file);
@@ -337,22 +331,19 @@ static void test_distances(gconstpointer data) {
 #define WIDE 40000 /* texels: more than llvmpipe and today's cards take each way */
 
 static void write_wide_maps(const char *path) {
-    g_autoptr(GError) error = NULL;
     struct eigenmaps *m = view_fixture_material(LIGHT, 1, 3);
     m->layout.width = WIDE;
     m->layout.height = m->n_terms = 1;
     g_free(m->maps);
     m->maps = g_new0(float, m->layout.lights.n *WIDE * 3);
-    eigenmaps_write(path, m, &error);
-    g_assert_no_error(error);
+    ok(eigenmaps_write(path, m, ERR));
     eigenmaps_free(m);
 }
 
 static void write_wide_lpca(const char *path, const struct btf_matrix *btf) {
     g_autoptr(GError) error = NULL;
     const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_compute(btf, &options, ERR));
     lpca->layout.width = WIDE;
     lpca->layout.height = 1;
     g_free(lpca->clusters);

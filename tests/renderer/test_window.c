@@ -1,5 +1,6 @@
 /* The window as a user has it: keys and mouse on a display without a screen, and what its
  * screenshots say of themselves. */
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/view_fixture.h"
@@ -150,9 +151,7 @@ TEST(help) {
 static double spent_s(const char *pid) {
     g_autofree char *path = g_strdup_printf("/proc/%s/stat", pid);
     g_autofree char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     g_auto(GStrv) fields = g_strsplit(strrchr(text, ')') + 2, " ", -1); /* from the third on */
     return (g_ascii_strtod(fields[11], NULL) + g_ascii_strtod(fields[12], NULL)) /
            (double)sysconf(_SC_CLK_TCK);
@@ -182,9 +181,7 @@ TEST(idle) {
 /* Adds the letters beside ASCII of a C file, without its comments, to a set. */
 static void add_letters(GHashTable *to, const char *path) {
     g_autofree char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     g_autoptr(GRegex) comments = g_regex_new("/\\*.*?\\*/", G_REGEX_DOTALL, 0, NULL);
     g_autofree char *code = g_regex_replace_literal(comments, text, -1, 0, "", 0, NULL);
     for (const char *at = code; *at != 0; at = g_utf8_next_char(at)) {
@@ -244,7 +241,6 @@ TEST(closed) {
 
 /* Eigen-maps that take seconds to open. */
 static char *write_large_session(void) {
-    g_autoptr(GError) error = NULL;
     char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "products", "eigenmaps.exr", NULL);
     g_autofree char *products = g_path_get_dirname(path);
@@ -259,8 +255,7 @@ static char *write_large_session(void) {
          k < (gsize)m->n_terms * m->layout.lights.n * btf_layout_texels(&m->layout) * 3; k++)
         m->maps[k] = (float)(g_rand_int(rand) & 1023) / 4096.0f;
     g_rand_free(rand);
-    eigenmaps_write(path, m, &error);
-    g_assert_no_error(error);
+    ok(eigenmaps_write(path, m, ERR));
     eigenmaps_free(m);
     return dir;
 }

@@ -2,6 +2,7 @@
  */
 #include "conformance/conformance.h"
 
+#include "lib/ok.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
@@ -19,8 +20,7 @@ struct heard {
 
 static World *get_world(void) {
     GError *error = NULL;
-    World *world = world_get(WORLD, &error);
-    g_assert_no_error(error);
+    World *world = ok(world_get(WORLD, ERR));
     return world;
 }
 
@@ -49,10 +49,8 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
 }
 
 static void set_lamp(LampBank *bank, struct heard *heard, int index, gboolean on) {
-    GError *error = NULL;
     heard->n = 0;
-    lamps_set(bank, index, on, &error);
-    g_assert_no_error(error);
+    ok(lamps_set(bank, index, on, ERR));
     conformance_wait(bank->device.clock, &heard->n, 1, 10);
 }
 
@@ -98,11 +96,9 @@ static void test_laser(void) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(&with, "", &section);
     struct heard heard = {0};
-    GError *error = NULL;
     int index = world_find_laser(world, "laser30");
     g_assert_true(virtual_relays_link(board, 1, world, "laser laser30", NULL));
-    Laser *laser = laser_open(&usb_relay_laser_driver, section, NULL, clock, &error);
-    g_assert_no_error(error);
+    Laser *laser = ok(laser_open(&usb_relay_laser_driver, section, NULL, clock, ERR));
     laser_listen(laser, on_laser, &heard);
     g_assert_false(state_of(world).laser_on[index]);
     g_assert_true(laser_set(laser, TRUE, NULL));

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "disk_model.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "session/session.h"
 
@@ -266,9 +267,7 @@ TEST(session) {
         session_close(session);
         g_assert_true(made || failed);
         if (!made && g_file_test(path, G_FILE_TEST_EXISTS)) {
-            g_autoptr(GError) error = NULL;
-            session = session_open(path, SESSION_CAPTURE, &error);
-            g_assert_no_error(error);
+            session = ok(session_open(path, SESSION_CAPTURE, ERR));
             session_close(session);
             bench_cut(bench, CUT_LOSES, 1);
             g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
@@ -343,14 +342,11 @@ TEST(log_has_its_name) {
             for (guint32 seed = 1; seed <= 8; seed++) {
                 struct bench *bench = bench_new();
                 g_autofree char *path = bench_path(bench, "s.session");
-                g_autoptr(GError) error = NULL;
-                Session *session = session_create(path, "s", &texts, &plan, &error);
-                g_assert_no_error(error);
+                Session *session = ok(session_create(path, "s", &texts, &plan, ERR));
                 session_close(session);
                 const gboolean has = store_before_a_cut(bench, path, k, j);
                 bench_cut(bench, CUT_EACH, seed);
-                session = session_open(path, SESSION_CAPTURE, &error);
-                g_assert_no_error(error);
+                session = ok(session_open(path, SESSION_CAPTURE, ERR));
                 g_autofree char *value = session_value(session, "key");
                 g_assert_true(!has || g_strcmp0(value, "value") == 0);
                 stored += has;
@@ -418,8 +414,7 @@ TEST(session_in_use) {
             struct bench *bench = bench_new();
             g_autofree char *path = bench_path(bench, "s.session");
             GError *error = NULL;
-            Session *session = session_create(path, "s", &texts, &plan, &error);
-            g_assert_no_error(error);
+            Session *session = ok(session_create(path, "s", &texts, &plan, ERR));
             session_close(session);
             const int before = bench->disk->calls[kind];
             bench->disk->faults[0] =
@@ -432,8 +427,7 @@ TEST(session_in_use) {
             session_close(session);
             failed = bench->disk->n_failed > 0;
             bench->disk->n_faults = 0;
-            session = session_open(path, SESSION_CAPTURE, &error);
-            g_assert_no_error(error);
+            session = ok(session_open(path, SESSION_CAPTURE, ERR));
             int again = 0;
             use_session(session, &again);
             g_assert_cmpint(again, ==, 0);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/capture_run.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 static const struct change changes[] = {
@@ -265,8 +266,7 @@ TEST(first) {
     g_autoptr(GError) error = NULL;
     struct run *run = run_begin(both);
     g_autofree char *path = g_strconcat(run->session, ".second", NULL);
-    g_assert_true(capture_create(run->devices, &run->conf, path, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(capture_create(run->devices, &run->conf, path, ERR)));
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
     g_assert_no_error(error);
     const char *const keys[] = {"lasers.round.1", "lights.round.1"};
@@ -287,8 +287,7 @@ TEST(values) {
     run_until(run, 20);
     capture_abort(run->capture);
     g_clear_pointer(&run->capture, capture_free);
-    Session *session = session_open(run->session, SESSION_CAPTURE, &error);
-    g_assert_no_error(error);
+    Session *session = ok(session_open(run->session, SESSION_CAPTURE, ERR));
     g_assert_true(session_set_value(session, "lasers.round.1", "3 4711", &error));
     session_close(session);
     g_assert_null(capture_resume(run->devices, run->session, NULL, &error));

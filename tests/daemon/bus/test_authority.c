@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 
 #define INTERFACE SOURCE_DIR "/etc/org.mesorig.Rig1.xml"
@@ -17,9 +18,7 @@
 
 static char *read_all(const char *path) {
     char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     return text;
 }
 
@@ -123,13 +122,11 @@ static void on_check(GDBusConnection *connection, const char *sender, const char
 }
 
 static GDBusConnection *connect_to(struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
-    GDBusConnection *connection =
+    GDBusConnection *connection = ok(
         g_dbus_connection_new_for_address_sync(g_test_dbus_get_bus_address(fixture->dbus),
                                                G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT |
                                                    G_DBUS_CONNECTION_FLAGS_MESSAGE_BUS_CONNECTION,
-                                               NULL, NULL, &error);
-    g_assert_no_error(error);
+                                               NULL, NULL, ERR));
     return connection;
 }
 
@@ -163,7 +160,6 @@ static void add_polkit(struct fixture *fixture) {
 }
 
 static void set_up(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
     fixture->dbus = g_test_dbus_new(G_TEST_DBUS_NONE);
     g_test_dbus_up(fixture->dbus);
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", g_test_dbus_get_bus_address(fixture->dbus), TRUE);
@@ -173,8 +169,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     if (data)
         add_polkit(fixture);
     fixture->bus = bus_new("system");
-    bus_export(fixture->bus, fixture->daemon, &error);
-    g_assert_no_error(error);
+    ok(bus_export(fixture->bus, fixture->daemon, ERR));
     own(fixture->daemon, BUS_NAME);
 }
 

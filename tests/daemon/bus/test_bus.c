@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "lib/long_session.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
 
@@ -77,8 +78,7 @@ static GDBusConnection *join(struct fixture *fixture) {
 
 static void set_up(struct fixture *fixture, gconstpointer data) {
     g_autoptr(GError) error = NULL;
-    fixture->folder = g_dir_make_tmp("mesorig-bus-XXXXXX", &error);
-    g_assert_no_error(error);
+    fixture->folder = ok(g_dir_make_tmp("mesorig-bus-XXXXXX", ERR));
     fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
     fixture->address = g_strconcat("unix:path=", fixture->socket, NULL);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
@@ -119,9 +119,7 @@ static GVariant *call_on(struct fixture *fixture, const char *interface, const c
 }
 
 static GVariant *ask(struct fixture *fixture, const char *method, GVariant *parameters) {
-    g_autoptr(GError) error = NULL;
-    GVariant *answer = call_on(fixture, BUS_NAME, method, parameters, &error);
-    g_assert_no_error(error);
+    GVariant *answer = ok(call_on(fixture, BUS_NAME, method, parameters, ERR));
     return answer;
 }
 
@@ -462,13 +460,10 @@ static void test_client_gone(struct fixture *fixture, gconstpointer data) {
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
     g_dbus_connection_close_sync(early, NULL, NULL);
     g_autoptr(GDBusConnection) other = join(fixture);
-    g_autoptr(GError) error = NULL;
-    g_dbus_connection_close_sync(other, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_dbus_connection_close_sync(other, NULL, ERR));
     assert_state(fixture, "idle");
     g_assert_cmpint(fixture->closed, ==, 0);
-    g_dbus_connection_close_sync(fixture->client, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_dbus_connection_close_sync(fixture->client, NULL, ERR));
     const gint64 until = g_get_monotonic_time() + WAIT_US;
     while (fixture->closed == 0 && g_get_monotonic_time() < until)
         g_main_context_iteration(NULL, TRUE);
@@ -571,8 +566,7 @@ static void test_addresses(void) {
     g_assert_cmpint(bind(fd, (struct sockaddr *)&to, sizeof(to)), ==, 0);
     close(fd);
     g_autoptr(GError) error = NULL;
-    BusServer *server = bus_serve(bus, to_file, &error);
-    g_assert_no_error(error);
+    BusServer *server = ok(bus_serve(bus, to_file, ERR));
     g_assert_null(bus_serve(bus, to_file, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE);
     bus_unserve(bus, server);

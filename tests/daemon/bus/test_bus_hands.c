@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "lib/bus_peer.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 
@@ -214,10 +215,8 @@ static gboolean has_parked(const Bus *bus) {
 }
 
 static void park_arc(struct bus_peer *peer) {
-    g_autoptr(GError) error = NULL;
     parked.n = 0;
-    g_assert_true(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(bus_hands_park(peer->bus, peer->bus->devices->arc, on_park, ERR)));
 }
 
 TEST(park) {
@@ -389,15 +388,13 @@ TEST(gone_at_once) {
 }
 
 static void append_call(GString *to, guint32 serial, const char *method, GVariant *parameters) {
-    g_autoptr(GError) error = NULL;
     gsize size;
     g_autoptr(GDBusMessage) message =
         g_dbus_message_new_method_call(NULL, BUS_PATH, BUS_NAME, method);
     g_dbus_message_set_body(message, parameters);
     g_dbus_message_set_serial(message, serial);
     g_autofree guchar *blob =
-        g_dbus_message_to_blob(message, &size, G_DBUS_CAPABILITY_FLAGS_NONE, &error);
-    g_assert_no_error(error);
+        ok(g_dbus_message_to_blob(message, &size, G_DBUS_CAPABILITY_FLAGS_NONE, ERR));
     g_string_append_len(to, (const char *)blob, (gssize)size);
 }
 

@@ -15,6 +15,7 @@
 #include <string.h>
 #include <sys/wait.h>
 
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
@@ -29,14 +30,12 @@ static const char *const products[] = {"products/mdf.exr", "products/eigenmaps.e
                                        "products/btf/view_0000.exr"};
 
 static GPid spawn(const char *const *argv, const char *mark) {
-    g_autoptr(GError) error = NULL;
     g_auto(GStrv) environment = g_environ_setenv(g_get_environ(), "MESORIG_TEST_MARK", mark, TRUE);
     GPid pid = 0;
-    g_spawn_async(NULL, (char **)argv, environment,
-                  G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL |
-                      G_SPAWN_STDERR_TO_DEV_NULL,
-                  NULL, NULL, &pid, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_async(NULL, (char **)argv, environment,
+                     G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL |
+                         G_SPAWN_STDERR_TO_DEV_NULL,
+                     NULL, NULL, &pid, ERR));
     return pid;
 }
 
@@ -78,10 +77,8 @@ static void run_whole(const char *const *argv, const char *mark) {
 static char *checksum(const char *session, const char *product) {
     g_autofree char *path = g_build_filename(session, product, NULL);
     g_autofree char *data = NULL;
-    g_autoptr(GError) error = NULL;
     gsize length = 0;
-    g_file_get_contents(path, &data, &length, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &data, &length, ERR));
     return g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guint8 *)data, length);
 }
 
@@ -168,9 +165,7 @@ TEST(products_are_bit_identical) {
     const char *asked = g_getenv("MESORIG_KILLS");
     const int wanted = asked ? atoi(asked) : 40;
     g_autoptr(GRand) random = g_rand_new_with_seed(20);
-    g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
-    g_assert_no_error(error);
+    g_autofree char *folder = ok(g_dir_make_tmp("mesorig-kill-XXXXXX", ERR));
     g_autofree char *reference = g_build_filename(folder, "reference.session", NULL);
 
     const char *const capture[] = {MESORIG, "capture", RIG, SESSION, "-o", reference, NULL};
@@ -217,9 +212,7 @@ TEST(adaptive) {
         {"[lasers]", "first = 2"},           {"[lasers]", "gain_pct = 1"},
         {"[lights]", "sampling = adaptive"}, {"[lights]", "first = 1"},
         {"[lights]", "error_pct = 8"},       {NULL, NULL}};
-    g_autoptr(GError) error = NULL;
-    g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
-    g_assert_no_error(error);
+    g_autofree char *folder = ok(g_dir_make_tmp("mesorig-kill-XXXXXX", ERR));
     g_autofree char *reference = g_build_filename(folder, "reference.session", NULL);
     g_autofree char *conf = g_build_filename(folder, "session.conf", NULL);
     small_rig_write(folder, "session.conf", changes);

@@ -3,6 +3,7 @@
  * everybody is let in again. */
 #include "bus/bus.h"
 #include "bus/bus_client.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/small_rig.h"
@@ -40,7 +41,6 @@ static void assert_answers(GDBusConnection *client) {
 }
 
 static void set_up(struct fixture *fixture, gconstpointer unused) {
-    g_autoptr(GError) error = NULL;
     fixture->folder = g_dir_make_tmp("mesorig-many-XXXXXX", NULL);
     fixture->address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
     fixture->log = g_build_filename(fixture->folder, "log", NULL);
@@ -51,8 +51,7 @@ static void set_up(struct fixture *fixture, gconstpointer unused) {
                                           (const char *[]){BUILD_DIR "/bin/mesorigd", "--listen",
                                                            fixture->address, "--rig", rig, NULL});
     fixture->pid = atoi(g_subprocess_get_identifier(fixture->daemon));
-    fixture->client = bus_client_connect(fixture->address, &error);
-    g_assert_no_error(error);
+    fixture->client = ok(bus_client_connect(fixture->address, ERR));
     assert_answers(fixture->client); /* the daemon's side has joined as well */
     g_assert_cmpint(prlimit(fixture->pid, RLIMIT_NOFILE, NULL, &fixture->limit), ==, 0);
     memset(fixture->sockets, -1, sizeof fixture->sockets);

@@ -2,6 +2,7 @@
 #include "bus/bus.h"
 #include "bus/bus_private.h"
 #include "bus/bus_unattended.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "queue/queue.h"
 
@@ -20,7 +21,6 @@ static void set_text(char **field, const char *text) {
 static void add_session(Bus *bus, const char *folder) {
     g_autofree char *path = g_build_filename(folder, "session.conf", NULL);
     g_autofree char *directory = g_build_filename(folder, "small.session", NULL), *text = NULL;
-    g_autoptr(GError) error = NULL;
     struct queue_item *item = queue_item_new();
     g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
     set_text(&item->name, "small");
@@ -28,8 +28,7 @@ static void add_session(Bus *bus, const char *folder) {
     set_text(&item->session_text, text);
     set_text(&item->directory, directory);
     set_text(&item->rig, bus->rig_path);
-    bus_unattended_add(bus, item, &error);
-    g_assert_no_error(error);
+    ok(bus_unattended_add(bus, item, ERR));
 }
 
 /* Runs one session in a rig with these changes, and fills where the axes stand. */
@@ -38,18 +37,15 @@ static void run_one(const struct change *changes, double *ret_turntable_deg, dou
     g_autofree char *rig = g_build_filename(folder, "rig.conf", NULL);
     g_autofree char *queue = g_build_filename(folder, "queue", NULL);
     g_autofree char *address = g_strdup_printf("unix:path=%s/bus", folder);
-    g_autoptr(GError) error = NULL;
     const gint64 until = g_get_monotonic_time() + WAIT_US;
     enum device_safety safety;
     small_rig_write(folder, "rig.conf", changes);
     small_rig_write(folder, "world.conf", NULL);
     small_rig_write(folder, "session.conf", NULL);
     Bus *bus = bus_new(address);
-    BusServer *server = bus_serve(bus, address, &error);
-    g_assert_no_error(error);
+    BusServer *server = ok(bus_serve(bus, address, ERR));
     bus_keep_queue(bus, queue);
-    bus_open_rig(bus, rig, &error);
-    g_assert_no_error(error);
+    ok(bus_open_rig(bus, rig, ERR));
     add_session(bus, folder);
     while (!strstr(bus_rig1_get_queue_reason(bus->object), "parked")) {
         g_assert_cmpint(g_get_monotonic_time(), <, until);

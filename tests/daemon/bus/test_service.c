@@ -1,5 +1,6 @@
 /* mesorigd as a service manager sees it: notifications, signals, exit codes, a kill. */
 #include "bus/bus_errors.h"
+#include "lib/ok.h"
 #include "rig1-bus.h"
 
 #include <gio/gio.h>
@@ -58,13 +59,11 @@ static void start(struct fixture *fixture, const char *option) {
     g_autofree char *notify = g_build_filename(fixture->folder, "notify", NULL);
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE);
-    g_autoptr(GError) error = NULL;
     g_subprocess_launcher_setenv(launcher, "NOTIFY_SOCKET", notify, TRUE);
     g_subprocess_launcher_setenv(launcher, "WATCHDOG_USEC", "400000", TRUE);
     g_subprocess_launcher_unsetenv(launcher, "WATCHDOG_PID");
-    fixture->daemon = g_subprocess_launcher_spawn(launcher, &error, MESORIGD, "--listen",
-                                                  fixture->address, "--rig", RIG, option, NULL);
-    g_assert_no_error(error);
+    fixture->daemon = ok(g_subprocess_launcher_spawn(launcher, ERR, MESORIGD, "--listen",
+                                                     fixture->address, "--rig", RIG, option, NULL));
 }
 
 static void collect(struct fixture *fixture) {
@@ -105,9 +104,8 @@ static BusRig1 *join(struct fixture *fixture) {
     g_autoptr(GDBusConnection) connection = g_dbus_connection_new_for_address_sync(
         fixture->address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
     g_assert_no_error(error);
-    BusRig1 *rig = bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_NONE, NULL,
-                                           "/org/mesorig/Rig1", NULL, &error);
-    g_assert_no_error(error);
+    BusRig1 *rig = ok(bus_rig1_proxy_new_sync(connection, G_DBUS_PROXY_FLAGS_NONE, NULL,
+                                              "/org/mesorig/Rig1", NULL, ERR));
     return rig;
 }
 
@@ -129,23 +127,19 @@ static GAsyncResult *wait_for_answer(struct fixture *fixture, GAsyncResult **res
 static void capture(struct fixture *fixture, BusRig1 *rig, gboolean process) {
     GVariantBuilder options;
     GAsyncResult *result = NULL;
-    g_autoptr(GError) error = NULL;
     g_variant_builder_init(&options, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&options, "{sv}", "process", g_variant_new_boolean(process));
     bus_rig1_call_start(rig, fixture->session, fixture->directory, g_variant_builder_end(&options),
                         NULL, take_result, &result);
-    bus_rig1_call_start_finish(rig, wait_for_answer(fixture, &result), &error);
-    g_assert_no_error(error);
+    ok(bus_rig1_call_start_finish(rig, wait_for_answer(fixture, &result), ERR));
     g_object_unref(result);
 }
 
 static void resume(struct fixture *fixture, BusRig1 *rig) {
     GAsyncResult *result = NULL;
-    g_autoptr(GError) error = NULL;
     bus_rig1_call_resume(rig, fixture->directory, g_variant_new("a{sv}", NULL), NULL, take_result,
                          &result);
-    bus_rig1_call_resume_finish(rig, wait_for_answer(fixture, &result), &error);
-    g_assert_no_error(error);
+    ok(bus_rig1_call_resume_finish(rig, wait_for_answer(fixture, &result), ERR));
     g_object_unref(result);
 }
 

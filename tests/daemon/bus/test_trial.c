@@ -1,6 +1,7 @@
 /* Test shots of a session of the queue are another program's: what it is asked, and what its
  * answers, its faults and its silence mean. In its place are scripts. */
 #include "bus/bus_trial.h"
+#include "lib/ok.h"
 #include "queue/queue.h"
 
 #include <stdlib.h>
@@ -44,11 +45,9 @@ static void pass_time(int ms) {
 
 static void expect(Bus *bus, const char *script, enum bus_trial_end end, const char *chosen,
                    const char *said) {
-    g_autoptr(GError) error = NULL;
     const int before = answer.n;
     const gint64 until = g_get_monotonic_time() + WAIT_US;
-    struct bus_trial *trial = start(bus, script, &error);
-    g_assert_no_error(error);
+    struct bus_trial *trial = ok(start(bus, script, ERR));
     while (answer.n == before) {
         g_assert_cmpint(g_get_monotonic_time(), <, until);
         g_main_context_iteration(NULL, TRUE);
@@ -116,14 +115,12 @@ static void test_none_inside(void) {
 
 /* Freed while it runs: it is killed, and its answer is heard by nobody. */
 static void test_free_inside(void) {
-    g_autoptr(GError) error = NULL;
     Bus *bus = bus_new(ADDRESS);
     const int before = answer.n;
     const char *folder = beside_write("none", NULL);
     g_autofree char *note = g_build_filename(folder, "note", NULL), *text = NULL;
     g_autofree char *script = g_strdup_printf("trap '' TERM; echo $$ >'%s'; exec sleep 600", note);
-    struct bus_trial *trial = start(bus, script, &error);
-    g_assert_no_error(error);
+    struct bus_trial *trial = ok(start(bus, script, ERR));
     for (int i = 0; i < 4000 && (!text || !strchr(text, '\n')); i++) {
         g_clear_pointer(&text, g_free);
         pass_time(5);

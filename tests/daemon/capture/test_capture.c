@@ -9,6 +9,7 @@
 #include "capture/exposure_advice.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 
 /* What a folder takes on disk, in blocks of 4 KiB. */
@@ -37,10 +38,8 @@ static void test_disk_space(void) {
                                               {0}};
     const struct change *const all[] = {plain, lasers, exposures};
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
-        g_autoptr(GError) error = NULL;
         struct run *run = run_new(all[i]);
-        struct plan *plan = capture_validate(run->devices, &run->conf, run->session, &error);
-        g_assert_no_error(error);
+        struct plan *plan = ok(capture_validate(run->devices, &run->conf, run->session, ERR));
         run_start(run);
         run_to_end(run);
         const double is = (double)disk_bytes(run->session), said = (double)plan->bytes;
@@ -178,9 +177,7 @@ static void test_left_learns(void) {
 
 /* All is taken, in the time that the plan says. */
 static void run_as_planned(struct run *run) {
-    g_autoptr(GError) error = NULL;
-    struct plan *plan = capture_validate(run->devices, &run->conf, run->session, &error);
-    g_assert_no_error(error);
+    struct plan *plan = ok(capture_validate(run->devices, &run->conf, run->session, ERR));
     run_start(run);
     while (run_status(run).state == CAPTURE_HOMING)
         g_main_context_iteration(NULL, TRUE);
@@ -218,11 +215,9 @@ static void test_whole(void) {
 }
 
 static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *relative = session_frame_path(shot, "cam30");
     g_autofree char *file = g_build_filename(path, relative, NULL);
-    struct exr_part *part = exr_read_part(file, "radiance", &error);
-    g_assert_no_error(error);
+    struct exr_part *part = ok(exr_read_part(file, "radiance", ERR));
     return part;
 }
 

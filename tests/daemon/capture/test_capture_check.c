@@ -11,6 +11,7 @@
 #include "capture/capture_calibration.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 #include "plan/report.h"
@@ -24,8 +25,7 @@ TEST(disk) {
     g_assert_cmpint(symlink("loop", loop), ==, 0);
     g_assert_cmpuint(capture_free_bytes(loop), ==, G_MAXUINT64); /* not known */
     g_assert_true(capture_check_disk(deep, 1, &error));
-    g_assert_true(capture_check_disk(loop, 1, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(capture_check_disk(loop, 1, ERR)));
     g_assert_false(capture_check_disk("/proc/small.session", 1, &error));
     assert_has(error->message, "it is not on a disk");
     g_clear_error(&error);
@@ -42,11 +42,8 @@ TEST(disk) {
 
 /* A session that is made, not begun; the caller's. */
 static Session *create(struct run *run) {
-    g_autoptr(GError) error = NULL;
-    capture_create(run->devices, &run->conf, run->session, &error);
-    g_assert_no_error(error);
-    Session *session = session_open(run->session, SESSION_READ, &error);
-    g_assert_no_error(error);
+    ok(capture_create(run->devices, &run->conf, run->session, ERR));
+    Session *session = ok(session_open(run->session, SESSION_READ, ERR));
     return session;
 }
 
@@ -169,11 +166,9 @@ TEST(suspicions) {
 }
 
 static void write_calibration(const struct run *run, const char *path) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibration_new(&run->devices->geometry);
     calibration_set_part(calibration, CALIBRATION_LASER, "a test", 1, "", NULL);
-    calibration_write(calibration, path, &error);
-    g_assert_no_error(error);
+    ok(calibration_write(calibration, path, ERR));
 }
 
 static void replace_in(const char *path, const char *pattern, const char *with) {
@@ -237,8 +232,7 @@ TEST(calibration) {
     g_autofree char *plain = g_build_filename(run->directory, "rig.conf", NULL);
     read_calibration(run, 0, NULL);
     g_clear_error(&error);
-    g_autofree char *none = capture_calibration_line(plain, NULL, &error);
-    g_assert_no_error(error);
+    g_autofree char *none = ok(capture_calibration_line(plain, NULL, ERR));
     assert_has(none, "none: geometry and light are nominal");
     run_free(run);
 }

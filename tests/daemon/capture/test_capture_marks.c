@@ -6,6 +6,7 @@
 
 #include "calibration/calibration.h"
 #include "lib/capture_run.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "rig/devices.h"
 #include "session/outputs.h"
@@ -47,11 +48,9 @@ static void write_marks(const struct run *run, const struct scene *scene) {
 /* Of the rig as its file describes it. */
 static void write_calibration(const struct run *run, const struct scene *scene) {
     struct rig rig;
-    g_autoptr(GError) error = NULL;
     g_autofree char *conf = g_build_filename(run->directory, "rig.conf", NULL);
     g_autofree char *path = g_build_filename(run->directory, "rig.calibration", NULL);
-    devices_read_geometry(conf, &rig, &error);
-    g_assert_no_error(error);
+    ok(devices_read_geometry(conf, &rig, ERR));
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     if (scene->placed)
         calibration_set_part(calibration, CALIBRATION_CAMERAS, "a test", 1, "", NULL);
@@ -67,8 +66,7 @@ static void write_calibration(const struct run *run, const struct scene *scene) 
     }
     if (scene->lit)
         calibration_set_part(calibration, CALIBRATION_RADIOMETRY, "a test", 1, "", NULL);
-    calibration_write(calibration, path, &error);
-    g_assert_no_error(error);
+    ok(calibration_write(calibration, path, ERR));
 }
 
 /* Pictures in which a fiducial of 3 mm has a radius of 5 pixels. */
@@ -120,8 +118,7 @@ TEST(in_place) {
     g_assert_no_error(error);
     g_autoptr(GPtrArray) shots = session_shots(session, &error);
     g_assert_no_error(error);
-    struct outputs *outputs = outputs_load(session, shots, &error);
-    g_assert_no_error(error);
+    struct outputs *outputs = ok(outputs_load(session, shots, ERR));
     int n = 0;
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = shots->pdata[i];

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "lib/beside.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 
@@ -43,12 +44,10 @@ static void pass_time(int ms) {
 }
 
 static Follower *start(const char *script) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *note = note_path();
     g_autofree char *text = g_strdup_printf("note='%s'\n%s", note, script);
     beside_write("mesorig", text);
-    Follower *follower = follower_start("/a/small.session", &error);
-    g_assert_no_error(error);
+    Follower *follower = ok(follower_start("/a/small.session", ERR));
     return follower;
 }
 
@@ -67,12 +66,10 @@ TEST(find__subprocess) {
     g_clear_error(&error);
 
     beside_write_in_path("mesorig", "exit 0");
-    g_autofree char *in_path = program_find("mesorig", &error);
-    g_assert_no_error(error);
+    g_autofree char *in_path = ok(program_find("mesorig", ERR));
     g_assert_true(g_str_has_suffix(in_path, "/in-path/mesorig"));
     const char *folder = beside_write("mesorig", "exit 0");
-    g_autofree char *beside = program_find("mesorig", &error);
-    g_assert_no_error(error);
+    g_autofree char *beside = ok(program_find("mesorig", ERR));
     g_autofree char *expected = g_build_filename(folder, "mesorig", NULL);
     g_assert_cmpstr(beside, ==, expected);
 

@@ -3,6 +3,7 @@
  * at each place. */
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 
@@ -18,9 +19,7 @@
 
 static char *read_text(const char *path) {
     char *text = NULL;
-    g_autoptr(GError) error = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     return text;
 }
 
@@ -116,22 +115,17 @@ TEST(bad_rig_files) {
 
 /* The demo's rig as it was read, and its lasers units and mounts in whatever way. */
 static void demo_plan(struct session_conf *conf, struct rig *rig, struct rig_timing *timing) {
-    g_autoptr(GError) error = NULL;
-    struct devices *devices = devices_open(DEMO "rig.conf", &error);
-    g_assert_no_error(error);
+    struct devices *devices = ok(devices_open(DEMO "rig.conf", ERR));
     *rig = devices->geometry;
     *timing = devices->timing;
     devices_close(devices);
     spin();
-    g_assert_true(session_conf_load(conf, DEMO "session.conf", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_load(conf, DEMO "session.conf", ERR)));
 }
 
 static struct plan *build(const struct session_conf *conf, const struct rig *rig,
                           const struct rig_timing *timing) {
-    g_autoptr(GError) error = NULL;
-    struct plan *plan = plan_build(conf, rig, timing, &error);
-    g_assert_no_error(error);
+    struct plan *plan = ok(plan_build(conf, rig, timing, ERR));
     return plan;
 }
 
@@ -288,8 +282,7 @@ static int sweeps_done(const char *path, int laser, gboolean whole) {
 static void check_same_peaks(const char *a_path, const char *b_path) {
     g_autoptr(GError) error = NULL;
     struct exr_part *a = exr_read_part(a_path, "sweep", &error);
-    struct exr_part *b = exr_read_part(b_path, "sweep", &error);
-    g_assert_no_error(error);
+    struct exr_part *b = ok(exr_read_part(b_path, "sweep", ERR));
     const float *peak_a = exr_part_plane(a, "peak"), *peak_b = exr_part_plane(b, "peak");
     const float *light_a = exr_part_plane(a, "intensity"),
                 *light_b = exr_part_plane(b, "intensity");
@@ -495,8 +488,7 @@ TEST(cli_continue) {
     g_assert_no_error(error);
     wait_for_status(session, "\"prompt\": \"" AT_60 "\"");
     tells(go_on, "going on");
-    g_subprocess_communicate_utf8(resumed, NULL, NULL, &out, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8(resumed, NULL, NULL, &out, NULL, ERR));
     g_assert_cmpint(g_subprocess_get_exit_status(resumed), ==, 0);
     g_assert_nonnull(strstr(out, AT_60));
     g_assert_null(strstr(out, AT_30));

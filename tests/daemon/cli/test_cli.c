@@ -2,6 +2,7 @@
 #include "base/json.h"
 #include "codecs/codecs.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "mdf_codecs/mdf_codec.h"
 #include "session/session.h"
@@ -95,9 +96,7 @@ static void assert_exists(const char *folder, const char *name) {
 
 static char *write_file(const char *folder, const char *name, const char *text) {
     char *path = g_build_filename(folder, name, NULL);
-    g_autoptr(GError) error = NULL;
-    g_file_set_contents(path, text, -1, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(path, text, -1, ERR));
     return path;
 }
 
@@ -648,8 +647,7 @@ static void interrupt(gboolean (*begun)(const char *session)) {
     struct output output = {0};
     g_subprocess_send_signal(process, SIGINT);
     g_autofree char *told = NULL;
-    g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
-    g_assert_no_error(error);
+    ok(g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, ERR));
     if (g_subprocess_get_exit_status(process) == 1) { /* else it was quicker */
         assert_has(told, "mesorig: paused");
         assert_has(told, "mesorig resume");

@@ -1,6 +1,7 @@
 /* The table of commands: a letter means the same in all of them and in all programs, every command
  * has an example that is right, and every program says its version. */
 #include "cli/commands.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -13,9 +14,8 @@ static char *said_by(int code, const char *const *argv) {
     g_autofree char *out = NULL, *err = NULL;
     g_autoptr(GError) error = NULL;
     int status = 0;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, &out, &err, &status,
-                 &error);
-    g_assert_no_error(error);
+    ok(g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, &out, &err, &status,
+                    ERR));
     if (!g_spawn_check_wait_status(status, &error) != (code != 0) ||
         (code != 0 && error->code != code))
         g_error("%s %s: %s\n%s%s", argv[0], argv[1], error ? error->message : "done", out, err);

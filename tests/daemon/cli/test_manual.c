@@ -1,6 +1,7 @@
 /* The manual pages: they render without a warning, their examples are files that the programs read,
  * and those that are generated have all drivers, keys and files. */
 #include "drivers/device.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
@@ -65,15 +66,13 @@ TEST(examples) {
     g_autoptr(GError) error = NULL;
     g_autofree struct rig *rig = g_new0(struct rig, 1);
     g_autofree char *rig_page = page_text("rig.conf.5"), *rig_conf = example_of(rig_page);
-    devices_parse_geometry(rig_conf, "rig.conf(5)", rig, &error);
-    g_assert_no_error(error);
+    ok(devices_parse_geometry(rig_conf, "rig.conf(5)", rig, ERR));
     g_assert_cmpint(rig->n_cameras, ==, 1);
 
     g_auto(SessionConf) conf = {0};
     g_autofree char *session_page = page_text("session.conf.5");
     g_autofree char *session_conf = example_of(session_page);
-    session_conf_parse(&conf, session_conf, "session.conf(5)", &error);
-    g_assert_no_error(error);
+    ok(session_conf_parse(&conf, session_conf, "session.conf(5)", ERR));
     g_assert_cmpint(conf.n_views, ==, 5);
 
     g_autofree char *folder = g_dir_make_tmp("mesorig-manual-XXXXXX", NULL);

@@ -5,6 +5,7 @@
 
 #include "btf/btf_missing.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/test.h"
 
@@ -129,9 +130,7 @@ TEST(few) {
 
 static struct exr_file *read_view(const struct operation *run) {
     g_autofree char *path = g_build_filename(run->session, "products/btf/view_0000.exr", NULL);
-    g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(path, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read(path, ERR));
     return file;
 }
 

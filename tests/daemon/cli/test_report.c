@@ -1,6 +1,7 @@
 /* mesorig report: the page and the metadata of a session, read back by parsers that are not ours,
  * and that what is wrong with a session is in them. */
 #include "calibration/calibration.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
 #include "rig/devices.h"
@@ -16,10 +17,8 @@ static char *in_folder(const struct operation *run, const char *name) {
 }
 
 static char *contents(const char *path) {
-    g_autoptr(GError) error = NULL;
     char *text = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &text, NULL, ERR));
     return text;
 }
 
@@ -37,7 +36,6 @@ static const char *verdict_of(JsonObject *result, const char *name, const char *
 
 /* The object that the last line of a --json call is. */
 static JsonParser *parse(const char *text) {
-    g_autoptr(GError) error = NULL;
     JsonParser *parser = json_parser_new();
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     const char *last = NULL;
@@ -45,8 +43,7 @@ static JsonParser *parse(const char *text) {
         if (g_str_has_prefix(*line, "{\"session\""))
             last = *line;
     g_assert_nonnull(last);
-    json_parser_load_from_data(parser, last, -1, &error);
-    g_assert_no_error(error);
+    ok(json_parser_load_from_data(parser, last, -1, ERR));
     return parser;
 }
 
@@ -93,13 +90,11 @@ static void page(void) {
     int images = 0;
     for (char *at = text; (at = strstr(at, "<figure>"));) {
         char *end = strstr(at, "<figcaption>");
-        g_autoptr(GError) error = NULL;
         g_assert_nonnull(end);
         g_autofree char *image = g_strndup(at + strlen("<figure>"), (gsize)(end - at) - 8);
         g_autofree char *closed = g_strconcat(image, "</img>", NULL);
         GMarkupParseContext *context = g_markup_parse_context_new(&parser, 0, &images, NULL);
-        g_markup_parse_context_parse(context, closed, -1, &error);
-        g_assert_no_error(error);
+        ok(g_markup_parse_context_parse(context, closed, -1, ERR));
         g_markup_parse_context_free(context);
         at = end;
     }
@@ -111,11 +106,9 @@ static void page(void) {
 static void crate(void) {
     struct operation *run = processed();
     g_autofree char *file = g_build_filename(run->session, "ro-crate-metadata.json", NULL);
-    g_autoptr(GError) error = NULL;
     g_autoptr(JsonParser) parser = json_parser_new();
     operator_does(run, 0, "report", run->session, "--crate", NULL);
-    json_parser_load_from_file(parser, file, &error);
-    g_assert_no_error(error);
+    ok(json_parser_load_from_file(parser, file, ERR));
     JsonObject *root = json_node_get_object(json_parser_get_root(parser));
     JsonArray *graph = json_object_get_array_member(root, "@graph");
     g_autoptr(GHashTable) entities = g_hash_table_new(g_str_hash, g_str_equal);

@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "pictures/picture_header.h"
@@ -53,7 +54,6 @@ struct running {
 };
 
 static void start(struct running *running, char *const *argv, const char *path) {
-    g_autoptr(GError) error = NULL;
     static int n;
     running->command = g_strjoinv(" ", (char **)argv);
     running->path = g_strdup(path);
@@ -61,9 +61,8 @@ static void start(struct running *running, char *const *argv, const char *path) 
     running->begun_us = g_get_monotonic_time();
     const int log = open(running->log, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     g_assert_cmpint(log, >=, 0);
-    g_spawn_async_with_fds(folder, (char **)argv, NULL, G_SPAWN_DO_NOT_REAP_CHILD, NULL, NULL,
-                           &running->pid, -1, log, log, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_async_with_fds(folder, (char **)argv, NULL, G_SPAWN_DO_NOT_REAP_CHILD, NULL, NULL,
+                              &running->pid, -1, log, log, ERR));
     close(log);
 }
 
@@ -206,10 +205,8 @@ static const struct planted {
 };
 
 static void run(const char *command) {
-    g_autoptr(GError) error = NULL;
     int status = 0;
-    g_spawn_command_line_sync(command, NULL, NULL, &status, &error);
-    g_assert_no_error(error);
+    ok(g_spawn_command_line_sync(command, NULL, NULL, &status, ERR));
     g_assert_true(g_spawn_check_wait_status(status, NULL));
 }
 
@@ -390,18 +387,15 @@ TEST(bombs) {
 /* What is written is read, however well it compresses. */
 TEST(own_zeros) {
     static const char *const y[] = {"Y", NULL};
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = g_build_filename(folder, "zeros.exr", NULL);
     struct exr_file *file = exr_file_new();
     struct stat status;
     exr_file_add(file, exr_part_new("Y", BOMB_WIDTH, BOMB_HEIGHT * 3 / 4, y, EXR_HALF));
-    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
     exr_file_free(file);
     g_assert_cmpint(stat(path, &status), ==, 0);
     g_test_message("%" G_GINT64_FORMAT " bytes", (gint64)status.st_size);
-    file = exr_read(path, &error);
-    g_assert_no_error(error);
+    file = ok(exr_read(path, ERR));
     exr_file_free(file);
 }
 

@@ -8,6 +8,7 @@
 #include "base/file_lock.h"
 #include "base/new_file.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/test.h"
 
@@ -27,17 +28,13 @@ static struct operation *captured(void) {
 }
 
 static char *sum(const char *path) {
-    g_autoptr(GError) error = NULL;
-    char *sha256 = exr_sha256(path, NULL, &error);
-    g_assert_no_error(error);
+    char *sha256 = ok(exr_sha256(path, NULL, ERR));
     return sha256;
 }
 
 static GSubprocess *spawn(const char *const *argv) {
-    g_autoptr(GError) error = NULL;
-    GSubprocess *child = g_subprocess_newv(
-        argv, G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error);
-    g_assert_no_error(error);
+    GSubprocess *child = ok(g_subprocess_newv(
+        argv, G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, ERR));
     return child;
 }
 
@@ -254,8 +251,7 @@ TEST(below) {
 TEST(lock) {
     g_autofree char *path = g_build_filename(operator_folder(), "lock", NULL);
     g_autoptr(GError) error = NULL;
-    const int lock = file_lock_take(path, "it", &error);
-    g_assert_no_error(error);
+    const int lock = ok(file_lock_take(path, "it", ERR));
     g_assert_true(file_lock_is_held(path));
     g_assert_cmpint(file_lock_take(path, "it", &error), ==, -1);
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_BUSY);
@@ -267,8 +263,7 @@ TEST(lock) {
     g_assert_false(file_lock_is_held(path));
     /* What a killed process leaves keeps nobody out; a link is not followed. */
     g_assert_true(g_file_set_contents(path, "1\n", -1, NULL));
-    const int again = file_lock_take(path, "it", &error);
-    g_assert_no_error(error);
+    const int again = ok(file_lock_take(path, "it", ERR));
     file_lock_give(again, path);
     g_assert_cmpint(symlink("/nowhere/at-all", path), ==, 0);
     g_assert_cmpint(file_lock_take(path, "it", &error), ==, -1);

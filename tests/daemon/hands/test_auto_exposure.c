@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -38,8 +39,7 @@ static struct session_conf stored(const struct operation *run) {
     g_assert_no_error(error);
     g_autofree char *text = session_text(session, "session.conf", &error);
     struct session_conf conf = {0};
-    g_assert_true(session_conf_parse(&conf, text, run->session, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_parse(&conf, text, run->session, ERR)));
     return conf;
 }
 
@@ -186,10 +186,9 @@ TEST(not_chosen) {
     g_assert_false(session_conf_choose(&conf, "exposures_us = 5; 3\n", &error));
     assert_has(error->message, "list the shortest exposure first");
     g_clear_error(&error);
-    g_assert_true(session_conf_choose(
+    g_assert_true(ok(session_conf_choose(
         &conf, "exposures_us = 3; 5\nlaser_exposure_us = 7\nlaser_short_us = 0\ngain_db = 9\n",
-        &error));
-    g_assert_no_error(error);
+        ERR)));
     g_assert_cmpfloat(conf.gain_db, ==, 0);
     g_assert_cmpfloat(conf.exposures_us[1], ==, 5);
     operator_free(run);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "calibration/calibration.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -107,16 +108,13 @@ static void append_to(const struct operation *run, const char *name, const char 
 /* A calibration that is done, and true, or one that lacks the laser: the file's path. */
 static char *calibrate(const struct operation *run, gboolean laser) {
     struct rig rig;
-    g_autoptr(GError) error = NULL;
     char *path = g_build_filename(run->directory, "rig.calibration", NULL);
-    devices_read_geometry(run->rig, &rig, &error);
-    g_assert_no_error(error);
+    ok(devices_read_geometry(run->rig, &rig, ERR));
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     for (int kind = 0; kind < CALIBRATION_PARTS; kind++)
         if (laser || kind != CALIBRATION_LASER)
             calibration_set_part(calibration, (enum calibration_kind)kind, "a test", 1, "", NULL);
-    calibration_write(calibration, path, &error);
-    g_assert_no_error(error);
+    ok(calibration_write(calibration, path, ERR));
     return path;
 }
 

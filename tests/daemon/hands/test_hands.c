@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -142,10 +143,8 @@ TEST(files) {
     g_autofree char *to_png = g_strdup_printf("snap cam60 --lamp lamp60 -o %s", png);
     g_autofree char *to_jpg = g_strdup_printf("snap cam60 --lamp lamp60 -o %s", jpg);
     g_autofree char *data = NULL;
-    g_autoptr(GError) error = NULL;
     desk_does(&desk, 0, to_exr);
-    struct exr_part *part = exr_read_part(exr, "frame", &error);
-    g_assert_no_error(error);
+    struct exr_part *part = ok(exr_read_part(exr, "frame", ERR));
     const float *values = exr_part_plane(part, "Y");
     double sum = 0, most = 0;
     for (int i = 0; i < 32 * 32; i++) {
@@ -156,8 +155,7 @@ TEST(files) {
     g_assert_cmpfloat(most, ==, number(&desk, "max_dn"));
     exr_part_free(part);
     desk_does(&desk, 0, to_png);
-    g_file_get_contents(png, &data, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(png, &data, NULL, ERR));
     g_assert_true(g_str_has_prefix(data, "\x89PNG"));
     desk_does(&desk, 1, to_jpg);
     assert_has(desk.run->err, "give a name that ends in .png or .exr");

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "bus/bus.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -37,9 +38,7 @@ static GLogWriterOutput take_log(GLogLevelFlags level, const GLogField *fields, 
 }
 
 static void write_file(const char *path, const char *text, int mode) {
-    g_autoptr(GError) error = NULL;
-    g_file_set_contents(path, text, -1, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(path, text, -1, ERR));
     g_assert_cmpint(g_chmod(path, mode), ==, 0);
 }
 
@@ -165,12 +164,10 @@ static void test_trusted(struct fixture *fixture, gconstpointer data) {
 
 /* Installs a hook of etc/hooks with lines for those of the same variables; ends with NULL. */
 static void install(const struct fixture *fixture, const char *name, const char *const *lines) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *from = g_build_filename(SOURCE_DIR "/etc/hooks", name, NULL);
     g_autofree char *to = g_build_filename(fixture->hooks_folder, name, NULL);
     g_autofree char *text = NULL;
-    g_file_get_contents(from, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(from, &text, NULL, ERR));
     for (; *lines; lines++) {
         g_autofree char *variable = g_strndup(*lines, strcspn(*lines, "=") + 1);
         g_autofree char *before = g_strconcat("\n", variable, NULL);
@@ -233,11 +230,9 @@ static void on_post(SoupServer *soup, SoupServerMessage *message, const char *pa
 }
 
 static void server_begin(struct server *server) {
-    g_autoptr(GError) error = NULL;
     *server = (struct server){.soup = soup_server_new(NULL, NULL), .status = 204};
     soup_server_add_handler(server->soup, NULL, on_post, server, NULL);
-    soup_server_listen_local(server->soup, 0, SOUP_SERVER_LISTEN_IPV4_ONLY, &error);
-    g_assert_no_error(error);
+    ok(soup_server_listen_local(server->soup, 0, SOUP_SERVER_LISTEN_IPV4_ONLY, ERR));
     GSList *uris = soup_server_get_uris(server->soup);
     server->port = (guint16)g_uri_get_port(uris->data);
     g_slist_free_full(uris, (GDestroyNotify)g_uri_unref);
@@ -257,10 +252,8 @@ static GVariant *some_details(void) {
 
 /* Hooks of this process, until they have told one event. */
 static void tell_one(const struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
     g_auto(HooksConf) conf = {0};
-    hooks_conf_load(&conf, fixture->conf, &error);
-    g_assert_no_error(error);
+    ok(hooks_conf_load(&conf, fixture->conf, ERR));
     g_autoptr(Hooks) hooks = hooks_new(&conf);
     hooks_tell(hooks, "fault", some_details());
     while (!hooks_is_idle(hooks))
@@ -301,10 +294,8 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
 }
 
 static void test_shipped(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
     g_auto(HooksConf) conf = {0};
-    hooks_conf_load(&conf, SOURCE_DIR "/etc/hooks.conf", &error);
-    g_assert_no_error(error);
+    ok(hooks_conf_load(&conf, SOURCE_DIR "/etc/hooks.conf", ERR));
     g_assert_cmpstr(conf.folder, ==, "/etc/mesorig/hooks.d");
 }
 
@@ -456,10 +447,8 @@ static gboolean on_client(GDBusServer *server, GDBusConnection *connection, gpoi
 }
 
 static void report(GDBusConnection *connection, const char *level, const char *message) {
-    g_autoptr(GError) error = NULL;
-    g_dbus_connection_emit_signal(connection, NULL, BUS_PATH, BUS_NAME, "Event",
-                                  g_variant_new("(sss)", level, "top", message), &error);
-    g_assert_no_error(error);
+    ok(g_dbus_connection_emit_signal(connection, NULL, BUS_PATH, BUS_NAME, "Event",
+                                     g_variant_new("(sss)", level, "top", message), ERR));
     g_dbus_connection_flush_sync(connection, NULL, NULL);
 }
 

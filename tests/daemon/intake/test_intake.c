@@ -6,6 +6,7 @@
 #include "exr/exr.h"
 #include "intake/intake.h"
 #include "intake/radiance.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 
 #define SIDE   8
@@ -314,9 +315,7 @@ static void give_lamp(struct bench *bench) {
 }
 
 static struct exr_part *read_part(struct bench *bench, const char *name) {
-    g_autoptr(GError) error = NULL;
-    struct exr_part *part = exr_read_part(bench->path, name, &error);
-    g_assert_no_error(error);
+    struct exr_part *part = ok(exr_read_part(bench->path, name, ERR));
     g_assert_cmpint(part->width, ==, SIDE);
     g_assert_cmpint(part->height, ==, SIDE);
     return part;

@@ -1,4 +1,5 @@
 /* Passes of the turntable: speed, which shots share one, times; what is refused. */
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "passes/passes.h"
 
@@ -16,9 +17,7 @@ static struct session_conf conf_with(const char *capture) {
         "offset_deg = 15\n[capture]\nmotion = continuous\n",
         capture, NULL);
     struct session_conf conf;
-    GError *error = NULL;
-    g_assert_true(session_conf_parse(&conf, text, "test.conf", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_parse(&conf, text, "test.conf", ERR)));
     return conf;
 }
 

@@ -1,3 +1,4 @@
+#include "lib/ok.h"
 #include "lib/plan_case.h"
 #include "lib/test.h"
 
@@ -112,8 +113,7 @@ TEST(demo_file) {
     g_auto(SessionConf) conf = {0};
     GError *error = NULL;
 
-    g_assert_true(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", ERR)));
     g_assert_cmpint(conf.n_views, ==, 5);
     g_assert_cmpfloat(conf.lights[4].theta_deg, ==, 75);
     g_assert_cmpfloat(conf.lights[4].offset_deg, ==, 15);

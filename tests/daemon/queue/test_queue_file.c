@@ -1,4 +1,5 @@
 /* The queue's list and its file: what is kept, refused, and not read. */
+#include "lib/ok.h"
 #include "queue/queue.h"
 
 #include <glib/gstdio.h>
@@ -16,10 +17,8 @@ struct fixture {
 };
 
 static Queue *open_again(struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
     queue_free(fixture->queue);
-    fixture->queue = queue_open(fixture->path, &error);
-    g_assert_no_error(error);
+    fixture->queue = ok(queue_open(fixture->path, ERR));
     return fixture->queue;
 }
 
@@ -63,10 +62,8 @@ static struct queue_item *new_item(const char *name) {
 }
 
 static guint add(struct fixture *fixture, const char *name) {
-    g_autoptr(GError) error = NULL;
     struct queue_item *item = new_item(name);
-    queue_add(fixture->queue, item, &error);
-    g_assert_no_error(error);
+    ok(queue_add(fixture->queue, item, ERR));
     return item->id;
 }
 

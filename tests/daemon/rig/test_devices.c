@@ -2,6 +2,7 @@
 #include "conformance/conformance.h"
 
 #include "aravis/camera.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "modbus/devices.h"
 #include "rig/finder.h"
@@ -20,10 +21,8 @@
 #define MESORIG BUILD_DIR "/bin/mesorig"
 
 static GPtrArray *scan(const struct finder_modbus *modbus) {
-    GError *error = NULL;
     g_autoptr(GPtrArray) problems = g_ptr_array_new_with_free_func(g_free);
-    GPtrArray *all = finder_scan(modbus, problems, &error);
-    g_assert_no_error(error);
+    GPtrArray *all = ok(finder_scan(modbus, problems, ERR));
     g_assert_cmpuint(problems->len, ==, 0);
     return all;
 }
@@ -40,15 +39,13 @@ static const struct found *find(const GPtrArray *all, const char *bus, const cha
 /* A section as it would be pasted, with NAME and one comment filled in; it must live as long. */
 static Config *paste(const struct found *found, const char *comment, const char *value,
                      const struct config_section **ret) {
-    GError *error = NULL;
     g_assert_nonnull(found);
     g_assert_nonnull(found->section);
     g_autoptr(GString) text = g_string_new(found->section);
     g_string_replace(text, "NAME", "test", 1);
     if (comment)
         g_assert_cmpuint(g_string_replace(text, comment, value, 0), ==, 1);
-    Config *config = config_parse(text->str, "rig.conf", &error);
-    g_assert_no_error(error);
+    Config *config = ok(config_parse(text->str, "rig.conf", ERR));
     *ret = config_sections(config, &(gsize){0});
     return config;
 }

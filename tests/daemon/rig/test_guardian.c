@@ -3,6 +3,7 @@
  */
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "rig/guardian.h"
@@ -66,9 +67,7 @@ static void keep_text(const char *text) {
 }
 
 static Guardian *start(struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
-    Guardian *guardian = guardian_start(fixture->rig, &error);
-    g_assert_no_error(error);
+    Guardian *guardian = ok(guardian_start(fixture->rig, ERR));
     return guardian;
 }
 
@@ -108,8 +107,7 @@ static void test_answers(struct fixture *fixture, gconstpointer data) {
     g_assert_true(guardian_answers(guardian, &error));
     for (int i = 0; i < 2; i++) {
         g_usleep(G_USEC_PER_SEC * 3 / 2); /* the main loop is busy */
-        g_assert_true(guardian_answers(guardian, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(guardian_answers(guardian, ERR)));
     }
 
     /* Frozen: known within the second, although the main loop does not run. */

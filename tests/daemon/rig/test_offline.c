@@ -1,5 +1,6 @@
 /* Timing from a rig file alone: that of the opened devices where they can be opened, and what the
  * file says where nothing is there to open. */
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "plan/plan.h"
 #include "rig/devices.h"
@@ -15,14 +16,11 @@ TEST(as_opened) {
     for (gsize i = 0; i < G_N_ELEMENTS(rigs); i++) {
         g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/demo", rigs[i], NULL);
         g_autoptr(GPtrArray) assumed = g_ptr_array_new_with_free_func(g_free);
-        g_autoptr(GError) error = NULL;
         struct rig rig;
         struct rig_timing timing;
-        g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(devices_read_timing(path, &rig, &timing, assumed, ERR)));
         g_assert_cmpuint(assumed->len, ==, 0);
-        struct devices *devices = devices_open(path, &error);
-        g_assert_no_error(error);
+        struct devices *devices = ok(devices_open(path, ERR));
         for (int c = 0; c < rig.n_cameras; c++) /* a simulated camera's are its world's */
             timing.bits[c] = devices->timing.bits[c];
         g_assert_cmpmem(&timing, sizeof timing, &devices->timing, sizeof timing);
@@ -42,8 +40,7 @@ TEST(presets) {
     int planned = 0;
 
     g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
-    struct devices *devices = devices_open(path, &error);
-    g_assert_no_error(error);
+    struct devices *devices = ok(devices_open(path, ERR));
     for (gsize i = 0; i < G_N_ELEMENTS(presets); i++) {
         g_autofree char *text = g_strdup_printf(
             "[session]\nname=a\n[sample]\nwidth_mm=50\nheight_mm=50\ntexels=8\nreference_mm=1\n"
@@ -97,8 +94,7 @@ TEST(absent_devices) {
                           "height=480\ndistance_mm=500\nfocal_px=1000\n"
                           "[lamp l]\nbank=bank\nindex=0\ntheta_deg=30\ndistance_mm=500\n");
     g_assert_true(g_file_set_contents(path, text->str, -1, NULL));
-    g_assert_true(devices_read_timing(path, &rig, &timing, assumed, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(devices_read_timing(path, &rig, &timing, assumed, ERR)));
     g_assert_true(timing.turntable.wraps);
     g_assert_cmpfloat(timing.turntable.speed_deg_s, ==, 20);
     g_assert_cmpfloat(timing.turntable.accel_deg_s2, ==, 333);

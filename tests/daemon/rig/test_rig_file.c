@@ -1,4 +1,5 @@
 #include "conformance/conformance.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 #include "plan/plan.h"
@@ -19,10 +20,8 @@ static void spin(void) {
 
 static G_NO_INLINE char *demo_text(void) {
     char *text = NULL;
-    GError *error = NULL;
 
-    g_file_get_contents(DEMO, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(DEMO, &text, NULL, ERR));
     return text;
 }
 
@@ -33,9 +32,7 @@ static char *written(const char *text) {
     g_auto(GStrv) parts = g_strsplit(text, "world = world.conf", -1);
     g_autofree char *here = g_strdup_printf("world = %s", world);
     g_autofree char *moved = g_strjoinv(here, parts);
-    int fd = g_file_open_tmp("rig-XXXXXX.conf", &path, &error);
-
-    g_assert_no_error(error);
+    int fd = ok(g_file_open_tmp("rig-XXXXXX.conf", &path, ERR));
     g_assert_true(g_close(fd, NULL));
     g_assert_true(g_file_set_contents(path, moved, -1, &error));
     return g_steal_pointer(&path);
@@ -61,8 +58,7 @@ TEST(demo_geometry) {
     g_autoptr(GError) error = NULL;
     struct rig rig;
 
-    g_assert_true(devices_read_geometry(DEMO, &rig, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(devices_read_geometry(DEMO, &rig, ERR)));
     g_assert_cmpstr(rig.id, ==, "demo");
     g_assert_cmpint(rig.n_cameras, ==, 5);
     g_assert_cmpint(rig.n_lamps, ==, 5);
@@ -172,14 +168,12 @@ TEST(shapes) {
                  {LAMP "phi_deg=-20\n[axis arc]\ndriver=sim-axis\n", TRUE, 340}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(lamps); i++) {
-        g_autoptr(GError) error = NULL;
         struct rig rig;
         g_autofree char *text =
             g_strconcat("[rig]\nid = r\narc_radius_mm = 500\n" CAMERA, lamps[i].lamp, NULL);
         g_autofree char *path = written(text);
         double theta, phi;
-        g_assert_true(devices_read_geometry(path, &rig, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(devices_read_geometry(path, &rig, ERR)));
         g_assert_cmpint(rig.lamps[0].fixed, ==, lamps[i].fixed);
         /* the arc's angle matters to what it carries alone */
         rig_angles(rig_lamp_position_mm(&rig.arc, &rig.lamps[0], 1), &theta, &phi);
@@ -200,7 +194,6 @@ TEST(arm) {
                 {"arm_axis_theta_deg = 0\n", {15, 15, 15}, {320, 0, 30}}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(arms); i++) {
-        g_autoptr(GError) error = NULL;
         struct rig rig;
         g_autofree char *text = g_strconcat(
             "[rig]\nid = r\n", arms[i].rig,
@@ -210,8 +203,7 @@ TEST(arm) {
                 LAMP "phi_deg=70\n",
             NULL);
         g_autofree char *path = written(text);
-        g_assert_true(devices_read_geometry(path, &rig, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(devices_read_geometry(path, &rig, ERR)));
         g_assert_cmpint(rig.n_cameras, ==, 4);
         for (int c = 0; c < 3; c++) {
             static const char *const names[] = {"a@-40", "a@0", "a@30"};
@@ -348,14 +340,12 @@ static gboolean count_permit(const struct device *device, gpointer data, GError 
 
 /* Each device asks for a permit and is watched, once. */
 TEST(permit_and_watch) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(GString) told = g_string_new(NULL);
     g_autoptr(GHashTable) asked = g_hash_table_new(NULL, NULL);
     int line, n_devices = 0;
     g_autofree char *path =
         with("[laser laser15]\n", "[laser laser15]\nfault_unheard = 1\n", &line);
-    struct devices *devices = devices_open(path, &error);
-    g_assert_no_error(error);
+    struct devices *devices = ok(devices_open(path, ERR));
     devices_watch_safety(devices, count_safety, told);
     devices_set_permit(devices, count_permit, asked);
     for (int i = 0; i < devices->geometry.n_lasers; i++, n_devices++) {
@@ -404,8 +394,7 @@ TEST(safety) {
     g_autoptr(GError) error = NULL;
     int line;
     g_autofree char *path = with("[laser laser15]\n", "[laser laser15]\nfault_deaf = 1\n", &line);
-    struct devices *devices = devices_open(path, &error);
-    g_assert_no_error(error);
+    struct devices *devices = ok(devices_open(path, ERR));
     conformance_pass(devices->clock, 1);
     g_autofree char *at_first = safety_of(devices, DEVICE_SAFE);
     g_assert_null(strstr(at_first, "NOT safe"));
@@ -463,9 +452,7 @@ TEST(two_interlocks) {
         NULL);
     g_autofree char *path = written(more);
     g_autoptr(GError) error = NULL;
-    struct devices *devices = devices_open(path, &error);
-
-    g_assert_no_error(error);
+    struct devices *devices = ok(devices_open(path, ERR));
     g_assert_cmpint(devices->n_interlocks, ==, 2);
     clock_hold(devices->clock);
     spin();

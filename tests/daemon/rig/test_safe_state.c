@@ -4,6 +4,7 @@
 #include "bus/bus.h"
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 
@@ -462,10 +463,8 @@ static void end_guardians(struct fixture *fixture, enum end end) {
 /* Through the bus, by a client that stays. */
 static void ask_for_light(struct fixture *fixture, enum line which) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
-    g_autoptr(GError) error = NULL;
-    fixture->client = g_dbus_connection_new_for_address_sync(
-        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
-    g_assert_no_error(error);
+    fixture->client = ok(g_dbus_connection_new_for_address_sync(
+        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
     g_dbus_connection_call(fixture->client, NULL, BUS_PATH, BUS_NAME,
                            which == LASER ? "SetLaser" : "SetLamp",
                            g_variant_new("(sbd)", which == LASER ? "top" : "lamp30", TRUE, 60.0),
@@ -632,9 +631,8 @@ static void test_close_not_safe(struct fixture *fixture, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     start_daemon(fixture);
     light_up(fixture);
-    fixture->client = g_dbus_connection_new_for_address_sync(
-        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, &error);
-    g_assert_no_error(error);
+    fixture->client = ok(g_dbus_connection_new_for_address_sync(
+        address, G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL, ERR));
     virtual_modbus_fail(fixture->lines.devices[LASER], &deaf);
     g_assert_null(g_dbus_connection_call_sync(fixture->client, NULL, BUS_PATH, BUS_NAME, "CloseRig",
                                               NULL, NULL, G_DBUS_CALL_FLAGS_NONE, -1, NULL,

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 
 #include "bus/bus.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -276,8 +277,7 @@ static void check_web(const struct site *site) {
                                         (const char *[]){BUILD_DIR "/bin/mesorig-web", "--address",
                                                          site->address, "--port", "0", NULL});
     g_autoptr(GDataInputStream) out = g_data_input_stream_new(g_subprocess_get_stdout_pipe(server));
-    g_autofree char *uri = g_data_input_stream_read_line(out, NULL, NULL, &error);
-    g_assert_no_error(error);
+    g_autofree char *uri = ok(g_data_input_stream_read_line(out, NULL, NULL, ERR));
     uri[strcspn(uri, " ")] = '\0';
     g_autofree char *state = g_strconcat(uri, "api/v1/state", NULL);
     g_autoptr(SoupSession) http = soup_session_new_with_options("timeout", WAIT_S, NULL);

@@ -1,5 +1,6 @@
 /* mesorig-web: what it shows, what it refuses, and its page in a browser. */
 #include "lib/browser.h"
+#include "lib/ok.h"
 #include "lib/operator.h"
 #include "lib/process.h"
 #include "lib/test.h"
@@ -14,11 +15,9 @@
 
 static JsonParser *read_json(const struct site *site, const char *path) {
     g_autofree char *text = NULL;
-    g_autoptr(GError) error = NULL;
     JsonParser *parser = json_parser_new();
     g_assert_cmpuint(site_ask(site, "GET", path, NULL, &text), ==, 200);
-    json_parser_load_from_data(parser, text, -1, &error);
-    g_assert_no_error(error);
+    ok(json_parser_load_from_data(parser, text, -1, ERR));
     return parser;
 }
 
@@ -115,8 +114,7 @@ static void streams(void) {
     g_autoptr(GDataInputStream) lines = g_data_input_stream_new(body);
     gboolean captured = FALSE, event = FALSE, picture = FALSE, done = FALSE;
     for (int i = 0; i < 10000 && !(event && picture && done); i++) {
-        g_autofree char *line = g_data_input_stream_read_line(lines, NULL, NULL, &error);
-        g_assert_no_error(error);
+        g_autofree char *line = ok(g_data_input_stream_read_line(lines, NULL, NULL, ERR));
         g_assert_nonnull(line);
         event = event || strcmp(line, "event: event") == 0;
         picture = picture || strcmp(line, "event: picture") == 0;

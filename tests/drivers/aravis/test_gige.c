@@ -1,4 +1,5 @@
 #include "lib/gige_rig.h"
+#include "lib/ok.h"
 #include "lib/painted.h"
 
 #include <glib-unix.h>
@@ -15,9 +16,7 @@ static VirtualGige *painter(enum cfa cfa) {
                                              .cfa = cfa,
                                              .black_level = 64,
                                              .picture = painted_paint};
-    GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
-    g_assert_no_error(error);
+    VirtualGige *device = ok(virtual_gige_new(&options, NULL, ERR));
     return device;
 }
 
@@ -49,11 +48,10 @@ static void settings(void) {
     struct virtual_camera_state state;
     struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
     GError *error = NULL;
-    eye_open(&eye,
-             "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
-             "black_level_dn = 70\nfeatures = GevSCPD=1000\n",
-             &error);
-    g_assert_no_error(error);
+    ok(eye_open(&eye,
+                "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
+                "black_level_dn = 70\nfeatures = GevSCPD=1000\n",
+                ERR));
     g_assert_cmpfloat(eye.camera->format.black_level, ==, 70);
     g_assert_cmpint(eye.camera->format.min_exposure_us, ==, 10);
     g_assert_cmpint(eye.camera->format.max_exposure_us, ==, 60000000);
@@ -243,8 +241,7 @@ static void by_serial(void) {
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
                              "no camera \"NOBODY\" is found");
     section = config_find(config, "camera", "eye");
-    eye.camera = camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error);
-    g_assert_no_error(error);
+    eye.camera = ok(camera_open(&aravis_camera_driver, section, NULL, eye.clock, ERR));
     g_assert_true(g_str_has_prefix(eye.camera->device.identity, "Mesorig VirtualCamera"));
     camera_listen(eye.camera, eye_on_event, &eye);
     g_assert_true(eye_ready(&eye, 1000, NULL));
@@ -282,10 +279,8 @@ static Camera *set_off(VirtualGige *device, int i, Clock *clock) {
     g_autofree char *text = g_strdup_printf("[camera eye%d]\ndriver = aravis\ndevice = %s\n", i,
                                             virtual_gige_address(device));
     g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
-    GError *error = NULL;
-    Camera *camera = camera_open_begin(&aravis_camera_driver, config_find(config, "camera", NULL),
-                                       NULL, clock, &error);
-    g_assert_no_error(error);
+    Camera *camera = ok(camera_open_begin(&aravis_camera_driver,
+                                          config_find(config, "camera", NULL), NULL, clock, ERR));
     return camera;
 }
 
@@ -307,9 +302,7 @@ static void opened_at_once(void) {
         for (int i = 0; i < n; i++)
             cameras[i] = set_off(devices[i], i, clock);
         for (int i = 0; i < n; i++) {
-            GError *error = NULL;
-            camera_open_finish(cameras[i], &error);
-            g_assert_no_error(error);
+            ok(camera_open_finish(cameras[i], ERR));
             g_assert_cmpint(cameras[i]->format.width, ==, 64);
         }
         took_us[k] = g_get_monotonic_time() - begun;

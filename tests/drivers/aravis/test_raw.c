@@ -1,6 +1,7 @@
 /* Cameras of several makers' naming styles: all that alters pictures is switched off, and what
  * cannot be switched off is told. While anything is on, the virtual camera squares brightness. */
 #include "lib/gige_rig.h"
+#include "lib/ok.h"
 #include "lib/painted.h"
 #include "lib/test.h"
 
@@ -47,10 +48,8 @@ static void styled_begin(struct styled *styled, const char *file, const guint32 
                          const guint32 *neutral, guint fixed, gboolean grey_too) {
     g_autofree char *path =
         g_strdup_printf(SOURCE_DIR "/tests/drivers/aravis/cameras/%s.xml", file);
-    GError *error = NULL;
     *styled = (struct styled){0};
-    g_file_get_contents(path, &styled->xml, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(path, &styled->xml, NULL, ERR));
     styled->processing.xml = styled->xml;
     styled->processing.fixed = fixed;
     styled->processing.grey_too = grey_too;
@@ -63,8 +62,7 @@ static void styled_begin(struct styled *styled, const char *file, const guint32 
                                              .cfa = CFA_RGGB,
                                              .picture = painted_paint,
                                              .processing = &styled->processing};
-    styled->eye.device = virtual_gige_new(&options, NULL, &error);
-    g_assert_no_error(error);
+    styled->eye.device = ok(virtual_gige_new(&options, NULL, ERR));
 }
 
 static void styled_end(struct styled *styled) {

@@ -1,5 +1,6 @@
 /* USB3 Vision: the driver's camera looks through a virtual one on a USB that umockdev pretends. */
 #include "lib/gige_rig.h"
+#include "lib/ok.h"
 #include "lib/painted.h"
 
 #include "virtual/testbed.h"
@@ -56,9 +57,8 @@ static void settings(void) {
     struct virtual_camera_state state;
     struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
     GError *error = NULL;
-    eye_open(&eye, "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n",
-             &error);
-    g_assert_no_error(error);
+    ok(eye_open(&eye, "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n",
+                ERR));
     g_assert_cmpint(eye.camera->format.max_exposure_us, ==, 60000000);
     g_assert_false(camera_configure(eye.camera, &more, &error));
     g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);

@@ -1,4 +1,5 @@
 #include "lib/modbus_bench.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 
@@ -7,9 +8,7 @@
 /* Every fault of a Modbus device with its words and the way out of it. */
 
 static void start(struct bench *bench, double to_deg) {
-    GError *error = NULL;
-    axis_move(bench->axis, to_deg, &error);
-    g_assert_no_error(error);
+    ok(axis_move(bench->axis, to_deg, ERR));
 }
 
 static void go(struct bench *bench, double to_deg) {
@@ -332,8 +331,7 @@ static void presets(void) {
         const char *const also[] = {"driver", NULL};
         g_autofree gpointer priv = g_malloc0(info->priv_size);
         g_assert_cmpstr(info->name, ==, driver);
-        options_parse(info->options, section, also, priv, &error);
-        g_assert_no_error(error);
+        ok(options_parse(info->options, section, also, priv, ERR));
         options_clear(info->options, priv);
         n++;
     }

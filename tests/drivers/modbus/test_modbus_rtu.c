@@ -1,5 +1,6 @@
 #include "lib/modbus_rig.h"
 
+#include "lib/ok.h"
 #include "modbus/line.h"
 #include "modbus/serial.h"
 
@@ -28,7 +29,6 @@ struct opened {
 /* Takes the device. */
 static void begin_with(struct opened *opened, VirtualModbus *served, int retries) {
     static const struct driver_info info = {"axis", "test", "A test"};
-    GError *error = NULL;
     *opened = (struct opened){.device = served, .clock = clock_new_real()};
     opened->config = config_parse("[axis test]\nbus = x\n", "./test.conf", NULL);
     struct device device = {&info, "test", opened->clock, NULL,
@@ -41,8 +41,7 @@ static void begin_with(struct opened *opened, VirtualModbus *served, int retries
                                         .timeout_ms = TIMEOUT_MS,
                                         .late_ms = LATE_MS,
                                         .retries = retries};
-    opened->bus = modbus_bus_get(&opened->link, &device, &error);
-    g_assert_no_error(error);
+    opened->bus = ok(modbus_bus_get(&opened->link, &device, ERR));
     virtual_modbus_set_plain(opened->device, 0, 111);
     virtual_modbus_set_plain(opened->device, 1, 222);
 }
@@ -67,10 +66,8 @@ static gboolean read_plain(struct opened *opened, int index, guint16 *ret, GErro
 }
 
 static void expect_plain(struct opened *opened, int index, guint16 value) {
-    GError *error = NULL;
     guint16 got;
-    read_plain(opened, index, &got, &error);
-    g_assert_no_error(error);
+    ok(read_plain(opened, index, &got, ERR));
     g_assert_cmpuint(got, ==, value);
 }
 
@@ -292,8 +289,7 @@ static void in_use(void) {
     GError *error = NULL;
     int other = modbus_serial_take(link.bus);
     g_assert_cmpint(other, >=, 0);
-    struct modbus_line *line = modbus_line_new(&link, &error);
-    g_assert_no_error(error);
+    struct modbus_line *line = ok(modbus_line_new(&link, ERR));
     g_assert_false(modbus_line_connect(line, g_get_monotonic_time() + 100000, &error));
     g_autofree char *holder = g_strdup_printf("test_modbus_rtu (process %d) uses it", getpid());
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_BUSY, holder);

@@ -1,6 +1,7 @@
 #include "conformance/conformance.h"
 
 #include "lib/lock_keeper.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
@@ -65,11 +66,9 @@ static Axis *open_tic(Clock *clock, const char *more, GError **error) {
 }
 
 static void begin(struct rig *rig, gconstpointer more) {
-    GError *error = NULL;
     *rig = (struct rig){.clock = clock_new_real()};
     rig->tic = virtual_tic_new("00123456", 1, TRAVEL, 100);
-    rig->axis = open_tic(rig->clock, more, &error);
-    g_assert_no_error(error);
+    rig->axis = ok(open_tic(rig->clock, more, ERR));
     axis_listen(rig->axis, on_axis, &rig->heard);
 }
 
@@ -111,16 +110,12 @@ static void wait_confirmed(Clock *clock, const struct device *device) {
 }
 
 static void home(struct rig *rig) {
-    GError *error = NULL;
-    axis_home(rig->axis, &error);
-    g_assert_no_error(error);
+    ok(axis_home(rig->axis, ERR));
     expect(rig, AXIS_HOMED);
 }
 
 static void start(struct rig *rig, double deg) {
-    GError *error = NULL;
-    axis_move(rig->axis, deg, &error);
-    g_assert_no_error(error);
+    ok(axis_move(rig->axis, deg, ERR));
 }
 
 static void start_and_pass(struct rig *rig, double deg) {
@@ -456,13 +451,10 @@ static Laser *open_laser(Clock *clock, const char *more, GError **error) {
 
 /* A bank on relays 2 to 4, and a laser on relay 6, of one board. */
 static void begin_board(struct board *board, gconstpointer unused) {
-    GError *error = NULL;
     *board = (struct board){.clock = clock_new_real()};
     board->relays = virtual_relays_new("USBRelay8", "BOARD", 3, TRUE);
-    board->bank = open_bank(board->clock, "first_relay = 2\nn_lamps = 3\n", &error);
-    g_assert_no_error(error);
-    board->laser = open_laser(board->clock, "relay = 6\n", &error);
-    g_assert_no_error(error);
+    board->bank = ok(open_bank(board->clock, "first_relay = 2\nn_lamps = 3\n", ERR));
+    board->laser = ok(open_laser(board->clock, "relay = 6\n", ERR));
     lamps_listen(board->bank, on_lamp, &board->lamps);
     laser_listen(board->laser, on_laser, &board->lasers);
 }
@@ -477,18 +469,14 @@ static void end_board(struct board *board, gconstpointer unused) {
 }
 
 static void set_lamp(struct board *board, int index, gboolean on) {
-    GError *error = NULL;
     board->lamps.n = 0;
-    lamps_set(board->bank, index, on, &error);
-    g_assert_no_error(error);
+    ok(lamps_set(board->bank, index, on, ERR));
     conformance_wait(board->clock, &board->lamps.n, 1, 5);
 }
 
 static void set_laser(struct board *board, gboolean on) {
-    GError *error = NULL;
     board->lasers.n = 0;
-    laser_set(board->laser, on, &error);
-    g_assert_no_error(error);
+    ok(laser_set(board->laser, on, ERR));
     conformance_wait(board->clock, &board->lasers.n, 1, 5);
 }
 
@@ -510,10 +498,8 @@ static void test_relays_shared(struct board *board, gconstpointer unused) {
 
 /* Whatever was left on by a program that died is off once opened. */
 static void test_relays_left_on(struct board *board, gconstpointer unused) {
-    GError *error = NULL;
     set_laser(board, TRUE);
-    Laser *again = open_laser(board->clock, "relay = 6\n", &error);
-    g_assert_no_error(error);
+    Laser *again = ok(open_laser(board->clock, "relay = 6\n", ERR));
     g_assert_cmphex(virtual_relays_state(board->relays), ==, 0);
     laser_close(again);
 }

@@ -1,6 +1,7 @@
 #include "conformance/conformance.h"
 
 #include "lib/lock_keeper.h"
+#include "lib/ok.h"
 #include "v4l2/formats.h"
 #include "v4l2/load.h"
 #include "v4l2/v4l2.h"
@@ -48,15 +49,11 @@ static gboolean configure(struct rig *rig, gint64 exposure_us, double gain_db, G
 }
 
 static void begin(struct rig *rig, const struct virtual_v4l2_config *config, const char *more) {
-    GError *error = NULL;
     *rig = (struct rig){.clock = clock_new_real(), .device = virtual_v4l2_new(config)};
-    rig->camera = open_camera(rig->clock, more, &error);
-    g_assert_no_error(error);
+    rig->camera = ok(open_camera(rig->clock, more, ERR));
     camera_listen(rig->camera, on_event, rig);
-    configure(rig, 2000, 0, &error);
-    g_assert_no_error(error);
-    camera_arm(rig->camera, &error);
-    g_assert_no_error(error);
+    ok(configure(rig, 2000, 0, ERR));
+    ok(camera_arm(rig->camera, ERR));
 }
 
 static void begin_plain(struct rig *rig, gconstpointer more) {
@@ -72,10 +69,8 @@ static void end(struct rig *rig, gconstpointer unused) {
 }
 
 static void trigger(struct rig *rig, guint64 shot) {
-    GError *error = NULL;
     rig->n = 0;
-    camera_trigger(rig->camera, shot, &error);
-    g_assert_no_error(error);
+    ok(camera_trigger(rig->camera, shot, ERR));
 }
 
 static void shoot(struct rig *rig, guint64 shot, enum camera_event event) {
@@ -118,7 +113,6 @@ static const struct fault faults[] = {
 static void test_fault(gconstpointer data) {
     const struct fault *with_fault = data;
     struct rig rig;
-    GError *error = NULL;
     begin(&rig, &(struct virtual_v4l2_config){0}, "");
     shoot(&rig, 1, CAMERA_FRAME);
     virtual_v4l2_set_fault(rig.device, with_fault->fault);
@@ -129,8 +123,7 @@ static void test_fault(gconstpointer data) {
     g_assert_cmpint(rig.n, ==, 1); /* one cause, one event */
     virtual_v4l2_set_fault(rig.device, VIRTUAL_V4L2_WELL);
     conformance_pass(rig.clock, 0.03);
-    camera_arm(rig.camera, &error);
-    g_assert_no_error(error);
+    ok(camera_arm(rig.camera, ERR));
     shoot(&rig, 2, CAMERA_FRAME);
     end(&rig, NULL);
 }
@@ -155,8 +148,7 @@ static void test_unplugged(void) {
     GError *error = NULL;
     begin(&rig, &(struct virtual_v4l2_config){.port = "2-1.4", .frame_rate = 10},
           "bus = usb-virtual-2-1.4\nwhite_balance_k = 5200\ngain_per_db = 10\n");
-    configure(&rig, 30000, 3, &error);
-    g_assert_no_error(error);
+    ok(configure(&rig, 30000, 3, ERR));
     trigger(&rig, 1);
     conformance_pass(rig.clock, 0.02);
     g_assert_cmpint(rig.n, ==, 0);
@@ -169,8 +161,7 @@ static void test_unplugged(void) {
     expect_text(&error, DEVICE_ERROR_DISCONNECTED, "usb-virtual-2-1.4");
 
     virtual_v4l2_plug(rig.device, 3);
-    camera_arm(rig.camera, &error);
-    g_assert_no_error(error);
+    ok(camera_arm(rig.camera, ERR));
     shoot(&rig, 1, CAMERA_FRAME);
     g_assert_cmpint(rig.frame->exposure_us, ==, 30000);
     g_assert_cmpint(virtual_v4l2_control(rig.device, V4L2_CID_EXPOSURE_ABSOLUTE), ==, 300);
@@ -188,8 +179,7 @@ static void test_locked(void) {
     g_assert_null(open_camera(clock, "", &error));
     lock_keeper_expect(keeper, &error);
     lock_keeper_end(keeper);
-    Camera *camera = open_camera(clock, "", &error);
-    g_assert_no_error(error);
+    Camera *camera = ok(open_camera(clock, "", ERR));
     camera_close(camera);
     virtual_v4l2_free(device);
 }
@@ -283,10 +273,8 @@ static void test_trigger(gconstpointer stamp) {
     for (guint64 shot = 0; shot < 24; shot++) {
         gint64 exposure_us = shot % 4 < 2 ? 2000 : 15000;
         double gain_db = shot % 4 == 3 ? 6 : 0;
-        GError *error = NULL;
         set_lamp(&lamp, FALSE);
-        configure(&rig, exposure_us, gain_db, &error);
-        g_assert_no_error(error);
+        ok(configure(&rig, exposure_us, gain_db, ERR));
         conformance_pass(rig.clock, (double)(shot * 7 % 24) * 1e-3);
         set_lamp(&lamp, TRUE);
         shoot(&rig, shot, CAMERA_FRAME);

@@ -1,5 +1,6 @@
 #include "conformance/conformance.h"
 
+#include "lib/ok.h"
 #include "v4l2/v4l2.h"
 #include "virtual/testbed.h"
 #include "virtual_cameras/v4l2.h"
@@ -78,12 +79,9 @@ static void planes(void) {
     g_autoptr(Clock) clock = clock_new_real();
     struct camera_settings settings = {1000, 0};
     struct seen seen = {0};
-    GError *error = NULL;
     guint64 sum = 0;
-    Camera *camera = open_camera(
-        clock, "[camera test]\ndriver = v4l2-camera\ndevice = /dev/video9\nformat = Y10P\n",
-        &error);
-    g_assert_no_error(error);
+    Camera *camera = ok(open_camera(
+        clock, "[camera test]\ndriver = v4l2-camera\ndevice = /dev/video9\nformat = Y10P\n", ERR));
     camera_listen(camera, on_event, &seen);
     g_assert_true(camera_configure(camera, &settings, NULL));
     g_assert_true(camera_arm(camera, NULL));

@@ -6,6 +6,7 @@
 #include "brdf/utia.h"
 #include "brdf/warp.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -103,9 +104,7 @@ static char *write_rgl(const char *name, const struct metal *of, gboolean turned
     char *path = in_folder(name);
     const struct rgl_options options = {.isotropic = turned, .n_turns = 1, .description = "métal"};
     struct rgl_result result;
-    g_autoptr(GError) error = NULL;
-    rgl_write(path, metal, (gpointer)of, &options, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(rgl_write(path, metal, (gpointer)of, &options, &quietly, &result, ERR));
     g_assert_cmpint(result.n_phi, ==, turned ? 1 : 25);
     return path;
 }
@@ -236,13 +235,11 @@ TEST(warp) {
 
 /* It takes 35 MB, and is written once. */
 static char *merl_file(void) {
-    g_autoptr(GError) error = NULL;
     char *path = in_folder("metal.binary");
     struct merl_result result;
     if (g_file_test(path, G_FILE_TEST_EXISTS))
         return path;
-    merl_write(path, metal, (gpointer)&isotropic, 1, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(merl_write(path, metal, (gpointer)&isotropic, 1, &quietly, &result, ERR));
     g_assert_cmpfloat(result.spread, <, 1e-6);
     return path;
 }

@@ -1,5 +1,6 @@
 #include "base/data_error.h"
 #include "btf/direction_grid.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lpca_codec/lpca_resample.h"
 
@@ -173,8 +174,7 @@ TEST(lpca) {
     struct btf_matrix *btf = new_btf(6);
     const struct lpca_options options = {.n_clusters = 2, .n_components = 4};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
-    struct lpca *grid = lpca_resample(lpca, 10, &error);
-    g_assert_no_error(error);
+    struct lpca *grid = ok(lpca_resample(lpca, 10, ERR));
     g_assert_cmpint(grid->n_grid, ==, 10);
     g_assert_cmpint(grid->layout.views.n, ==, 100);
     const double found = lpca_resample_error(grid, btf, 0);
@@ -183,8 +183,7 @@ TEST(lpca) {
     const double rounded = lpca_resample_error(grid, btf, 0);
     g_assert_cmpfloat(rounded, <, found + 0.01);
     g_assert_true(lpca_write(path, grid, &error));
-    struct lpca *back = lpca_read(path, &error);
-    g_assert_no_error(error);
+    struct lpca *back = ok(lpca_read(path, ERR));
     g_assert_cmpint(back->n_grid, ==, 10);
     g_assert_true(back->error == rounded);
     g_assert_cmpfloat_with_epsilon(lpca_resample_error(back, btf, 0), rounded, 1e-6);
@@ -204,8 +203,7 @@ TEST(choose) {
     struct btf_matrix *btf = new_btf(8);
     const struct lpca_options options = {0};
     struct lpca_target wanted = {.bytes = 300000, .n_components = 8, .quantise = LPCA_8BIT};
-    struct lpca *best = lpca_choose(btf, &options, &wanted, &error);
-    g_assert_no_error(error);
+    struct lpca *best = ok(lpca_choose(btf, &options, &wanted, ERR));
     for (int k = 1; k <= 4; k *= 2) {
         const struct lpca_options other = {.n_clusters = k, .n_components = 2};
         struct lpca *lpca = lpca_compute(btf, &other, NULL);
@@ -219,8 +217,7 @@ TEST(choose) {
     g_assert_cmpint(lpca_bytes(best), <=, wanted.bytes);
     lpca_free(best);
     wanted = (struct lpca_target){.error = 0.05, .n_components = 8, .quantise = LPCA_HALF};
-    best = lpca_choose(btf, &options, &wanted, &error);
-    g_assert_no_error(error);
+    best = ok(lpca_choose(btf, &options, &wanted, ERR));
     g_assert_cmpfloat(best->error, <=, 0.05);
     lpca_free(best);
     wanted.bytes = 1000;
@@ -232,8 +229,7 @@ TEST(choose) {
                btf->values,
                sizeof(float) * 3 * (gsize)(btf->layout.views.n * btf->layout.lights.n));
     wanted = (struct lpca_target){.bytes = 300000, .n_components = 8};
-    best = lpca_choose(btf, &options, &wanted, &error);
-    g_assert_no_error(error);
+    best = ok(lpca_choose(btf, &options, &wanted, ERR));
     g_assert_cmpint(best->n_components, ==, 1);
     lpca_free(best);
     btf_matrix_free(btf);
@@ -270,8 +266,7 @@ TEST(levels) {
     for (int i = 0; i < 3; i++) {
         const struct lpca_options options = {.n_clusters = MIN(2, all[i]->layout.width),
                                              .n_components = 2};
-        levels[i] = lpca_compute(all[i], &options, &error);
-        g_assert_no_error(error);
+        levels[i] = ok(lpca_compute(all[i], &options, ERR));
         lpca_quantise(levels[i], LPCA_HALF);
         lpca_error(levels[i], all[i], 0);
     }

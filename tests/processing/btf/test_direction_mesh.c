@@ -2,6 +2,7 @@
 #include "btf/direction_mesh.h"
 
 #include "lib/near_field_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 /* f = a + b·x + x·C·x in the plane. */
@@ -116,8 +117,7 @@ TEST(table) {
                                "light;60;-20\n";
     g_autoptr(GError) error = NULL;
     g_assert_true(g_file_set_contents(path, good, -1, NULL));
-    struct btf_directions *read = btf_directions_read(path, &error);
-    g_assert_no_error(error);
+    struct btf_directions *read = ok(btf_directions_read(path, ERR));
     g_assert_cmpint(read->views.n, ==, 2);
     g_assert_cmpint(read->lights.n, ==, 2);
     g_assert_cmpfloat((double)read->views.phi_deg[1], ==, 90);

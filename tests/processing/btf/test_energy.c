@@ -1,6 +1,7 @@
 #include "base/data_error.h"
 #include "btf/energy.h"
 #include "lib/btf_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <math.h>
@@ -45,10 +46,8 @@ static double lambert(double theta_l, double theta_v, double between) {
 
 /* Of a diffuser 0.6 comes back from everywhere, in each view and under each light. */
 TEST(lambert) {
-    g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(lambert);
-    struct energy *energy = energy_compute(btf, -1, &error);
-    g_assert_no_error(error);
+    struct energy *energy = ok(energy_compute(btf, -1, ERR));
     g_assert_cmpint(energy->texel, ==, 4);
     g_assert_cmpint(energy->pairs, ==, N * (N - 1) / 2);
     g_assert_cmpfloat(energy->asymmetry, <, 1e-5);

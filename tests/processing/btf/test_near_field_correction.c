@@ -3,6 +3,7 @@
  * what the formula says of the nominal directions.
  */
 #include "lib/near_field_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 
 #include "btf/btf.h"
@@ -47,9 +48,7 @@ TEST(near_field) {
     near_field_add_ring(&views, 75, 3, 10);
     near_field_add_ring(&lights, 30, 4, 0);
     g_autofree char *path = near_field_make_session("near", &views, &lights, &wish);
-    g_autoptr(GError) error = NULL;
-    struct near_field *near = near_field_read(path, &error);
-    g_assert_no_error(error);
+    struct near_field *near = ok(near_field_read(path, ERR));
     for (int i = 0; i < 3 * 4 * ALL; i++) {
         const int view = i / 4 / ALL, light = i / ALL % 4, texel = i % ALL;
         double camera[3], lamp[3], at[3], v[3], l[3];
@@ -106,7 +105,6 @@ static void write_mdf(const char *session) {
     struct rings views = {0};
     struct exr_file *file = exr_file_new();
     g_autofree char *path = g_build_filename(session, "products/mdf.exr", NULL);
-    g_autoptr(GError) error = NULL;
     near_field_add_ring(&views, 35, 3, 17);
     for (int view = 0; view < views.n; view++) {
         g_autofree char *name = g_strdup_printf("view_%04d", view);
@@ -125,8 +123,7 @@ static void write_mdf(const char *session) {
         exr_set_double(part, "texel_mm", SIDE_MM / SIDE);
         exr_file_add(file, part);
     }
-    exr_write(path, file, EXR_NONE, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_NONE, FALSE, ERR));
     exr_file_free(file);
 }
 
@@ -149,9 +146,7 @@ TEST(81) {
     g_autofree char *from = near_field_make_session("elsewhere", &views, &lights, &wish);
     write_mdf(from);
     g_autofree char *made = near_field_resample(from, "the81", to, &result);
-    g_autoptr(GError) error = NULL;
-    struct near_field *near = near_field_read(made, &error);
-    g_assert_no_error(error);
+    struct near_field *near = ok(near_field_read(made, ERR));
     g_assert_cmpint(near->views.n, ==, 81);
     g_assert_cmpint(near->lights.n, ==, 81);
     g_assert_cmpfloat((double)near->views.theta_deg[80], ==, 75);

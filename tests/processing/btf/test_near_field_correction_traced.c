@@ -2,6 +2,7 @@
  * far away. “--verbose” prints docs/accuracy.md's table. */
 #include "lib/near_field_fixture.h"
 
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
@@ -17,9 +18,7 @@ static World *traced_world(const char *name, const char *sample, double camera_m
                                i, 15 * i, camera_mm, i, 15 * i, lamp_mm);
     g_string_append_printf(text, "[sample]\nwidth_mm=60\nheight_mm=60\n%s\n", sample);
     g_autofree char *path = world_fixture_write(name, text->str);
-    g_autoptr(GError) error = NULL;
-    World *world = world_get(path, &error);
-    g_assert_no_error(error);
+    World *world = ok(world_get(path, ERR));
     return world;
 }
 

@@ -1,6 +1,7 @@
 /* What the contract promises of every codec in the table. */
 #include "codec/compare.h"
 #include "codecs/codecs.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
@@ -29,13 +30,11 @@ TEST(table) {
 static void encode(const struct codec *codec, const struct btf_matrix *btf,
                    struct codec_result *ret) {
     static const struct work quiet;
-    g_autoptr(GError) error = NULL;
     g_autofree gpointer options = g_malloc0(codec->options_size);
     options_defaults(codec->options, options);
     const struct codec_job job = {.btf = btf, .options = options, .work = &quiet};
     *ret = (struct codec_result){0};
-    g_assert_true(codec->encode(codec, &job, ret, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(codec->encode(codec, &job, ret, ERR)));
     g_assert_nonnull(ret->levels);
     g_assert_cmpuint(ret->levels->len, ==, 1);
 }
@@ -43,10 +42,8 @@ static void encode(const struct codec *codec, const struct btf_matrix *btf,
 /* The errors that a codec tells are those of what its file gives back. */
 static void assert_errors(const struct codec *codec, gconstpointer model,
                           const struct btf_matrix *btf, const struct codec_result *result) {
-    g_autoptr(GError) error = NULL;
     double found, luminance;
-    g_assert_true(compare_model(codec, model, btf, NULL, &found, &luminance, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(compare_model(codec, model, btf, NULL, &found, &luminance, ERR)));
     g_assert_cmpfloat_with_epsilon(found, result->error, 1e-3);
     if (result->luminance_error >= 0)
         g_assert_cmpfloat_with_epsilon(luminance, result->luminance_error, 1e-3);
@@ -62,8 +59,7 @@ static void test_round_trip(gconstpointer data) {
     encode(codec, btf, &result);
     g_autofree char *described = codec->describe(codec, &result);
     g_assert_true(described && *described);
-    g_assert_true(codec->write(path, result.levels->pdata, 1, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(codec->write(path, result.levels->pdata, 1, ERR)));
     g_autoptr(Material) material = material_open(path, NULL, &error);
     g_assert_no_error(error);
     const struct material_info *info = material_info(material);
@@ -72,12 +68,10 @@ static void test_round_trip(gconstpointer data) {
     g_assert_cmpint(info->layout->views.n, ==, VIEWS);
     g_assert_cmpint(info->layout->lights.n, ==, LIGHTS);
     g_assert_cmpint(info->bytes, ==, codec->bytes(result.levels->pdata[0]));
-    gpointer model = codec->read(path, &error);
-    g_assert_no_error(error);
+    gpointer model = ok(codec->read(path, ERR));
     assert_errors(codec, model, btf, &result);
     codec->free(model);
-    struct exr_file *file = exr_read_headers(path, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read_headers(path, ERR));
     g_autofree char *of_file = codec->describe_file(file);
     g_assert_true(of_file && *of_file);
     exr_file_free(file);

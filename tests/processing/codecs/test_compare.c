@@ -3,6 +3,7 @@
 #include "codecs/codecs.h"
 #include "eigenmaps/eigenmaps.h"
 #include "formats/compare_pictures.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lobes/lobes_codec.h"
 
@@ -81,8 +82,7 @@ TEST(sums) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Material) of_a = material_new("a", &material_btf_codec, a),
                         of_b = material_new("b", &material_btf_codec, b);
-    struct comparison *c = compare_materials(of_a, of_b, NULL, &error);
-    g_assert_no_error(error);
+    struct comparison *c = ok(compare_materials(of_a, of_b, NULL, ERR));
     g_assert_cmpfloat_with_epsilon(c->views[1].error, 0.1, 1e-5);
     g_assert_cmpfloat(c->lights[0].error, >, 0.02);
     g_assert_cmpfloat(c->lights[0].error, <, 0.1);
@@ -137,8 +137,7 @@ TEST(kinds) {
     g_assert_true(lpca_write(path, lpca, &error));
     lpca_free(lpca);
     Material *material = material_open(path, NULL, &error);
-    struct comparison *c = compare_materials(of_btf, material, NULL, &error);
-    g_assert_no_error(error);
+    struct comparison *c = ok(compare_materials(of_btf, material, NULL, ERR));
     g_assert_cmpstr(material_info(material)->kind, ==, "lpca");
     g_assert_cmpfloat(c->all.error, <, 1e-3);
     comparison_free(c);
@@ -146,16 +145,14 @@ TEST(kinds) {
     g_assert_true(eigenmaps_write(path, maps, &error));
     eigenmaps_free(maps);
     material = material_open(path, NULL, &error);
-    c = compare_materials(of_btf, material, NULL, &error);
-    g_assert_no_error(error);
+    c = ok(compare_materials(of_btf, material, NULL, ERR));
     g_assert_cmpfloat(c->all.error, <, 1e-3);
     comparison_free(c);
     material_free(material);
     g_assert_true(lobes_write(path, lobes, &error));
     lobes_free(lobes);
     material = material_open(path, NULL, &error);
-    c = compare_materials(of_btf, material, NULL, &error);
-    g_assert_no_error(error);
+    c = ok(compare_materials(of_btf, material, NULL, ERR));
     g_assert_cmpfloat_with_epsilon(c->all.error, lobes_error, 1e-6);
     comparison_free(c);
     material_free(material);
@@ -179,8 +176,7 @@ TEST(not_finite) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(4, 3, 3, 4);
     const struct lobes_options options = {.model = LOBES_WARD};
-    struct lobes *lobes = lobes_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lobes *lobes = ok(lobes_compute(btf, &options, ERR));
     lobes->values[7 * lobes->n_values + 12] = 0; /* texel (3, 1) */
     g_autoptr(Material) a = material_new("a", &material_btf_codec, btf),
                         b = material_new("ward.exr", &lobes_codecs[LOBES_WARD], lobes);
@@ -285,8 +281,7 @@ TEST(pictures) {
     struct picture_comparison found;
     write_png(a, 4, one);
     write_png(b, 4, other);
-    g_assert_true(compare_pictures(a, b, &found, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(compare_pictures(a, b, &found, ERR)));
     const double first = grey_delta_e(100, 104), last = grey_delta_e(200, 190);
     g_assert_cmpint(found.width, ==, 4);
     g_assert_cmpfloat_with_epsilon(found.delta_e, (first + last) / 4, 0.01);

@@ -1,5 +1,6 @@
 /* Error against size of all models: what is measured, and what is drawn of it. */
 #include "cli/curve.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
@@ -33,9 +34,7 @@ static struct btf_matrix *waves(gboolean constant) {
 }
 
 static GArray *measure(const struct btf_matrix *btf) {
-    g_autoptr(GError) error = NULL;
-    GArray *points = curve_measure(btf, NULL, &error);
-    g_assert_no_error(error);
+    GArray *points = ok(curve_measure(btf, NULL, ERR));
     return points;
 }
 
@@ -75,13 +74,11 @@ static void assert_packed(const struct btf_matrix *btf, const GArray *points,
     g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", &error);
     g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
     const struct lpca_target wanted = {.error = point->error * 1.0001};
-    struct lpca *lpca = lpca_pack(btf, &(struct lpca_options){0}, &wanted, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_pack(btf, &(struct lpca_options){0}, &wanted, ERR));
     g_assert_true(lpca_write(path, lpca, &error));
     lpca_free(lpca);
     g_assert_cmpfloat_with_epsilon((double)size_of_file(path), point->bytes, 0.05 * point->bytes);
-    lpca = lpca_read(path, &error);
-    g_assert_no_error(error);
+    lpca = ok(lpca_read(path, ERR));
     g_assert_cmpfloat_with_epsilon(lpca_error(lpca, btf, 0), point->error, 0.02 * point->error);
     lpca_free(lpca);
     for (guint i = 0; point->bytes > NAMES && i < points->len; i++) {

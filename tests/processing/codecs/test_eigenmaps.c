@@ -3,6 +3,7 @@
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
 
@@ -308,10 +309,8 @@ TEST(file) {
     g_autofree char *folder = g_dir_make_tmp("eigenmaps-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "eigenmaps.exr", NULL);
     struct eigenmaps *maps = computed();
-    eigenmaps_write(path, maps, &error);
-    g_assert_no_error(error);
-    struct eigenmaps *back = eigenmaps_read(path, &error);
-    g_assert_no_error(error);
+    ok(eigenmaps_write(path, maps, ERR));
+    struct eigenmaps *back = ok(eigenmaps_read(path, ERR));
     g_assert_cmpstr(back->name, ==, "weave");
     g_assert_cmpint(back->layout.views.n, ==, 4);
     g_assert_cmpint(back->layout.lights.n, ==, 2);
@@ -354,8 +353,7 @@ TEST(hostile) {
         struct eigenmaps *maps = computed();
         g_assert_true(eigenmaps_write(path, maps, &error));
         eigenmaps_free(maps);
-        struct exr_file *file = exr_read(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read(path, ERR));
         if (fault == 0)
             g_ptr_array_remove_index(file->parts, 0);
         if (fault == 1)

@@ -6,6 +6,7 @@
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -157,10 +158,8 @@ static void fill(struct btf_matrix *btf, const float *coefficients, int n_terms)
 }
 
 static struct hsh *compute(const struct btf_matrix *btf, int n_terms) {
-    g_autoptr(GError) error = NULL;
     const struct hsh_options options = {.n_terms = n_terms};
-    struct hsh *hsh = hsh_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct hsh *hsh = ok(hsh_compute(btf, &options, ERR));
     return hsh;
 }
 
@@ -325,14 +324,11 @@ TEST(refused) {
 }
 
 static void write_small(const char *path, int n_terms) {
-    g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = new_btf(4, 3, 2);
     fill_glossy(btf);
     struct hsh *hsh = compute(btf, n_terms);
-    g_assert_true(hsh_write(path, hsh, &error));
-    g_assert_no_error(error);
-    struct hsh *back = hsh_read(path, &error);
-    g_assert_no_error(error);
+    g_assert_true(ok(hsh_write(path, hsh, ERR)));
+    struct hsh *back = ok(hsh_read(path, ERR));
     const gsize size = sizeof(float) * (gsize)(hsh_bytes(hsh) / 2);
     g_assert_cmpint(back->n_terms, ==, n_terms);
     g_assert_cmpint(back->layout.width, ==, 4);
@@ -385,8 +381,7 @@ TEST(file) {
         write_small(path, all_terms[k]);
     for (int fault = 0; fault < 18; fault++) {
         write_small(path, 9);
-        struct exr_file *file = exr_read(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read(path, ERR));
         spoil(file, fault);
         g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
         exr_file_free(file);
@@ -424,8 +419,7 @@ TEST(codec) {
     g_clear_error(&error);
     g_assert_true(options_set(codec->options, "16", options, &error));
     const struct codec_job job = {.btf = btf, .options = options, .work = &work};
-    g_assert_true(codec->encode(codec, &job, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(codec->encode(codec, &job, &result, ERR)));
     g_assert_cmpint(result.components, ==, 16);
     g_assert_cmpuint(result.levels->len, ==, 1);
     g_autofree char *description = codec->describe(codec, &result);
@@ -441,8 +435,7 @@ TEST(codec) {
     g_assert_no_error(error);
     g_assert_cmpstr(material_info(b)->kind, ==, "hsh");
     g_assert_cmpint(material_info(b)->bytes, ==, 12 * 3 * 16 * 3 * 2);
-    struct comparison *comparison = compare_materials(a, b, NULL, &error);
-    g_assert_no_error(error);
+    struct comparison *comparison = ok(compare_materials(a, b, NULL, ERR));
     g_assert_cmpfloat_with_epsilon(comparison->all.error, result.error, 1e-6);
     g_assert_cmpfloat_with_epsilon(comparison->all.luminance_error, result.luminance_error, 1e-6);
     comparison_free(comparison);

@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lobes/lobes.h"
 
@@ -158,9 +159,7 @@ static void fill(struct btf_matrix *btf, enum lobes_model model, double noise) {
 
 static struct lobes *compute(const struct btf_matrix *btf, enum lobes_model model) {
     const struct lobes_options options = {.model = model};
-    g_autoptr(GError) error = NULL;
-    struct lobes *lobes = lobes_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lobes *lobes = ok(lobes_compute(btf, &options, ERR));
     return lobes;
 }
 
@@ -458,8 +457,7 @@ TEST(file) {
         g_autoptr(GError) error = NULL;
         struct lobes *lobes = compute(btf, (enum lobes_model)model);
         g_assert_true(lobes_write(path, lobes, &error));
-        struct lobes *back = lobes_read(path, &error);
-        g_assert_no_error(error);
+        struct lobes *back = ok(lobes_read(path, ERR));
         const gsize size = sizeof(float) * (gsize)(20 * lobes->n_slices * lobes->n_values);
         g_assert_cmpint(back->model, ==, model);
         g_assert_cmpint(back->n_values, ==, lobes->n_values);
@@ -530,8 +528,7 @@ TEST(hostile) {
     gsize length;
     for (int fault = 0; fault < 13; fault++) {
         write_small(path);
-        struct exr_file *file = exr_read(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read(path, ERR));
         spoil(file, fault);
         g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
         exr_file_free(file);

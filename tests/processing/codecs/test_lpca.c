@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lpca/lpca.h"
 
@@ -12,9 +13,7 @@
 
 static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
     const struct lpca_options options = {.n_clusters = k, .n_components = c};
-    g_autoptr(GError) error = NULL;
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_compute(btf, &options, ERR));
     return lpca;
 }
 
@@ -261,8 +260,7 @@ TEST(quantised) {
         g_assert_cmpint(lpca_bytes(rounded), <, bytes);
         bytes = lpca_bytes(rounded);
         g_assert_true(lpca_write(path, rounded, &error));
-        struct lpca *back = lpca_read(path, &error);
-        g_assert_no_error(error);
+        struct lpca *back = ok(lpca_read(path, ERR));
         lpca_fixture_assert_same(back, rounded);
         g_assert_cmpint(back->quantise, ==, kind);
         g_assert_true(back->error == rounded->error);
@@ -372,8 +370,7 @@ TEST(hostile) {
         const struct fault *fault = &faults[i];
         g_autoptr(GError) error = NULL;
         write_small(path, g_str_equal(fault->part, "light_scales") ? LPCA_8BIT : LPCA_HALF);
-        struct exr_file *file = exr_read(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read(path, ERR));
         struct exr_part *part = exr_file_part(file, fault->part);
         if (fault->channel)
             exr_part_plane(part, fault->channel)[1] = fault->value;

@@ -1,6 +1,7 @@
 /* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
 #include "base/data_error.h"
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/waves_fixture.h"
@@ -40,9 +41,7 @@ static double error_of(const struct lpca *lpca, const struct btf_matrix *btf) {
 
 static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
     const struct lpca_options options = {k, c, .to_pack = TRUE};
-    g_autoptr(GError) error = NULL;
-    struct lpca *lpca = lpca_compute(btf, &options, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_compute(btf, &options, ERR));
     return lpca;
 }
 
@@ -142,8 +141,7 @@ TEST(wishes) {
         g_assert_cmpfloat(error_of(lpca, btf), <=, target * (1 + 1e-5));
         g_assert_cmpfloat(error_of(lpca, btf), >, target * 0.9);
         g_assert_true(lpca_write(path, lpca, &error));
-        struct lpca *back = lpca_read(path, &error);
-        g_assert_no_error(error);
+        struct lpca *back = ok(lpca_read(path, ERR));
         assert_same(lpca, back);
         g_assert_cmpfloat(back->error, ==, lpca->error);
         g_assert_true(lpca_write(path, back, &error)); /* and again */
@@ -187,18 +185,15 @@ TEST(refused) {
 
 /* A constant material and a black one have nothing that counts but a mean, if that. */
 TEST(edges) {
-    g_autoptr(GError) error = NULL;
     const struct lpca_options options = {0};
     const struct lpca_target wanted = {.error = 0.02};
     g_autoptr(BtfMatrix) btf = waves(0, TRUE);
-    struct lpca *lpca = lpca_pack(btf, &options, &wanted, &error);
-    g_assert_no_error(error);
+    struct lpca *lpca = ok(lpca_pack(btf, &options, &wanted, ERR));
     g_assert_cmpint(lpca->n_components, ==, 1);
     g_assert_cmpfloat(error_of(lpca, btf), <=, 0.02);
     lpca_free(lpca);
     memset(btf->values, 0, sizeof(float) * SIDE_X * SIDE_Y * VALUES);
-    lpca = lpca_pack(btf, &options, &wanted, &error);
-    g_assert_no_error(error);
+    lpca = ok(lpca_pack(btf, &options, &wanted, ERR));
     g_assert_cmpfloat(lpca->error, ==, 0);
     lpca_free(lpca);
 }

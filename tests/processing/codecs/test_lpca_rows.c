@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "exr/exr_half.h"
 #include "lib/btf_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lpca/lpca.h"
 
@@ -34,8 +35,7 @@ static void move_to_file(struct btf_matrix *btf) {
     const gsize row = LIGHTS * 3, texels = btf_layout_texels(&btf->layout);
     g_autofree float *view = g_new(float, texels *row);
     g_autoptr(GError) error = NULL;
-    btf->scratch = btf_scratch_new(g_get_tmp_dir(), row, VIEWS, (int)texels, &error);
-    g_assert_no_error(error);
+    btf->scratch = ok(btf_scratch_new(g_get_tmp_dir(), row, VIEWS, (int)texels, ERR));
     for (gsize v = 0; v < VIEWS; v++) {
         for (gsize x = 0; x < texels; x++)
             memcpy(view + x * row, btf->values + (x * VIEWS + v) * row, sizeof(float) * row);
@@ -82,8 +82,7 @@ TEST(places) {
         const gsize row = lengths[l];
         g_autofree float *view = g_new(float, 5 * row), *back = g_new(float, 4 * row);
         g_autoptr(GError) error = NULL;
-        struct btf_scratch *scratch = btf_scratch_new(g_get_tmp_dir(), row, 2, 5, &error);
-        g_assert_no_error(error);
+        struct btf_scratch *scratch = ok(btf_scratch_new(g_get_tmp_dir(), row, 2, 5, ERR));
         for (gsize i = 0; i < 5 * row; i++)
             view[i] = (float)(i / row) + (float)(i % 64) / 64; /* halves exactly */
         g_assert_true(btf_scratch_write(scratch, 1, view, &error));

@@ -2,6 +2,7 @@
 #include "base/data_error.h"
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/silhouettes.h"
 #include "lib/test.h"
@@ -60,9 +61,7 @@ static struct mdf_table *new_table(void) {
 }
 
 static struct mdf_factors *factors(const struct mdf_table *t, int terms) {
-    g_autoptr(GError) error = NULL;
-    struct mdf_factors *f = mdf_factors_compute(t, t->n_views, terms, 0, NULL, &error);
-    g_assert_no_error(error);
+    struct mdf_factors *f = ok(mdf_factors_compute(t, t->n_views, terms, 0, NULL, ERR));
     return f;
 }
 
@@ -186,8 +185,7 @@ struct change {
 static void assert_changed_refused(const char *path, gboolean blocks, const struct change *c) {
     g_autoptr(GError) error = NULL;
     g_autofree char *to = g_strconcat(path, ".changed", NULL);
-    struct exr_file *file = exr_read(path, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read(path, ERR));
     struct exr_part *part = exr_file_part(file, c->part);
     if (c->channel)
         exr_part_plane(part, c->channel)[1] = c->value;
@@ -388,11 +386,9 @@ static struct mdf_table *waves(void) {
 }
 
 static gboolean *outline(Viewer *view, gboolean silhouettes) {
-    g_autoptr(GError) error = NULL;
     struct viewer_settings s = viewer_settings_default;
     s.silhouettes = silhouettes;
-    g_autofree float *seen = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, &error);
-    g_assert_no_error(error);
+    g_autofree float *seen = ok(viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, ERR));
     gboolean *ret = g_new(gboolean, W * H);
     for (int i = 0; i < W * H; i++)
         ret[i] = seen[4 * i + 3] > 0.5F;

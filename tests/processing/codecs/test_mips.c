@@ -5,6 +5,7 @@
  */
 #include "exr/exr.h"
 #include "lib/lobes_scene.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <glib/gstdio.h>
@@ -56,12 +57,10 @@ static struct btf_matrix *new_btf(void) {
 
 /* Of linear values, 0 in the fourth where a sample sees no plane. */
 static float *reference(const struct scene *scene, Viewer *view, const struct viewer_settings *s) {
-    g_autoptr(GError) error = NULL;
     const int size = PIXELS * FINE;
     float *given[3], *mean = g_new0(float, 4 * PIXELS * PIXELS);
     for (int k = 0; k < 3; k++) {
-        given[k] = viewer_render_geometry(view, s, (enum viewer_geometry)k, size, size, &error);
-        g_assert_no_error(error);
+        given[k] = ok(viewer_render_geometry(view, s, (enum viewer_geometry)k, size, size, ERR));
     }
     for (int k = 0; k < size * size; k++) {
         float *to = mean + 4 * (k / size / FINE * PIXELS + k % size / FINE);
@@ -131,8 +130,7 @@ static void check_far(enum lobes_model model, double tiles, double most) {
     struct btf_matrix *btf = new_btf();
     const struct lobes_options options = {.model = model};
     struct lobes *levels[LOBES_MAX_LEVELS];
-    const int n = lobes_compute_levels(btf, &options, levels, &error);
-    g_assert_no_error(error);
+    const int n = ok(lobes_compute_levels(btf, &options, levels, ERR));
     struct mesh *mesh = scene_plane();
     struct viewer_settings settings;
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
@@ -201,8 +199,7 @@ TEST(file) {
                 g_assert_cmpmem(of_half->values, sizeof(float) * (gsize)n, one->values,
                                 sizeof(float) * (gsize)n);
         }
-        struct lobes *first = lobes_read(path, &error);
-        g_assert_no_error(error);
+        struct lobes *first = ok(lobes_read(path, ERR));
         g_assert_cmpint(first->layout.width, ==, W);
         g_assert_true(first->error == levels[0]->error);
         lobes_free(first);
@@ -228,8 +225,7 @@ TEST(file) {
 /* The file without one part, or without all parts that begin so. */
 static void write_without(const char *path, const char *from, const char *prefix) {
     g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read(from, &error);
-    g_assert_no_error(error);
+    struct exr_file *file = ok(exr_read(from, ERR));
     for (guint k = file->parts->len; k-- > 0;) {
         const struct exr_part *part = file->parts->pdata[k];
         if (g_str_has_prefix(part->name, prefix))

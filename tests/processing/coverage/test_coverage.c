@@ -6,6 +6,7 @@
 #include <math.h>
 
 #include "frames/rectify.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #define RAD(deg)  ((deg) * (G_PI / 180))
@@ -56,7 +57,6 @@ static char *write_sweep(const char *folder, const struct rig *rig, int laser,
                          enum told (*of)(int column)) {
     static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
                                            "second_peak", "width", NULL};
-    g_autoptr(GError) error = NULL;
     const struct session_shot shot = sweep_of(laser);
     struct exr_part *part = exr_part_new("sweep", PIXELS, PIXELS, channels, EXR_FLOAT);
     const struct vec3 eye = rig_camera_centre_mm(&rig->cameras[0]);
@@ -75,23 +75,20 @@ static char *write_sweep(const char *folder, const struct rig *rig, int laser,
     struct exr_file *file = exr_file_new();
     exr_file_add(file, part);
     char *path = g_strdup_printf("%s/%d.exr", folder, laser);
-    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, EXR_NONE, FALSE, ERR)));
     exr_file_free(file);
     return path;
 }
 
 static void add_sweep(CoverageView *view, const char *folder, const struct rig *rig, int laser,
                       enum told (*of)(int column)) {
-    g_autoptr(GError) error = NULL;
     const struct session_shot shot = sweep_of(laser);
     struct input input = {.path = write_sweep(folder, rig, laser, of),
                           .shot = shot.id,
                           .width = PIXELS,
                           .height = PIXELS};
     g_assert_false(coverage_view_has(view, laser));
-    g_assert_true(coverage_view_add(view, laser, &shot, &input, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(coverage_view_add(view, laser, &shot, &input, ERR)));
     g_assert_true(coverage_view_has(view, laser));
     g_unlink(input.path);
     input_clear(&input);

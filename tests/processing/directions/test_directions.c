@@ -1,5 +1,6 @@
 #include "base/work.h"
 #include "directions/directions.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <math.h>
@@ -28,9 +29,7 @@ static struct vec3 unit(double theta_deg, double phi_deg) {
 }
 
 static Directions *make(const struct set *set) {
-    g_autoptr(GError) error = NULL;
-    Directions *directions = directions_new(set->theta, set->phi, set->n, &error);
-    g_assert_no_error(error);
+    Directions *directions = ok(directions_new(set->theta, set->phi, set->n, ERR));
     return directions;
 }
 

@@ -4,6 +4,7 @@
 #include "exr/exr.h"
 #include "exr/exr_half.h"
 #include "lib/assert_error.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/skip.h"
@@ -136,14 +137,11 @@ static void assert_same(const struct exr_part *a, const struct exr_part *b) {
 /* The part as it is read again from a file of its own. */
 static struct exr_part *there_and_back(struct exr_part *part, enum exr_compression compression) {
     g_autofree char *path = in_folder("part.exr");
-    g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = exr_file_new();
 
     exr_file_add(file, part);
-    g_assert_true(exr_write(path, file, compression, TRUE, &error));
-    g_assert_no_error(error);
-    struct exr_part *back = exr_read_part(path, part->name, &error);
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, compression, TRUE, ERR)));
+    struct exr_part *back = ok(exr_read_part(path, part->name, ERR));
     g_ptr_array_steal_index(file->parts, 0);
     return back;
 }
@@ -207,8 +205,7 @@ TEST(filled) {
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
     filled.fail = NULL;
     g_assert_true(exr_write(plain, file, EXR_PIZ, FALSE, &error));
-    g_assert_true(exr_write_filled(path, empty, EXR_PIZ, FALSE, give_planes, &filled, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write_filled(path, empty, EXR_PIZ, FALSE, give_planes, &filled, ERR)));
     g_assert_null(((struct exr_part *)g_ptr_array_index(empty->parts, 6))->planes[0]);
     g_assert_true(g_file_get_contents(plain, &a, &n_a, NULL));
     g_assert_true(g_file_get_contents(path, &b, &n_b, NULL));
@@ -222,8 +219,7 @@ static void check_round_trip(int parts, enum exr_compression compression) {
     g_autofree char *path = in_folder("round.exr");
     g_autoptr(ExrFile) file = make_file(parts, (guint32)parts);
 
-    g_assert_true(exr_write(path, file, compression, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, compression, FALSE, ERR)));
     g_autoptr(ExrFile) back = exr_read(path, &error);
     g_assert_no_error(error);
     g_autoptr(ExrFile) headers = exr_read_headers(path, &error);

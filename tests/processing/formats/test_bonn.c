@@ -1,5 +1,6 @@
 /* Bonn's .btf files, against a reader and writer in Python that share nothing with ours. */
 #include "bonn/bonn.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -40,9 +41,7 @@ static void peer(const char *verb, const char *kind, const char *file, const cha
 }
 
 static BonnFile *open_good(const char *path) {
-    g_autoptr(GError) error = NULL;
-    BonnFile *file = bonn_open(path, &error);
-    g_assert_no_error(error);
+    BonnFile *file = ok(bonn_open(path, ERR));
     return file;
 }
 
@@ -71,7 +70,6 @@ static void assert_values(const BonnFile *file, const float *wanted, double tole
 
 TEST(read) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
-        g_autoptr(GError) error = NULL;
         g_autofree char *path = in_folder(kinds[i]);
         g_autofree char *values = g_strconcat(path, ".values", NULL);
         peer("write", kinds[i], path, values);
@@ -156,7 +154,6 @@ static void test_write_bdi(gconstpointer data) {
 static void test_write_factors(gconstpointer data) {
     const enum bonn_kind kind = (enum bonn_kind)GPOINTER_TO_INT(data);
     struct bonn_header header = some_header(kind);
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = in_folder(kind == BONN_FMF ? "ours-fmf" : "ours-dfmf");
     g_autofree char *out = in_folder("factors.values");
     const int k = 3, rows = kind == BONN_FMF ? 30 : 10, n = kind == BONN_FMF ? 1 : 3;
@@ -166,8 +163,7 @@ static void test_write_factors(gconstpointer data) {
     struct bonn_factors factors[3];
     for (int i = 0; i < n; i++)
         factors[i] = (struct bonn_factors){k, rows, 63, s, u + i * rows * k, sv + i * 63 * k};
-    g_assert_true(bonn_write_factors(path, &header, factors, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(bonn_write_factors(path, &header, factors, ERR)));
     peer("read", NULL, path, out);
     g_autofree float *got = values_of(out, 2 * 5 * 63 * 3);
     const float *texel = n == 1 ? sv : sv + 2 * 63 * k; /* the last value is of the third matrix */
@@ -342,13 +338,11 @@ TEST(large_views) {
 /* Infinities are holes, not values. */
 TEST(not_finite) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("infinite");
-    g_autoptr(GError) error = NULL;
     float rgb[LIGHTS * TEXELS * 3];
     int holes[LIGHTS];
     patch(bdi, path, -4, 0x7c003c00);
     g_autoptr(BonnFile) file = open_good(path);
-    g_assert_true(bonn_read_view(file, VIEWS - 1, rgb, holes, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(bonn_read_view(file, VIEWS - 1, rgb, holes, ERR)));
     g_assert_cmpint(holes[LIGHTS - 2], ==, 0);
     g_assert_cmpint(holes[LIGHTS - 1], ==, 1);
     g_assert_cmpfloat(rgb[LIGHTS * TEXELS * 3 - 3], ==, 0);

@@ -7,6 +7,7 @@
 #include "formats/nominal.h"
 
 #include "lib/foreign_rig.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"
@@ -93,22 +94,18 @@ static gboolean import_rows(const char *dir, const char *rows, const char *path,
 /* A processed session; g_free(). */
 static char *session_of(const char *dir, const char *rows) {
     static int number;
-    g_autoptr(GError) error = NULL;
     g_autofree char *name = g_strdup_printf("s%d", number++);
     char *path = session_fixture_path(name);
-    import_rows(dir, rows, path, &error);
-    g_assert_no_error(error);
+    ok(import_rows(dir, rows, path, ERR));
     g_free(process_mesorig(0, "process %s --json", path));
     return path;
 }
 
 /* The part of view 0 and light 0. */
 static struct exr_part *btf_of(const char *dir, const char *rows) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = session_of(dir, rows);
     g_autofree char *file = g_build_filename(path, "products/btf/view_0000.exr", NULL);
-    struct exr_part *part = exr_read_part(file, "light_0000", &error);
-    g_assert_no_error(error);
+    struct exr_part *part = ok(exr_read_part(file, "light_0000", ERR));
     return part;
 }
 

@@ -4,6 +4,7 @@
 #include "eigenmaps/eigenmaps.h"
 #include "formats/export.h"
 #include "formats/import.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lpca/lpca.h"
 #include "scene/picture.h"
@@ -66,9 +67,7 @@ static void write_set(const char *dir) {
 }
 
 static struct btf_matrix *read_back(const char *path) {
-    g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
-    g_assert_no_error(error);
+    struct btf_matrix *btf = ok(btf_matrix_read(path, NULL, ERR));
     return btf;
 }
 
@@ -89,20 +88,17 @@ static void assert_set(const struct btf_matrix *btf) {
 }
 
 TEST(pictures) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("pictures");
     struct import_result result;
     const struct import_wish wish = {.texel_mm = 0.25};
     write_set(dir);
-    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_pictures(path, dir, &wish, &quietly, &result, ERR)));
     struct btf_matrix *btf = read_back(path);
     assert_set(btf);
     g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
     btf_matrix_free(btf);
     g_autofree char *maps_path = g_build_filename(path, "products", "eigenmaps.exr", NULL);
-    struct eigenmaps *maps = eigenmaps_read(maps_path, &error);
-    g_assert_no_error(error);
+    struct eigenmaps *maps = ok(eigenmaps_read(maps_path, ERR));
     g_assert_cmpint(maps->n_terms, ==, 2);
     g_assert_cmpfloat(result.eigenmaps_error, <, 1e-3);
     eigenmaps_free(maps);
@@ -188,7 +184,6 @@ static void write_list(const char *path, const char *text) {
 }
 
 TEST(rti) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("rti");
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a one.png", NULL);
@@ -198,8 +193,7 @@ TEST(rti) {
     write_png(a, 0);
     write_png(b, 188);
     write_list(list, "2\r\nC:\\taken\\a one.png 0 0 1\r\nb.png\t0\t-0.5 0.866025\r\n");
-    g_assert_true(import_rti(path, list, &wish, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_rti(path, list, &wish, &quietly, &result, ERR)));
     struct btf_matrix *btf = read_back(path);
     g_assert_cmpint(btf->layout.views.n, ==, 1);
     g_assert_cmpint(btf->layout.lights.n, ==, 2);
@@ -265,14 +259,12 @@ static void assert_raw(const char *path, const char *const *cfa, int lights) {
 
 TEST(pictures__raw) {
     static const char *const cfa[] = {"rggb", "grbg", "bggr"};
-    g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *path = session_fixture_path("raw");
     struct import_result result;
     write_cells(dir, "tv015_pv000_tl000_pl000.dng", cfa[0], 0);
     write_cells(dir, "tv015_pv000_tl030_pl090.DNG", cfa[1], 1);
     write_cells(dir, "tv015_pv000_tl060_pl090.dng", cfa[2], 2);
-    import_pictures(path, dir, &plainly, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(import_pictures(path, dir, &plainly, &quietly, &result, ERR));
     g_assert_cmpint(result.holes, ==, 0);
     assert_raw(path, cfa, 3);
 }
@@ -287,8 +279,7 @@ TEST(rti__raw) {
     write_cells(dir, "a.dng", cfa[0], 0);
     write_cells(dir, "b.dng", cfa[1], 1);
     write_list(list, "2\na.dng 0 0 1\nb.dng 0 -0.5 0.866025\n");
-    import_rti(path, list, &plainly, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(import_rti(path, list, &plainly, &quietly, &result, ERR));
     assert_raw(path, cfa, 2);
     g_autofree char *refused = session_fixture_path("refused");
     write_list(bad, "not a picture");
@@ -336,11 +327,9 @@ TEST(rti__bad) {
 
 /* θ and φ of each light, in order of θ, and the red value of its picture. */
 static void assert_lights(const char *list, const double (*expected)[3], int n) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("listed");
     struct import_result result;
-    import_rti(path, list, &plainly, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(import_rti(path, list, &plainly, &quietly, &result, ERR));
     struct btf_matrix *btf = read_back(path);
     g_assert_cmpint(btf->layout.views.n, ==, 1);
     g_assert_cmpint(btf->layout.lights.n, ==, n);
@@ -494,8 +483,7 @@ TEST(rti__large) {
         const struct import_wish wish = {.transfer = PICTURE_TONES_LINEAR,
                                          .region = {9002, 9005, 4, 3}};
         g_clear_error(&error);
-        g_assert_true(import_rti(path, list, &wish, &quietly, &result, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(import_rti(path, list, &wish, &quietly, &result, ERR)));
         struct btf_matrix *btf = read_back(path);
         g_assert_cmpuint(btf->layout.width, ==, 4);
         g_assert_cmpuint(btf->layout.height, ==, 3);
@@ -575,12 +563,10 @@ static void write_bonn(const char *path, gboolean cosine) {
 TEST(bonn) {
     g_autofree char *file = in_folder("a.btf");
     for (int cosine = 0; cosine < 2; cosine++) {
-        g_autoptr(GError) error = NULL;
         g_autofree char *path = session_fixture_path("bonn");
         struct import_result result;
         write_bonn(file, cosine);
-        g_assert_true(import_bonn(path, file, &plainly, &quietly, &result, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(import_bonn(path, file, &plainly, &quietly, &result, ERR)));
         struct btf_matrix *btf = read_back(path);
         g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
         g_assert_cmpfloat_with_epsilon((double)btf->layout.lights.phi_deg[2], 240, 1e-4);
@@ -603,8 +589,7 @@ TEST(export_bonn) {
         g_autofree char *file = in_folder("exported.btf");
         if (kind == BONN_BDI_SPARSE)
             continue;
-        g_assert_true(export_bonn(path, file, kind, 18, &quietly, &exported, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(export_bonn(path, file, kind, 18, &quietly, &exported, ERR)));
         g_assert_cmpfloat(exported.error, <, 1e-3);
         g_autoptr(BonnFile) btf = bonn_open(file, &error);
         g_assert_no_error(error);
@@ -612,8 +597,7 @@ TEST(export_bonn) {
         g_assert_cmpfloat_with_epsilon(bonn_header(btf)->texels_a_mm, 2, 1e-6);
         float rgb[3 * TEXELS * 3];
         int holes[3];
-        g_assert_true(bonn_read_view(btf, 1, rgb, holes, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(bonn_read_view(btf, 1, rgb, holes, ERR)));
         for (int i = 0; i < 3 * TEXELS * 3; i++)
             g_assert_cmpfloat_with_epsilon((double)rgb[i],
                                            (double)value(1, i / 3 / TEXELS, i / 3 % TEXELS, i % 3),
@@ -657,15 +641,13 @@ static void keep_last(const struct work_progress *progress, gpointer data) {
 
 /* Each stage ends with all of it done. */
 TEST(progress) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(GHashTable) last = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     g_autofree char *dir = new_folder(), *path = session_fixture_path("progress");
     struct import_result result;
     const struct work work = {.progress = keep_last, .data = last};
     static const char *const stages[] = {"import", "eigenmaps"};
     write_set(dir);
-    import_pictures(path, dir, &plainly, &work, &result, &error);
-    g_assert_no_error(error);
+    ok(import_pictures(path, dir, &plainly, &work, &result, ERR));
     for (gsize i = 0; i < G_N_ELEMENTS(stages); i++) {
         const struct work_progress *end = g_hash_table_lookup(last, stages[i]);
         g_assert_nonnull(end);

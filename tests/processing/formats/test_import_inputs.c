@@ -4,6 +4,7 @@
 #include "base/robust.h"
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "pictures/picture_says.h"
 #include "scene/environment.h"
@@ -73,7 +74,6 @@ static struct btf_matrix *import_ball(const struct ball *ball, GPtrArray *notes,
     g_autofree char *dir = new_folder(), *list = g_build_filename(dir, "ball.lp", NULL);
     g_autofree char *path = session_fixture_path("ball");
     g_autoptr(GString) text = g_string_new(NULL);
-    g_autoptr(GError) error = NULL;
     g_autofree guint16 *codes = g_new(guint16, 4 * PIXELS);
     const int white = (1 << ball->bits) - 1, channels = ball->masked ? 4 : 3;
     for (int l = 0; l < ball->n_lights; l++) {
@@ -95,10 +95,8 @@ static struct btf_matrix *import_ball(const struct ball *ball, GPtrArray *notes,
     g_assert_true(g_file_set_contents(list, text->str, -1, NULL));
     const struct import_wish wish = {.transfer = ball->transfer, .notes = notes};
     struct import_result result;
-    import_rti(path, list, &wish, &quietly, &result, &error);
-    g_assert_no_error(error);
-    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
-    g_assert_no_error(error);
+    ok(import_rti(path, list, &wish, &quietly, &result, ERR));
+    struct btf_matrix *btf = ok(btf_matrix_read(path, NULL, ERR));
     if (ret_path)
         *ret_path = g_steal_pointer(&path);
     return btf;
@@ -309,7 +307,6 @@ TEST(tones) {
 TEST(opacity) {
     for (int k = 0; k < 4; k++) {
         static const int bits[] = {8, 16, 8, 8}, channels[] = {4, 4, 2, 4};
-        g_autoptr(GError) error = NULL;
         g_autofree char *dir = new_folder();
         g_autofree char *file = g_build_filename(dir, k == 3 ? "one.tif" : "one.png", NULL);
         guint16 codes[64 * 4];
@@ -325,8 +322,7 @@ TEST(opacity) {
             told_tiff(file, 8, 8, 4, bytes, NULL);
         else
             told_png(file, 8, 8, n, bits[k], codes, NULL);
-        const double value = imported(file, PICTURE_TONES_UNSAID, NULL, &holes, &error);
-        g_assert_no_error(error);
+        const double value = ok(imported(file, PICTURE_TONES_UNSAID, NULL, &holes, ERR));
         g_assert_cmpfloat_with_epsilon(value, 1, 1e-3);
         g_assert_cmpint(holes, ==, 24);
     }
@@ -414,8 +410,7 @@ TEST(cropped) {
     g_clear_error(&error);
     write_window(a, full, "", NULL);
     write_window(b, full, "", NULL);
-    import_rti(path, list, &wish, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(import_rti(path, list, &wish, &quietly, &result, ERR));
     g_assert_cmpint(result.width, ==, 6);
     g_assert_cmpint(result.holes, ==, 2 * (30 - 12));
 }
@@ -430,8 +425,7 @@ TEST(environment) {
     assert_has(error->message, "it is cropped: its data window is smaller");
     g_clear_error(&error);
     write_window(path, beyond, "", NULL);
-    struct environment *sky = environment_read(path, &error);
-    g_assert_no_error(error);
+    struct environment *sky = ok(environment_read(path, ERR));
     g_assert_cmpint(sky->width, ==, 4);
     g_assert_cmpint(sky->height, ==, 2);
     environment_free(sky);
@@ -500,23 +494,20 @@ TEST(order) {
     assert_has(error->message, "go from DSC_0001.png to DSC_9999.png with a gap");
     g_clear_error(&error);
     write_series(dir, wrapped, taken);
-    g_autofree char *by_time = order_of(list, notes, &error);
-    g_assert_no_error(error);
+    g_autofree char *by_time = ok(order_of(list, notes, ERR));
     g_assert_cmpstr(by_time, ==, "1234");
     g_assert_nonnull(find_note(notes, "in the order of their times in EXIF, from DSC_9998.png"));
     /* A gap alone means nothing; nor do the files that macOS adds. */
     write_series(other, plain, NULL);
     g_assert_true(g_file_set_contents(hidden, "no picture", -1, NULL));
-    g_autofree char *by_name = order_of(beside, notes, &error);
-    g_assert_no_error(error);
+    g_autofree char *by_name = ok(order_of(beside, notes, ERR));
     g_assert_cmpstr(by_name, ==, "1234");
     g_assert_true(g_file_set_contents(named,
                                       "\xef\xbb\xbf"
                                       "DSC_1002.png\rDSC_1001.png\rDSC_0998.png\r"
                                       "DSC_0997.png\r",
                                       -1, NULL));
-    g_autofree char *by_list = order_of(beside, notes, &error);
-    g_assert_no_error(error);
+    g_autofree char *by_list = ok(order_of(beside, notes, ERR));
     g_assert_cmpstr(by_list, ==, "4321");
 }
 
@@ -551,8 +542,7 @@ TEST(lists) {
             write_series(dir, left, NULL);
         }
         g_assert_true(g_file_set_contents(list, forms[i], -1, NULL));
-        g_autofree char *order = order_of(list, notes, &error);
-        g_assert_no_error(error);
+        g_autofree char *order = ok(order_of(list, notes, ERR));
         g_assert_cmpstr(order, ==, i + 1 == G_N_ELEMENTS(forms) ? "1231" : "1234");
         g_assert_cmpint(find_note(notes, "set.lp:6: ") != NULL, ==, i == 4);
     }

@@ -5,6 +5,7 @@
  */
 #include "base/text_table.h"
 #include "formats/import_poses.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lpca/lpca.h"
 #include "pipeline/catalogue.h"
@@ -144,7 +145,6 @@ static void compare_mdf(const char *a_path, const char *b_path, const int *other
 }
 
 TEST(session) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = captured(), *dir = new_folder(), *again = session_fixture_path("again");
     g_autofree char *table = as_pictures(path, dir);
     const struct import_poses poses = {.table = table,
@@ -153,8 +153,7 @@ TEST(session) {
                                        .grid = grid,
                                        .threshold_dn = 40};
     struct import_poses_result result;
-    g_assert_true(import_poses(again, &poses, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_poses(again, &poses, &quietly, &result, ERR)));
     g_assert_cmpint(result.n_views, ==, 4);
     g_assert_cmpint(result.n_lights, ==, 4);
     g_assert_cmpint(result.n_lasers, ==, 2);
@@ -288,8 +287,7 @@ TEST(missing) {
                                        .grid = grid,
                                        .threshold_dn = 40,
                                        .notes = notes};
-    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
     g_assert_cmpint(result.n_missing, ==, 1);
     gboolean told = FALSE;
     for (guint i = 0; i < notes->len; i++)
@@ -358,8 +356,7 @@ static void test_noticed(gconstpointer data) {
                                        .grid = grid,
                                        .threshold_dn = 40,
                                        .notes = notes};
-    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
     int warnings = 0, told = 0;
     for (guint i = 0; i < notes->len; i++) {
         g_test_message("%s", (char *)notes->pdata[i]);
@@ -395,8 +392,7 @@ TEST(calibrated) {
     g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam30,lamp30\n", -1, NULL));
     const struct import_poses poses = {
         .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
-    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
     g_autofree char *made = process_mesorig(0, "process %s", path);
     g_autofree char *said =
         g_strdup_printf("calibration: %s (cameras, lights, laser, radiometry)", file);
@@ -425,12 +421,10 @@ TEST(wobbling) {
                                       -1, NULL));
     const struct import_poses poses = {
         .table = table, .calibration = file, .cfa = "mono", .grid = grid, .threshold_dn = 40};
-    g_assert_true(import_poses(path, &poses, &quietly, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_poses(path, &poses, &quietly, &result, ERR)));
     g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
     g_assert_no_error(error);
-    struct catalogue *catalogue = catalogue_load(session, NULL, &error);
-    g_assert_no_error(error);
+    struct catalogue *catalogue = ok(catalogue_load(session, NULL, ERR));
     g_autofree struct rig *at = g_new(struct rig, 1);
     for (int view = 0; view < 2; view++) {
         struct btf_view *btf = NULL;
@@ -511,13 +505,11 @@ static void check_second(const struct exr_part *part, enum import_edge edge, int
 static void test_sweep(gconstpointer data) {
     const enum import_edge edge = (enum import_edge)GPOINTER_TO_INT(data);
     for (int without = -1; without < 12; without += 12) {
-        g_autoptr(GError) error = NULL;
         g_autoptr(GString) table = g_string_new(NULL);
         g_autofree char *dir = new_folder(), *path = session_fixture_path("sweep");
         struct import_poses_result result;
         write_sweep(dir, edge, table, without);
-        g_assert_true(import_rows(dir, path, table->str, edge, &result, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(import_rows(dir, path, table->str, edge, &result, ERR)));
         g_assert_cmpint(result.n_missing, ==, without >= 0);
         g_autoptr(ExrPart) part = sweep_file(path);
         double from, to;
@@ -601,8 +593,7 @@ TEST(colour_beside_grey) {
     write_sweep(dir, IMPORT_LINE, table, -1);
     g_assert_true(import_rows(dir, alone, table->str, IMPORT_LINE, &result, &error));
     g_string_append(table, "rgb.exr,cam30,lamp30,,0,45,\n");
-    g_assert_true(import_rows(dir, both, table->str, IMPORT_LINE, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(import_rows(dir, both, table->str, IMPORT_LINE, &result, ERR)));
     g_assert_cmpint(result.n_views, ==, 1);
     g_autoptr(ExrPart) a = sweep_file(alone), b = sweep_file(both);
     g_assert_cmpmem(exr_part_plane(a, "peak"), sizeof(float) * PIXELS, exr_part_plane(b, "peak"),

@@ -1,6 +1,7 @@
 /* Sets of Relight whose coefficients are known, against the formula of OpenLIME's shader. */
 #include "btf/btf_matrix.h"
 #include "formats/import.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "scene/picture.h"
 
@@ -90,17 +91,14 @@ static double channel(int k, int texel) {
 }
 
 static void check_set(gboolean hsh, gboolean lrgb, int n_planes) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = session_fixture_path("relight");
     g_autofree char *info = write_info(hsh ? "hsh" : "ptm", lrgb ? "lrgb" : "rgb", n_planes, "");
     const struct import_wish wish = {0};
     struct import_result result;
     int dark = 0;
     write_planes(n_planes);
-    import_relight(path, info, &wish, NULL, &result, &error);
-    g_assert_no_error(error);
-    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
-    g_assert_no_error(error);
+    ok(import_relight(path, info, &wish, NULL, &result, ERR));
+    struct btf_matrix *btf = ok(btf_matrix_read(path, NULL, ERR));
     g_assert_cmpint(btf->layout.lights.n, ==, LIGHTS);
     g_assert_cmpint(btf->layout.width, ==, WIDTH);
     g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.125);
@@ -212,8 +210,7 @@ TEST(no_lights) {
         g_autofree char *path = session_fixture_path("no_lights");
         const struct import_wish wish = {.directions = k ? table : NULL, .notes = notes};
         struct import_result result;
-        import_relight(path, info, &wish, NULL, &result, &error);
-        g_assert_no_error(error);
+        ok(import_relight(path, info, &wish, NULL, &result, ERR));
         g_assert_cmpint(result.n_lights, ==, k ? 2 : 81);
         g_assert_cmpuint(notes->len, ==, 1);
         assert_has(notes->pdata[0], k ? "under the 2 of " : "under the 81 of the papers");

@@ -3,6 +3,7 @@
 #include "base/vec.h"
 #include "formats/export_surface.h"
 
+#include "lib/ok.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"
 
@@ -102,14 +103,12 @@ static struct vec3 normal_of(double x, double y) {
 
 /* Read as any reader of PLY would, by its head. */
 TEST(points) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills), *file = NULL, *bytes = NULL;
     struct export_surface_result result;
     gsize length = 0;
     int n = 0;
     file = g_build_filename(session_fixture_folder, "points.ply", NULL);
-    g_assert_true(export_as(path, file, EXPORT_POINTS, FALSE, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(export_as(path, file, EXPORT_POINTS, FALSE, &result, ERR)));
     g_assert_true(g_file_get_contents(file, &bytes, &length, NULL));
     const char *count = strstr(bytes, "element vertex "), *body = strstr(bytes, "end_header\n");
     g_assert_true(count && body && sscanf(count, "element vertex %d", &n) == 1);
@@ -137,8 +136,7 @@ TEST(height) {
     g_autofree char *path = make_session(hills);
     g_autofree char *file = g_build_filename(session_fixture_folder, "height.exr", NULL);
     struct export_surface_result result;
-    g_assert_true(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, ERR)));
     g_assert_cmpint(result.stacked, ==, 0);
     g_assert_cmpint(result.holes, <, SIDE * SIDE / 20);
     g_autoptr(ExrPart) part = exr_read_part(file, "height", &error);

@@ -1,5 +1,6 @@
 /* Laser sheets and sweeps from lines on planes of two heights, in simulated sweeps. */
 #include "lib/lasers_scene.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 
 #include <string.h>
@@ -10,9 +11,7 @@ TEST(two_heights) {
     struct laser_result found;
     struct scene *scene;
     struct sweep_errors errors;
-    g_autoptr(GError) error = NULL;
-    g_assert_true(sweep_measure(1, 96, 0, &poses, 2, &found, &scene, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(sweep_measure(1, 96, 0, &poses, 2, &found, &scene, ERR)));
     sweep_compare(scene, &poses, &found, &errors);
     g_test_message("angle %.4f°, offset %.4f mm, source %.3f mm, rms %.4f mm, %u steps",
                    errors.angle_deg, errors.offset_mm, errors.source_mm, found.rms_all_mm,
@@ -82,9 +81,7 @@ static void exact(void) {
     struct rig rig;
     struct laser_result found;
     g_autoptr(GArray) points = new_points(&rig, 1.01, 50);
-    g_autoptr(GError) error = NULL;
-    const gboolean fitted = fit_points(&rig, points, &found, &error);
-    g_assert_no_error(error);
+    const gboolean fitted = ok(fit_points(&rig, points, &found, ERR));
     g_assert_true(fitted);
     g_assert_false(found.seen[1]);
     for (guint i = 0; i < points->len; i++) {
@@ -119,7 +116,6 @@ static void bent(void) {
         struct laser_result found;
         g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
         g_autoptr(GRand) rand = g_rand_new_with_seed(4);
-        g_autoptr(GError) error = NULL;
         double squares = 0;
         for (guint i = 0; i < points->len; i++) {
             struct laser_point *p = &g_array_index(points, struct laser_point, i);
@@ -129,8 +125,7 @@ static void bent(void) {
             p->sweep_rad += 2e-5 * deviate(rand);
             p->noise_mm = 0.0096f; /* 2e-5 of 480 mm */
         }
-        fit_points(&rig, points, &found, &error);
-        g_assert_no_error(error);
+        ok(fit_points(&rig, points, &found, ERR));
         const double found_rad = found.rig.lasers[0].bend_rad;
         g_test_message("bend %.5f ± %.5f, is %.5f; sheet ± %.4f mm, source ± %.2f mm, RMS %.4f "
                        "mm, expected %.4f",
@@ -159,11 +154,9 @@ static void prior(void) {
     struct laser_result all, one;
     g_autoptr(GArray) points = new_points(&rig, 1.01, 0);
     g_autoptr(GRand) rand = g_rand_new_with_seed(4);
-    g_autoptr(GError) error = NULL;
     for (guint i = 0; i < points->len; i++)
         g_array_index(points, struct laser_point, i).sweep_rad += 2e-5 * deviate(rand);
-    fit_points(&rig, points, &all, &error);
-    g_assert_no_error(error);
+    ok(fit_points(&rig, points, &all, ERR));
     for (guint i = 0; i < points->len; i++) {
         struct laser_point *p = &g_array_index(points, struct laser_point, i);
         p->arc_rad = SCENE_RAD(60);
@@ -171,8 +164,7 @@ static void prior(void) {
             rig_laser_sweep_rad(&all.rig.arc, &all.rig.lasers[0], p->arc_rad, p->point_mm) +
             2e-5 * deviate(rand);
     }
-    fit_points(&rig, points, &one, &error);
-    g_assert_no_error(error);
+    ok(fit_points(&rig, points, &one, ERR));
     for (int k = 0; k < 2; k++) {
         const struct laser_result *found = k ? &one : &all;
         g_test_message("sheet ± %.4f mm, source ± %.2f mm, zero ± %.4f rad, prior %d%d%d%d",

@@ -2,6 +2,7 @@
  * same to a reader and evaluator apart from ours (gltf_peer.py). */
 #include "base/data_error.h"
 #include "base/direction.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "maps/maps.h"
 #include "maps/maps_private.h"
@@ -130,10 +131,8 @@ TEST(depth) {
     static const double depths_mm[] = {0.33, 0, 0.8, 0.33, -0.2};
     for (gsize i = 0; i < G_N_ELEMENTS(depths_mm); i++) {
         const gboolean pattern = i != 3;
-        g_autoptr(GError) error = NULL;
         g_autoptr(BtfMatrix) btf = sunk_btf(depths_mm[i], pattern);
-        struct maps_register *of = maps_register_new(btf, &quietly, &error);
-        g_assert_no_error(error);
+        struct maps_register *of = ok(maps_register_new(btf, &quietly, ERR));
         g_test_message("%.2f mm deep%s: found %.4f", depths_mm[i], pattern ? "" : " and grey",
                        of->depth_mm);
         g_assert_cmpfloat_with_epsilon(of->depth_mm, pattern ? depths_mm[i] : 0, 0.02);
@@ -144,8 +143,7 @@ TEST(depth) {
         float first = 0;
         for (gsize v = 0; v < btf->layout.views.n; v++) {
             gsize stride;
-            const float *row = maps_register_rows(of, (int)v, texel, 1, buffer, &stride, &error);
-            g_assert_no_error(error);
+            const float *row = ok(maps_register_rows(of, (int)v, texel, 1, buffer, &stride, ERR));
             const float value = row[0] / (0.8F + 0.2F * views[3 * v + 2]);
             first = v > 0 ? first : value;
             g_assert_cmpfloat_with_epsilon(value, first, 0.02F * first);
@@ -210,9 +208,7 @@ static struct found compare(const struct maps *maps, gboolean anisotropic) {
 }
 
 static struct maps *maps_of_model(const struct btf_matrix *btf, enum maps_model model) {
-    g_autoptr(GError) error = NULL;
-    struct maps *ret = maps_new_of(btf, model, &quietly, &error);
-    g_assert_no_error(error);
+    struct maps *ret = ok(maps_new_of(btf, model, &quietly, ERR));
     return ret;
 }
 
@@ -283,8 +279,7 @@ static char *write_gltf(const struct maps *maps, const char *name, gboolean text
     g_autoptr(MapsFiles) files = maps_files_new();
     char *path = g_build_filename(session_fixture_folder, name, NULL);
     g_assert_true(maps_add_gltf(maps, name, text, MAPS_PLANE | MAPS_SPHERE, files, &error));
-    g_assert_true(maps_files_write_beside(files, path, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(maps_files_write_beside(files, path, FALSE, ERR)));
     g_assert_false(maps_files_write_beside(files, path, FALSE, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
     return path;
@@ -368,7 +363,6 @@ TEST(gltf) {
 /* Cloth of our own model: that its sheen is noticed, and its roughness among those that are tried.
  */
 TEST(layers) {
-    g_autoptr(GError) error = NULL;
     const struct maps_layers cloth = maps_layers_new(0.6, 0);
     const struct maps_texel texel = {.base = {0.1F, 0.05F, 0.2F},
                                      .roughness = 0.9F,
@@ -449,8 +443,7 @@ TEST(kept) {
     GBytes *exports[5];
     exports[0] = kept_export(session, 0, FALSE);
     exports[1] = kept_export(session, 1, TRUE);
-    g_autofree char *inputs = maps_store_inputs(session, MAPS_MODEL_FULL, &error);
-    g_assert_no_error(error);
+    g_autofree char *inputs = ok(maps_store_inputs(session, MAPS_MODEL_FULL, ERR));
     g_autoptr(Maps) kept = maps_store_read(session, MAPS_MODEL_FULL, inputs);
     g_assert_nonnull(kept);
     g_assert_null(maps_store_read(session, MAPS_MODEL_FULL, "of another BTF"));

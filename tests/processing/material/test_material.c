@@ -4,6 +4,7 @@
 #include "directions/directions.h"
 #include "hsh/hsh.h"
 #include "lib/material_fixture.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lobes/lobes_levels.h"
@@ -42,8 +43,7 @@ static gboolean is_formula(const struct codec *codec) {
 static void plain_open(struct plain *p, const struct codec *codec, const char *path) {
     g_autoptr(GError) error = NULL;
     p->codec = codec;
-    p->model = codec->read(path, &error);
-    g_assert_no_error(error);
+    p->model = ok(codec->read(path, ERR));
     p->layout = G_STRUCT_MEMBER_P(p->model, codec->layout);
     p->n_grid = strcmp(codec->name, "lpca") == 0 ? ((struct lpca *)p->model)->n_grid : 0;
     p->views = directions_new(p->layout->views.theta_deg, p->layout->views.phi_deg,

@@ -1,6 +1,7 @@
 /* Rays against a relief whose distances are known exactly: waves, traced by bisection. */
 #include "exr/exr.h"
 #include "lib/material_fixture.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "mdf_codecs/mdf_blocks.h"
@@ -51,7 +52,6 @@ static double distance_of(double x, double y, const double v[3]) {
 static void write_mdf(const char *path) {
     static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
-    g_autoptr(GError) error = NULL;
     for (int k = 0; k < VIEWS; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
         struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
@@ -68,8 +68,7 @@ static void write_mdf(const char *path) {
         }
         exr_file_add(file, part);
     }
-    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }
 
 /* Rays in the measured directions, and between them with a wider bound. */

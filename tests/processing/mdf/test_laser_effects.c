@@ -3,6 +3,7 @@
 #include "frames/sweep.h"
 #include "intake/radiance.h"
 #include "laser/laser.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lib/world_fixture.h"
 #include "mdf/mdf.h"
@@ -136,7 +137,6 @@ static void calibrate(const struct rig *rig, const struct album *const plates[2]
     static const struct laser_arc arc = {0.01, 1};
     static const char *const names[] = {"plate.exr"};
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
-    g_autoptr(GError) error = NULL;
     for (int i = 0; i < 2 * CAMERAS * SWEEPS; i++) {
         const int plate = i % 2, camera = i / 2 % CAMERAS, laser = i / 2 / CAMERAS % LASERS;
         const int a = i / 2 / CAMERAS / LASERS;
@@ -155,9 +155,8 @@ static void calibrate(const struct rig *rig, const struct album *const plates[2]
                                                 .most = 400};
         laser_points(rig, &sweep, points);
     }
-    laser_fit(rig, (const struct laser_point *)(gpointer)points->data, (int)points->len, &arc,
-              names, ret, &error);
-    g_assert_no_error(error);
+    ok(laser_fit(rig, (const struct laser_point *)(gpointer)points->data, (int)points->len, &arc,
+                 names, ret, ERR));
 }
 
 static void tell(const struct laser_result *found) {

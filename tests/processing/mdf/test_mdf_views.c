@@ -1,4 +1,5 @@
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "mdf/mdf_views.h"
 
@@ -214,7 +215,6 @@ TEST(bridge) {
 
 static char *write_mdf(const struct scene *scene, double texel_mm, const char *channel) {
     const char *const channels[] = {channel, NULL};
-    g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
     for (int v = 0; scene && v < N_VIEWS; v++) {
         g_autofree char *name = g_strdup_printf("view_%04d", v);
@@ -227,23 +227,19 @@ static char *write_mdf(const struct scene *scene, double texel_mm, const char *c
         exr_file_add(file, part);
     }
     char *path = NULL;
-    int fd = g_file_open_tmp("mesorig-mdf-XXXXXX.exr", &path, &error);
-    g_assert_no_error(error);
+    int fd = ok(g_file_open_tmp("mesorig-mdf-XXXXXX.exr", &path, ERR));
     close(fd);
-    exr_write(path, file, EXR_PIZ, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_PIZ, FALSE, ERR));
     exr_file_free(file);
     return path;
 }
 
 TEST(file) {
     g_autofree struct scene *scene = new_scene(FALSE);
-    g_autoptr(GError) error = NULL;
     scene->distance[2][0] = -1;
     g_autofree char *path = write_mdf(scene, plane.texel_mm, "D");
     struct mdf_views_sums sums;
-    g_assert_true(mdf_views_check(path, &sums, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(mdf_views_check(path, &sums, ERR)));
     g_unlink(path);
     g_assert_cmpint(sums.n_views, ==, N_VIEWS);
     g_assert_cmpint(sums.texels, ==, N_VIEWS * N_TEXELS);

@@ -1,6 +1,7 @@
 /* Normals and heights from PTM and HSH of surfaces that are known by formula, under Lambert's law
  * with an albedo that varies from texel to texel. */
 #include "hsh/hsh.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "lobes/lobes.h"
 #include "normals/fit_normals.h"
@@ -89,14 +90,12 @@ static char *write_model(const struct btf_matrix *btf, int terms) {
     g_autoptr(GError) error = NULL;
     char *path = g_build_filename(session_fixture_folder, terms ? "hsh.exr" : "ptm.exr", NULL);
     if (terms) {
-        struct hsh *hsh = hsh_compute(btf, &(struct hsh_options){.n_terms = terms}, &error);
-        g_assert_no_error(error);
+        struct hsh *hsh = ok(hsh_compute(btf, &(struct hsh_options){.n_terms = terms}, ERR));
         g_assert_true(hsh_write(path, hsh, &error));
         hsh_free(hsh);
     } else {
         struct lobes *lobes =
-            lobes_compute(btf, &(struct lobes_options){.model = LOBES_PTM}, &error);
-        g_assert_no_error(error);
+            ok(lobes_compute(btf, &(struct lobes_options){.model = LOBES_PTM}, ERR));
         g_assert_true(lobes_write(path, lobes, &error));
         lobes_free(lobes);
     }
@@ -122,8 +121,7 @@ static struct errors errors_of(Shape shape, enum trouble trouble, int terms,
     struct errors ret = {0};
     double off[TEXELS];
     int n = 0;
-    fit_normals(model, file, FALSE, method, &quietly, &ret.result, &error);
-    g_assert_no_error(error);
+    ok(fit_normals(model, file, FALSE, method, &quietly, &ret.result, ERR));
     g_autoptr(ExrPart) part = exr_read_part(file, "normals", &error);
     g_assert_no_error(error);
     for (int t = 0; t < TEXELS; t++) {
@@ -236,8 +234,7 @@ TEST(height) {
         g_autofree char *file = g_build_filename(session_fixture_folder, "height.exr", NULL);
         struct fit_normals_result result;
         int holes;
-        fit_normals(model, file, TRUE, FIT_NORMALS_LAMBERT, &quietly, &result, &error);
-        g_assert_no_error(error);
+        ok(fit_normals(model, file, TRUE, FIT_NORMALS_LAMBERT, &quietly, &result, ERR));
         g_autoptr(ExrPart) part = exr_read_part(file, "height", &error);
         g_assert_no_error(error);
         const double off = height_error(exr_part_plane(part, "Z"), bumps, &holes);

@@ -1,6 +1,7 @@
 /* Photometric stereo of balls whose normals are known, under lights all around and from one side,
  * with cast shadows, highlights and noise: at most 1.1 times the error of robust least squares by
  * tests/normals_peer.py, which shares no code with it. */
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "normals/photometric.h"
 
@@ -91,24 +92,20 @@ static double *peer(const struct ball *ball) {
     static const char *const names[] = {"lights", "values", "normals"};
     g_autofree char *script = g_build_filename(SOURCE_DIR, "tests", "normals_peer.py", NULL);
     g_autofree char *count = g_strdup_printf("%d", ball->n_lights);
-    g_autoptr(GError) error = NULL;
     g_autofree char *out = NULL, *errors = NULL;
     char *paths[3], *bytes = NULL;
     gsize length = 0;
     for (int i = 0; i < 3; i++)
         paths[i] = g_build_filename(session_fixture_folder, names[i], NULL);
-    g_file_set_contents(paths[0], (const char *)ball->lights,
-                        (gssize)(sizeof *ball->lights * (gsize)ball->n_lights), &error);
-    g_assert_no_error(error);
-    g_file_set_contents(paths[1], (const char *)ball->values,
-                        (gssize)(sizeof(double) * (gsize)(ball->n * ball->n_lights)), &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(paths[0], (const char *)ball->lights,
+                           (gssize)(sizeof *ball->lights * (gsize)ball->n_lights), ERR));
+    ok(g_file_set_contents(paths[1], (const char *)ball->values,
+                           (gssize)(sizeof(double) * (gsize)(ball->n * ball->n_lights)), ERR));
     const char *const argv[] = {"python3", script, count, paths[0], paths[1], paths[2], NULL};
     const int code = process_run_in(session_fixture_folder, argv, &out, &errors);
     if (code != 0)
         g_error("%s%s", out, errors);
-    g_file_get_contents(paths[2], &bytes, &length, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(paths[2], &bytes, &length, ERR));
     g_assert_cmpuint(length, ==, 3 * sizeof(double) * (gsize)ball->n);
     for (int i = 0; i < 3; i++) {
         g_unlink(paths[i]);

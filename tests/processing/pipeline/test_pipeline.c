@@ -1,6 +1,7 @@
 /* From a session's frames to its products: whole, again, in part, while they come, and refused. */
 #include "base/data_error.h"
 #include "btf/btf.h"
+#include "lib/ok.h"
 #include "lib/pipeline_fixture.h"
 #include "pipeline/catalogue.h"
 
@@ -60,10 +61,8 @@ static void check_btf(const struct fixture *fixture) {
 }
 
 static void check_eigenmaps(const struct fixture *fixture, double error_said) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *path = fixture_product(fixture, "eigenmaps.exr");
-    struct eigenmaps *maps = eigenmaps_read(path, &error);
-    g_assert_no_error(error);
+    struct eigenmaps *maps = ok(eigenmaps_read(path, ERR));
     g_assert_cmpint(maps->layout.views.n, ==, N_VIEWS);
     g_assert_cmpint(maps->layout.lights.n, ==, N_LIGHTS);
     g_assert_cmpint(maps->n_terms, ==, 2);
@@ -209,13 +208,11 @@ static void test_skipped(struct fixture *fixture, gconstpointer unused) {
         g_assert_true(session_commit_shot(session, i ? fixture->n_shots : 1, SHOT_SKIPPED, NULL, 0,
                                           "the arc stands in the way", NULL));
     g_clear_pointer(&session, session_close);
-    g_autoptr(GError) error = NULL;
     g_autoptr(GHashTable) last = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     const struct pipeline_options options = {
         .n_eigenmaps = 2, .work.progress = keep_last, .work.data = last};
     struct pipeline_result result;
-    pipeline_run(fixture->path, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(fixture->path, &options, &result, ERR));
     g_assert_cmpstr(g_hash_table_lookup(last, "btf"), ==, "2/2");
     g_assert_cmpstr(g_hash_table_lookup(last, "mdf"), ==, "4/4");
     g_assert_cmpint(result.n_views, ==, 2); /* a light is missing in two */
@@ -304,15 +301,13 @@ static void count_reports(const struct work_progress *progress, gpointer data) {
 }
 
 static void test_follow(struct fixture *fixture, gconstpointer unused) {
-    g_autoptr(GError) error = NULL;
     struct follower follower = {fixture, 0};
     struct pipeline_options options = {
         .n_eigenmaps = 2, .follow = TRUE, .work.progress = count_reports, .work.data = &follower};
     struct pipeline_result result;
     fixture_set_state(fixture, "running");
     GThread *thread = g_thread_new("capture", capture_slowly, fixture);
-    pipeline_run(fixture->path, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(fixture->path, &options, &result, ERR));
     g_thread_join(thread);
     g_assert_cmpint(result.n_views, ==, N_VIEWS);
     g_assert_cmpint(follower.reports, >=, 3 * N_VIEWS);

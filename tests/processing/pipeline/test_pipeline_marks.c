@@ -1,5 +1,6 @@
 /* The marks of pixels that are NaN, saturated or known only from shorter exposures. */
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/pipeline_fixture.h"
 
 #include "btf/btf.h"
@@ -96,8 +97,7 @@ static void test_marks(struct fixture *fixture, gconstpointer unused) {
     check_mark(part, BTF_FLAG_HOLE, "mesorig.holes", SIDE / 2 * SIDE + SIDE / 2);
     g_autoptr(ExrPart) other = exr_read_part(path, "light_0000", NULL);
     g_assert_null(exr_part_plane(other, "mark"));
-    struct btf_matrix *btf = btf_matrix_read(fixture->path, NULL, &error);
-    g_assert_no_error(error);
+    struct btf_matrix *btf = ok(btf_matrix_read(fixture->path, NULL, ERR));
     g_assert_cmpint(btf->holes, >, 0);
     g_assert_cmpint(btf->bounds, >, 0);
     g_assert_cmpint(btf->shorter, >, 0);

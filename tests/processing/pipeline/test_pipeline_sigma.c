@@ -1,5 +1,6 @@
 /* Error bars of a BTF against a diffuser whose pictures have noise by formula: photons, readout and
  * rounding of every exposure, drawn here, merged as captures are. */
+#include "lib/ok.h"
 #include "lib/pipeline_fixture.h"
 
 #include "btf/btf_sigma.h"
@@ -125,26 +126,22 @@ static void chi_squares(const struct fixture *fixture, gboolean edge, double ret
  * times less they are larger, though the texture that noise then seems to be covers some of it, and
  * with four times the gain smaller. */
 static void test_noise(struct fixture *fixture, gconstpointer unused) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) right = calibrated(1), less = calibrated(0.25);
     g_autoptr(Calibration) more = calibrated(4);
     double chi[3];
     fixture_capture(fixture, 0, fixture->n_shots, noisy);
-    process(fixture, right, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, right, ERR));
     chi_squares(fixture, FALSE, chi);
     for (int c = 0; c < 3; c++) {
         g_test_message("χ² of colour %d: %.3f", c, chi[c]);
         g_assert_cmpfloat(chi[c], >, 0.75);
         g_assert_cmpfloat(chi[c], <, 1.3);
     }
-    process(fixture, less, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, less, ERR));
     chi_squares(fixture, FALSE, chi);
     for (int c = 0; c < 3; c++)
         g_assert_cmpfloat(chi[c], >, 1.6);
-    process(fixture, more, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, more, ERR));
     chi_squares(fixture, FALSE, chi);
     for (int c = 0; c < 3; c++)
         g_assert_cmpfloat(chi[c], <, 0.4);
@@ -175,20 +172,17 @@ static void shifted_edge(struct exr_part *part, const struct session_shot *shot)
 /* Where a printed edge lies half a pixel off, errors are as large as the error bars say if they
  * know of it, and far larger than noise and detail alone. */
 static void test_edge(struct fixture *fixture, gconstpointer unused) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = calibrated(1);
     double known[3], unknown[3];
     fixture_capture(fixture, 0, fixture->n_shots, shifted_edge);
-    process(fixture, calibration, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, calibration, ERR));
     chi_squares(fixture, TRUE, unknown);
     for (int i = 0; i < N_CAMERAS; i++) {
         calibration->cameras[i].known = TRUE;
         calibration->cameras[i].residual_rms_px = SHIFT_PX;
         calibration->cameras[i].points = 100;
     }
-    process(fixture, calibration, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, calibration, ERR));
     chi_squares(fixture, TRUE, known);
     for (int c = 0; c < 3; c++) {
         g_test_message("χ² of colour %d at the edge: %.3f, without registration %.1f", c, known[c],
@@ -240,13 +234,11 @@ static void test_scale_in_file(struct fixture *fixture, gconstpointer unused) {
     g_autofree char *path = fixture_product(fixture, "btf/view_0001.exr");
     struct btf_sigma before, after;
     fixture_capture(fixture, 0, fixture->n_shots, noisy);
-    process(fixture, calibration, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, calibration, ERR));
     g_autoptr(ExrPart) first = exr_read_part(path, "light_0001", &error);
     calibration->lamp_radiometry[0] =
         (struct radiometry_lamp){TRUE, {1, 1, 1}, .intensity_error = 0.03};
-    process(fixture, calibration, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, calibration, ERR));
     g_autoptr(ExrPart) second = exr_read_part(path, "light_0001", &error);
     g_assert_true(btf_sigma_read(first, &before) && btf_sigma_read(second, &after));
     for (int c = 0; c < 3; c++) {
@@ -258,14 +250,12 @@ static void test_scale_in_file(struct fixture *fixture, gconstpointer unused) {
 
 /* Error bars change no value: a session without them has the same pictures. */
 static void test_values(struct fixture *fixture, gconstpointer unused) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) with = calibrated(1);
     g_autofree char *path = fixture_product(fixture, "btf/view_0002.exr");
     fixture_capture(fixture, 0, fixture->n_shots, noisy);
     fixture_process(fixture, 2, FALSE);
     g_autoptr(ExrFile) before = exr_read(path, NULL);
-    process(fixture, with, &error);
-    g_assert_no_error(error);
+    ok(process(fixture, with, ERR));
     g_autoptr(ExrFile) after = exr_read(path, NULL);
     g_assert_cmpint(before->parts->len, ==, after->parts->len);
     for (guint k = 0; k < before->parts->len; k++) {

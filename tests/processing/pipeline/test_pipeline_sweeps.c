@@ -1,5 +1,6 @@
 /* Laser positions whose lines are elsewhere than told, and surfaces that no camera saw. */
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/pipeline_fixture.h"
 
 #include "frames/laser_lines.h"
@@ -17,7 +18,6 @@ static void slip(struct exr_part *part, const struct session_shot *shot) {
 
 /* It is told where a laser is said to be known. */
 static void check_against_calibration(const struct fixture *fixture) {
-    g_autoptr(GError) error = NULL;
     const struct rig rig = fixture_make_rig();
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     calibration->lasers[0].known = TRUE;
@@ -25,8 +25,7 @@ static void check_against_calibration(const struct fixture *fixture) {
     g_autofree char *text = calibration_to_text(calibration);
     const struct pipeline_options options = {.n_eigenmaps = 2, .calibration = text};
     struct pipeline_result result;
-    pipeline_run(fixture->path, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(fixture->path, &options, &result, ERR));
     g_assert_cmpint(result.lines_disagree, ==, N_VIEWS);
     g_assert_cmpint(result.line_worst_position, ==, 0);
     fixture_check_mdf(fixture);
@@ -72,8 +71,7 @@ static void write_frames(const char *folder, const char *name) {
         for (int i = 0; i < SIDE * SIDE; i++)
             part->planes[0][i] = roundf(64 + 800 * expf(-powf((float)k - peak[i], 2) / 4.5F));
         exr_file_add(file, part);
-        exr_write(to, file, EXR_NONE, FALSE, &error);
-        g_assert_no_error(error);
+        ok(exr_write(to, file, EXR_NONE, FALSE, ERR));
         exr_file_free(file);
     }
 }
@@ -97,8 +95,7 @@ static void test_in_pictures(struct fixture *fixture, gconstpointer unused) {
             g_ptr_array_add(names, g_strdup(name));
     for (guint i = 0; i < names->len; i++)
         write_frames(folder, names->pdata[i]);
-    pipeline_run(fixture->path, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(fixture->path, &options, &result, ERR));
     g_test_message("worst %.4f°, RMS %.4f°", result.lines_worst_deg, result.lines_rms_deg);
     g_assert_cmpint(result.lines_found, ==, N_VIEWS * N_LASERS);
     g_assert_cmpint(result.line_worst_position, ==, 0);

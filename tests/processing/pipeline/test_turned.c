@@ -2,6 +2,7 @@
  * each in its own pose. The exposures of this rig's cameras begin up to 8 ms late, as their time
  * stamps say. */
 #include "btf/near_field.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
 
@@ -60,15 +61,13 @@ static struct run *captured(const struct change *changes) {
     g_autoptr(GError) error = NULL;
     devices_close(g_steal_pointer(&run->devices));
     write_pictures(run->directory);
-    g_file_get_contents(world, &text, NULL, &error);
-    g_assert_no_error(error);
+    ok(g_file_get_contents(world, &text, NULL, ERR));
     char **parts = g_strsplit(text, "kind = flat", 2);
     g_autofree char *other = g_strjoinv("kind = picture\npath = flat.png\nalbedo_path = waves.png\n"
                                         "relief_mm = 0.01",
                                         parts);
     g_strfreev(parts);
-    g_file_set_contents(world, other, -1, &error);
-    g_assert_no_error(error);
+    ok(g_file_set_contents(world, other, -1, ERR));
     g_file_get_contents(conf, &session, NULL, &error);
     parts = g_strsplit(session, "texels = 8", 2);
     g_autofree char *finer = g_strjoinv("texels = 32", parts);
@@ -86,15 +85,12 @@ static float *btf_of(struct run *run) {
     static const char *const channels[] = {"R", "G", "B"};
     const struct pipeline_options options = {.n_eigenmaps = 1};
     struct pipeline_result result;
-    g_autoptr(GError) error = NULL;
-    pipeline_run(run->session, &options, &result, &error);
-    g_assert_no_error(error);
+    ok(pipeline_run(run->session, &options, &result, ERR));
     g_assert_cmpint(result.n_views, ==, VIEWS);
     float *ret = g_new(float, VIEWS *LIGHTS *TEXELS *TEXELS * 3), *to = ret;
     for (int v = 0; v < VIEWS; v++) {
         g_autofree char *path = g_strdup_printf("%s/products/btf/view_%04d.exr", run->session, v);
-        struct exr_file *file = exr_read(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read(path, ERR));
         g_assert_cmpint(file->parts->len, ==, LIGHTS);
         for (int l = 0; l < LIGHTS; l++)
             for (int c = 0; c < 3; c++, to += TEXELS * TEXELS)
@@ -162,8 +158,7 @@ static void check_places(struct run *run) {
         g_autofree char *path =
             g_strdup_printf("%s/products/btf/view_%04d.exr", run->session, view);
         g_autofree char *name = g_strdup_printf("light_%04d", shot->source);
-        struct exr_file *file = exr_read_headers(path, &error);
-        g_assert_no_error(error);
+        struct exr_file *file = ok(exr_read_headers(path, ERR));
         const struct exr_part *part = exr_file_part(file, name);
         g_assert_true(exr_get_v3d(part, "view.centre_mm", eye, NULL));
         g_assert_true(exr_get_v3d(part, "light.position_mm", lamp, NULL));

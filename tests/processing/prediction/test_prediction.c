@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "prediction/prediction.h"
 
@@ -56,10 +57,8 @@ static float *make_rows(int n, double share) {
 }
 
 static Prediction *predict(double share) {
-    g_autoptr(GError) error = NULL;
     g_autofree float *probes = make_rows(3 * PROBES, share);
-    Prediction *prediction = prediction_new(&pairs, probes, NULL, PROBES, NULL, &error);
-    g_assert_no_error(error);
+    Prediction *prediction = ok(prediction_new(&pairs, probes, NULL, PROBES, NULL, ERR));
     return prediction;
 }
 
@@ -135,8 +134,7 @@ TEST(choice) {
     const struct work one = {.n_threads = 1}, four = {.n_threads = 4};
     for (int s = 0; s < 64; s++)
         done[s] = taken(s, 0.25);
-    const int n = prediction_choose(prediction, shots, 64, done, 64, choices, &one, &error);
-    g_assert_no_error(error);
+    const int n = ok(prediction_choose(prediction, shots, 64, done, 64, choices, &one, ERR));
     g_assert_cmpint(n, ==, 48);
     g_assert_cmpfloat_with_epsilon(choices[0].error_before, prediction_error(prediction), 1e-9);
     for (int k = 0; k < n; k++) {

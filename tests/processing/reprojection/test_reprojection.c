@@ -1,6 +1,7 @@
 /* Prediction along reliefs that formulas describe, painted with a smooth texture: the true distance
  * and colour of every texel of every view are known. */
 #include "base/data_error.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "reprojection/reprojection.h"
 
@@ -90,7 +91,6 @@ static struct vec3 reprojection_test_direction(double theta_deg, double phi_deg)
 
 static struct scene *reprojection_test_scene(Relief relief, const double (*deg)[2], int n) {
     struct scene *scene = g_new0(struct scene, 1);
-    g_autoptr(GError) error = NULL;
     scene->n = n;
     for (int k = 0; k < n; k++) {
         const struct vec3 v = reprojection_test_direction(deg[k][0], deg[k][1]);
@@ -109,8 +109,7 @@ static struct scene *reprojection_test_scene(Relief relief, const double (*deg)[
             scene->colour[k][i] = (float)colour_at(at_mm, to, mm);
         }
     }
-    scene->reprojection = reprojection_new(&plane, scene->views, n, FALSE, &error);
-    g_assert_no_error(error);
+    scene->reprojection = ok(reprojection_new(&plane, scene->views, n, FALSE, ERR));
     return scene;
 }
 
@@ -279,7 +278,6 @@ TEST(unknown) {
 /* As processing writes it, the views in another order than that of their numbers. */
 static void reprojection_test_write_mdf(const struct scene *scene, const char *path) {
     static const char *const channels[] = {"D", "S", NULL};
-    g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = exr_file_new();
     for (int k = N_THREE - 1; k >= 0; k--) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
@@ -293,8 +291,7 @@ static void reprojection_test_write_mdf(const struct scene *scene, const char *p
         exr_set_double(part, "reference_mm", plane.reference_mm);
         exr_file_add(file, part);
     }
-    exr_write(path, file, EXR_PIZ, FALSE, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_PIZ, FALSE, ERR));
 }
 
 TEST(read) {
@@ -364,8 +361,7 @@ static char *reprojection_test_session(const struct scene *scene, const char *fo
             exr_set_double(part, "light.phi_deg", 180.0 * light);
             exr_file_add(file, part);
         }
-        exr_write(to, file, EXR_NONE, FALSE, &error);
-        g_assert_no_error(error);
+        ok(exr_write(to, file, EXR_NONE, FALSE, ERR));
     }
     return path;
 }
@@ -387,8 +383,7 @@ TEST(session) {
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE); /* no MDF yet */
     g_clear_error(&error);
     reprojection_test_write_mdf(scene, mdf);
-    along_surface_predict(from, path, &to, 0, &quiet, &result, &error);
-    g_assert_no_error(error);
+    ok(along_surface_predict(from, path, &to, 0, &quiet, &result, ERR));
     g_assert_cmpint(result.made.n_views, ==, 2);
     g_assert_cmpint(result.texels, ==, 2 * N_TEXELS);
     for (int view = 0; view < 2; view++) {
@@ -413,8 +408,7 @@ TEST(session) {
     }
     /* It has what prediction needs, itself. */
     g_autofree char *again = g_build_filename(folder, "c.session", NULL);
-    along_surface_predict(path, again, NULL, 0, &quiet, &result, &error);
-    g_assert_no_error(error);
+    ok(along_surface_predict(path, again, NULL, 0, &quiet, &result, ERR));
     g_assert_false(along_surface_predict(from, again, &to, 0, &quiet, &result, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
     remove_tree(folder);

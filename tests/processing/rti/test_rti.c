@@ -1,6 +1,7 @@
 /* PTM, HSH and Relight's files against a reader and writer in Python that share nothing with ours.
  */
 #include "btf/btf_matrix.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
@@ -67,14 +68,11 @@ static double linear(double v) {
 
 /* Imported, a file is a session of the peer's values. */
 static void check_import(const char *path, const double *wanted) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *session = in_folder("imported.session"), *table = in_folder("lights.csv");
     const struct import_wish wish = {.texel_mm = 0.25};
     struct import_result result;
-    import_ptm(session, path, table, &wish, &quietly, &result, &error);
-    g_assert_no_error(error);
-    struct btf_matrix *btf = btf_matrix_read(session, NULL, &error);
-    g_assert_no_error(error);
+    ok(import_ptm(session, path, table, &wish, &quietly, &result, ERR));
+    struct btf_matrix *btf = ok(btf_matrix_read(session, NULL, ERR));
     g_assert_cmpuint(btf->layout.width, ==, WIDTH);
     g_assert_cmpuint(btf->layout.lights.n, ==, LIGHTS);
     g_assert_cmpfloat(btf->layout.texel_mm, ==, 0.25);
@@ -145,8 +143,7 @@ static void check_written(gboolean lrgb, double tolerance) {
     g_assert_cmpfloat(fit.error, <, tolerance);
     g_assert_cmpint(fit.holes, ==, 1);
     g_assert_true(rti_write_ptm(path, rti, &error));
-    g_assert_true(rti_write_relight(web, FALSE, rti, lights, LIGHTS, 0.5, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(rti_write_relight(web, FALSE, rti, lights, LIGHTS, 0.5, ERR)));
     g_autofree double *of_ptm = peer("evaluate", "ptm", path, NULL, TEXELS);
     g_autofree double *of_web = peer("evaluate", "relight", web, NULL, TEXELS);
     for (gsize i = 0; i < G_N_ELEMENTS(pictures); i++) {
@@ -162,8 +159,7 @@ static void check_written(gboolean lrgb, double tolerance) {
     g_autofree char *session = in_folder("relight.session");
     const struct import_wish wish = {0};
     struct import_result result;
-    import_relight(session, info, &wish, &quietly, &result, &error);
-    g_assert_no_error(error);
+    ok(import_relight(session, info, &wish, &quietly, &result, ERR));
     g_assert_cmpint(result.n_lights, ==, LIGHTS);
     remove_tree(session);
 

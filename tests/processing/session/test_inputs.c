@@ -1,4 +1,5 @@
 /* What processing takes from the frames of a capture. */
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "session/inputs.h"
 
@@ -29,8 +30,7 @@ TEST(mosaic) {
     const char *cfa = NULL;
     g_assert_true(input_mosaic("a.exr", mono, &cfa, &error) == mono->planes[0]);
     g_assert_cmpstr(cfa, ==, "bggr");
-    const float *mosaic = input_mosaic("a.exr", colour, &cfa, &error);
-    g_assert_no_error(error);
+    const float *mosaic = ok(input_mosaic("a.exr", colour, &cfa, ERR));
     g_assert_cmpstr(cfa, ==, "rggb");
     for (int i = 0; i < WIDTH * HEIGHT; i++) {
         const char filter = cfa[2 * (i / WIDTH % 2) + i % WIDTH % 2];
@@ -77,16 +77,13 @@ TEST(read) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-inputs-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
     g_autofree char *wrong = g_strnfill(64, '0');
-    g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = exr_file_new();
     gint64 bytes = 0;
     exr_file_add(file, new_part(grey, "bggr"));
     struct input input = {.path = path, .shot = 1, .width = WIDTH, .height = HEIGHT};
     read_as(&input, grey, "the session lists this frame, but: ");
-    exr_write(path, file, EXR_NONE, FALSE, &error);
-    g_assert_no_error(error);
-    g_autofree char *sum = exr_sha256(path, &bytes, &error);
-    g_assert_no_error(error);
+    ok(exr_write(path, file, EXR_NONE, FALSE, ERR));
+    g_autofree char *sum = ok(exr_sha256(path, &bytes, ERR));
     read_as(&input, grey, NULL); /* not compared */
     input.sha256 = (char *)"";
     read_as(&input, grey, NULL);

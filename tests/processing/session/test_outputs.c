@@ -1,5 +1,6 @@
 /* The lamps' output that fiducials have shown: means, interpolation between measured shots of a
  * lamp, and values in the database that are none. */
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "session/outputs.h"
 
@@ -24,16 +25,12 @@ static GPtrArray *new_shots(void) {
 }
 
 static void store(Session *session, gint64 shot, const char *camera, double output, double own) {
-    g_autoptr(GError) error = NULL;
-    g_assert_true(outputs_store(session, shot, camera, output, own, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(outputs_store(session, shot, camera, output, own, ERR)));
 }
 
 static void assert_outputs(Session *session, const GPtrArray *shots, int measured,
                            const double expected[N]) {
-    g_autoptr(GError) error = NULL;
-    struct outputs *outputs = outputs_load(session, shots, &error);
-    g_assert_no_error(error);
+    struct outputs *outputs = ok(outputs_load(session, shots, ERR));
     g_assert_cmpint(outputs_measured(outputs), ==, measured);
     for (int i = 0; i < N; i++)
         g_assert_cmpfloat_with_epsilon(outputs_of(outputs, i + 1), expected[i], 1e-9);

@@ -3,6 +3,7 @@
  * all.
  */
 #include "lib/assert_error.h"
+#include "lib/ok.h"
 #include "lib/session_fixture.h"
 #include "lib/test.h"
 
@@ -46,8 +47,7 @@ TEST(first_values) {
     struct session_texts with = texts;
     with.values = values;
     with.n_values = G_N_ELEMENTS(values);
-    Session *session = session_create(path, "x", &with, &p->plan, &error);
-    g_assert_no_error(error);
+    Session *session = ok(session_create(path, "x", &with, &p->plan, ERR));
     g_assert_true(session_read_value(session, "calibration", &found, &error));
     g_assert_cmpstr(found, ==, "nominal");
     g_assert_true(session_read_value(session, "chosen", &none, &error));
@@ -57,8 +57,7 @@ TEST(first_values) {
     /* The table goes while the session is open. */
     g_autofree char *file = g_build_filename(path, "session.db", NULL);
     sqlite3 *db = NULL;
-    session = session_open(path, SESSION_READ, &error);
-    g_assert_no_error(error);
+    session = ok(session_open(path, SESSION_READ, ERR));
     g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
     g_assert_cmpint(sqlite3_exec(db, "DROP TABLE value", NULL, NULL, NULL), ==, SQLITE_OK);
     sqlite3_close(db);
@@ -310,8 +309,7 @@ TEST(turned) {
                                           session_fixture_frame(session, shot, 1)};
         frames[0].turned = TRUE;
         frames[0].turntable_deg = shot / 3.0;
-        g_assert_true(session_commit_shot(session, shot, SHOT_DONE, frames, 2, NULL, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(session_commit_shot(session, shot, SHOT_DONE, frames, 2, NULL, ERR)));
         frames[0].turntable_deg = NAN;
         g_assert_false(session_commit_shot(session, shot, SHOT_DONE, frames, 2, NULL, &error));
         assert_error_clear(&error, SESSION_ERROR, SESSION_ERROR_IO);
@@ -380,8 +378,7 @@ TEST(facts) {
     g_autofree char *file = session_file(session, "products/mdf.exr");
     g_assert_true(g_file_set_contents(file, "abc", 3, NULL));
     g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig", &error));
-    g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig again", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_add_product(session, "products/mdf.exr", "mesorig again", ERR)));
     g_assert_false(session_add_product(session, "products/no.exr", "mesorig", &error));
     g_clear_error(&error);
     g_assert_false(session_add_product(session, "../x", "mesorig", &error));

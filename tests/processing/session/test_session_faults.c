@@ -11,6 +11,7 @@
 #include <sys/mman.h>
 
 #include "exr/exr.h"
+#include "lib/ok.h"
 #include "session/made_with.h"
 #include "session/outputs.h"
 #include "session/session.h"
@@ -390,8 +391,7 @@ static void make_session(const char *path) {
     g_assert_true(outputs_store(session, 3, "cam", 0.99, 0.001, &error));
     g_assert_true(session_add_product(session, PRODUCT, "hash", &error));
     g_assert_true(made_with_begin(session, "/other.conf", "other", &error));
-    g_assert_true(session_add_event(session, 1, "warning", "session", "begun", &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(session_add_event(session, 1, "warning", "session", "begun", ERR)));
 }
 
 static const char *const files[] = {
@@ -438,12 +438,10 @@ struct truth { /* of one operation on one session */
 
 static void truth_find(struct truth *truth, const char *from, gsize k) {
     g_autoptr(GString) result = g_string_new(NULL);
-    g_autoptr(GError) error = NULL;
     copy_session(from, session_dir);
     truth->before = dump(session_dir);
     copy_session(from, session_dir);
-    g_assert_true(run_in(session_dir, k, result, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(run_in(session_dir, k, result, ERR)));
     truth->after = dump(session_dir);
     truth->result = g_string_free(g_steal_pointer(&result), FALSE);
 }

@@ -1,5 +1,6 @@
 /* Synthesis of samples whose right continuation is known: cut from patterns that repeat. */
 #include "lib/btf_fixture.h"
+#include "lib/ok.h"
 #include "lib/test.h"
 #include "synthesis/quilting.h"
 #include "synthesis/synthesis.h"
@@ -33,9 +34,7 @@ static struct btf_matrix *new_pattern(int width, int height, int period_x, int p
 
 static struct texel_features *features_of(const struct btf_matrix *btf,
                                           const struct mdf_table *mdf) {
-    g_autoptr(GError) error = NULL;
-    struct texel_features *features = texel_features_compute(btf, mdf, NULL, &error);
-    g_assert_no_error(error);
+    struct texel_features *features = ok(texel_features_compute(btf, mdf, NULL, ERR));
     return features;
 }
 
@@ -82,10 +81,8 @@ static struct index_map *synthesize(const struct texel_features *features,
                                     enum synthesis_method method, int width, int height,
                                     guint32 seed, const struct work *work,
                                     struct synthesis_result *result) {
-    g_autoptr(GError) error = NULL;
     const struct synthesis_options options = {method, width, height, 0, seed};
-    struct index_map *map = synthesis_of_features(features, &options, work, result, &error);
-    g_assert_no_error(error);
+    struct index_map *map = ok(synthesis_of_features(features, &options, work, result, ERR));
     return map;
 }
 

@@ -1,6 +1,7 @@
 /* From a white tile to reflectances of a grey scale, through sessions; and what marks notice. */
 #include "capture/capture_marks.h"
 #include "lib/grey_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
 #include "session/outputs.h"
@@ -161,9 +162,7 @@ static char *check_shot(Capture *capture, gboolean turned) {
     const struct session_shot shot = {.id = 1, .kind = SHOT_LAMP};
     struct flight flight = {.shot = &shot};
     shot_of_marks(&flight, turned);
-    g_autoptr(GError) error = NULL;
-    char *told = capture_marks_check(capture, &flight, &error);
-    g_assert_no_error(error);
+    char *told = ok(capture_marks_check(capture, &flight, ERR));
     g_array_unref(flight.marks);
     return told;
 }

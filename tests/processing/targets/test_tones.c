@@ -4,6 +4,7 @@
 #include "base/residual.h"
 #include "btf/btf_sigma.h"
 #include "lib/grey_fixture.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 
 #include <stdlib.h>
@@ -33,11 +34,9 @@ static void change_world(const char *folder, const struct effect *effect) {
 }
 
 static void capture(const char *folder, const char *conf, const char *name) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *reason = NULL;
     const enum capture_state state =
-        radiometry_rig_capture(folder, conf, name, NULL, &reason, &error);
-    g_assert_no_error(error);
+        ok(radiometry_rig_capture(folder, conf, name, NULL, &reason, ERR));
     g_test_message("%s", reason ? reason : "");
     g_assert_cmpint(state, ==, CAPTURE_DONE);
 }
@@ -63,8 +62,7 @@ static struct calibration *calibrate_more(const char *folder, const struct effec
     calibration_set_part(calibration, CALIBRATION_CAMERAS, "nominal", 0, "-", NULL);
     g_assert_true(tile_session(session, calibration, &grey_tile, ret, &error));
     g_assert_true(calibration_write(calibration, to, &error));
-    struct calibration *again = calibration_read(to, &error);
-    g_assert_no_error(error);
+    struct calibration *again = ok(calibration_read(to, ERR));
     return again;
 }
 

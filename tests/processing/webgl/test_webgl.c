@@ -4,6 +4,7 @@
 #include "formats/compare_pictures.h"
 #include "gl/gpu.h"
 #include "lib/browser.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
@@ -72,13 +73,9 @@ static void webgl_test_draw_page(Browser *browser, const struct view *v) {
 /* The viewer with the material's file and the MDF's, as mesorig-view --method lpca-revised has it.
  */
 static Viewer *webgl_test_viewer(void) {
-    g_autoptr(GError) error = NULL;
-    Viewer *viewer = viewer_new(NULL, &error);
-    g_assert_no_error(error);
-    viewer_open(viewer, &method_lpca_revised, in_folder("material.exr"), &error);
-    g_assert_no_error(error);
-    viewer_open_mdf(viewer, in_folder("mdf.exr"), &error);
-    g_assert_no_error(error);
+    Viewer *viewer = ok(viewer_new(NULL, ERR));
+    ok(viewer_open(viewer, &method_lpca_revised, in_folder("material.exr"), ERR));
+    ok(viewer_open_mdf(viewer, in_folder("mdf.exr"), ERR));
     return viewer;
 }
 
@@ -87,8 +84,7 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     g_autoptr(Mesh) mesh = scene_make(v->shape, &(struct scene_options){0}, &error);
     struct viewer_settings settings = viewer_settings_default;
     g_assert_no_error(error);
-    viewer_set_mesh(viewer, mesh, &error);
-    g_assert_no_error(error);
+    ok(viewer_set_mesh(viewer, mesh, ERR));
     settings.camera_azimuth_deg = v->azimuth_deg;
     settings.camera_elevation_deg = v->elevation_deg;
     settings.light_theta_deg = v->theta_deg;
@@ -96,10 +92,8 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
     settings.samples = SAMPLES;
     settings.silhouettes = settings.shadows = TRUE;
     settings.shadow_size = SHADOW_MAP;
-    g_autofree guint8 *rgb = viewer_render(viewer, &settings, WIDTH, HEIGHT, &error);
-    g_assert_no_error(error);
-    picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, &error);
-    g_assert_no_error(error);
+    g_autofree guint8 *rgb = ok(viewer_render(viewer, &settings, WIDTH, HEIGHT, ERR));
+    ok(picture_write_png(in_folder("view.png"), rgb, WIDTH, HEIGHT, NULL, ERR));
 }
 
 /* Drawn with silhouettes and shadows by both. A page that ignored either would be far off: without
@@ -107,13 +101,11 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
 static void webgl_test_compare(Browser *browser, Viewer *viewer, enum relief_kind kind) {
     g_autofree char *page = g_strdup(in_folder("page.png"));
     struct picture_comparison found;
-    g_autoptr(GError) error = NULL;
     for (gsize k = 0; k < G_N_ELEMENTS(views) + (kind == RELIEF_GROOVES); k++) {
         const struct view *view = k < G_N_ELEMENTS(views) ? &views[k] : &knot;
         webgl_test_draw_page(browser, view);
         webgl_test_draw_view(viewer, view);
-        compare_pictures(page, in_folder("view.png"), &found, &error);
-        g_assert_no_error(error);
+        ok(compare_pictures(page, in_folder("view.png"), &found, ERR));
         g_test_message("material %d on the %s: mean CIEDE2000 %.3f, of differing pixels %.3f", kind,
                        view->shape, found.delta_e, found.delta_e_different);
         g_assert_cmpfloat(found.delta_e, <=, BOUND);
@@ -150,7 +142,6 @@ static void test_pictures(gconstpointer data) {
 /* What does not compress: a local PCA of random numbers, of the size that the page is promised for.
  */
 static void webgl_test_write_noise(const char *path) {
-    g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) few = btf_fixture_of("noise", PARTS, PARTS, btf_fixture_rings(4, 75, 0),
                                               btf_fixture_rings(4, 75, 5));
     GRand *random = g_rand_new_with_seed(1);
@@ -172,8 +163,7 @@ static void webgl_test_write_noise(const char *path) {
     lpca->weights = weights;
     lpca->layout.width = lpca->layout.height = SIDE;
     lpca_quantise(lpca, LPCA_HALF);
-    lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, &error);
-    g_assert_no_error(error);
+    ok(lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, ERR));
     g_rand_free(random);
 }
 
@@ -210,16 +200,14 @@ static void test_file(void) {
     for (gsize k = 0; k < 12 * btf_layout_values(&btf->layout); k++)
         btf->values[k] = 0.5F;
     g_autoptr(Lpca) lpca = relief_scene_compress(btf, 2, 2);
-    lpca_write_levels(material, (struct lpca *const[]){lpca}, 1, &error);
-    g_assert_no_error(error);
+    ok(lpca_write_levels(material, (struct lpca *const[]){lpca}, 1, ERR));
     g_free(process_mesorig(0, "export web %s -o %s", material, file));
     g_assert_true(g_file_get_contents(file, &text, &length, NULL));
     g_assert_cmpmem(text, 8, "mesoweb1", 8);
     guint32 header;
     memcpy(&header, text + 8, sizeof header);
     header = GUINT32_FROM_LE(header);
-    json_parser_load_from_data(parser, text + 12, header, &error);
-    g_assert_no_error(error);
+    ok(json_parser_load_from_data(parser, text + 12, header, ERR));
     JsonObject *root = json_node_get_object(json_parser_get_root(parser));
     JsonArray *sections = json_object_get_array_member(root, "sections");
     const gint64 n = json_object_get_int_member(root, "grid");
@@ -263,8 +251,7 @@ static void webgl_test_write_constant(const char *path, int rings, enum lpca_col
     const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .colours = colours};
     g_autoptr(Lpca) lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
-    lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, &error);
-    g_assert_no_error(error);
+    ok(lpca_write_levels(path, (struct lpca *const[]){lpca}, 1, ERR));
 }
 
 /* Logarithms are decoded and compressed again; one view is seen from everywhere. */
@@ -297,7 +284,6 @@ static double webgl_test_plane(Browser *browser, double theta_deg, int phi_deg) 
 /* Light ends at the horizon by degrees, from whatever azimuth; here of few lights, on a coarse
  * grid, whose corners are at odd multiples of 45°. */
 TEST(terminator) {
-    g_autoptr(GError) error = NULL;
     g_autofree char *few = g_strdup(in_folder("few.exr")), *page = g_strdup(in_folder("few.html"));
     g_autofree char *address = g_strconcat("file://", page, NULL);
     g_autoptr(BtfMatrix) btf =
@@ -307,8 +293,7 @@ TEST(terminator) {
         btf->values[k] =
             0.5F * cosf(btf->layout.lights.theta_deg[k / 3 % n_lights] * (float)G_PI / 180);
     g_autoptr(Lpca) lpca = relief_scene_compress(btf, 2, 2);
-    lpca_write_levels(few, (struct lpca *const[]){lpca}, 1, &error);
-    g_assert_no_error(error);
+    ok(lpca_write_levels(few, (struct lpca *const[]){lpca}, 1, ERR));
     g_free(process_mesorig(0, "export web %s -o %s", few, page));
     Browser *browser = browser_new(640, 480);
     browser_open(browser, address);

@@ -4,6 +4,7 @@
 #include "formats/compare_pictures.h"
 #include "gl/gpu.h"
 #include "lib/browser.h"
+#include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
@@ -63,7 +64,6 @@ static void compare_three_draw(Browser *browser, const int view[4], const char *
 }
 
 static guint8 *compare_three_view(Viewer *viewer, const int view[4]) {
-    g_autoptr(GError) error = NULL;
     struct viewer_settings s = viewer_settings_default;
     s.camera_azimuth_deg = view[0];
     s.camera_elevation_deg = view[1];
@@ -71,8 +71,7 @@ static guint8 *compare_three_view(Viewer *viewer, const int view[4]) {
     s.light_phi_deg = view[3];
     s.camera_distance = DISTANCE;
     s.silhouettes = s.shadows = TRUE;
-    guint8 *rgb = viewer_render(viewer, &s, WIDTH, HEIGHT, &error);
-    g_assert_no_error(error);
+    guint8 *rgb = ok(viewer_render(viewer, &s, WIDTH, HEIGHT, ERR));
     return rgb;
 }
 
@@ -93,23 +92,19 @@ static double compare_three_pixels(const char *path, guint8 *is) {
     g_assert_cmpint(n, >, WIDTH * HEIGHT / 8);
     picture_write_png(a, page, WIDTH, HEIGHT, NULL, &error);
     picture_write_png(b, is, WIDTH, HEIGHT, NULL, &error);
-    compare_pictures(a, b, &found, &error);
-    g_assert_no_error(error);
+    ok(compare_pictures(a, b, &found, ERR));
     return found.delta_e * WIDTH * HEIGHT / n;
 }
 
 static double compare_three_material(Viewer *viewer, enum relief_kind kind) {
     g_autofree char *material = in_folder("material.exr"), *mdf = in_folder("mdf.exr");
     g_autofree char *file = in_folder("package/material.mesoweb"), *page = in_folder("page.png");
-    g_autoptr(GError) error = NULL;
     double worst = 0;
     relief_scene_write(kind, material, mdf);
     g_unlink(file);
     g_free(process_mesorig(0, "export web %s -o %s", material, file));
-    viewer_open(viewer, &method_lpca_revised, material, &error);
-    g_assert_no_error(error);
-    viewer_open_mdf(viewer, mdf, &error);
-    g_assert_no_error(error);
+    ok(viewer_open(viewer, &method_lpca_revised, material, ERR));
+    ok(viewer_open_mdf(viewer, mdf, ERR));
     Browser *browser = browser_new(640, 480);
     browser_open(browser, "http://127.0.0.1:" PORT "/example.html");
     browser_wait(browser, "window.example !== undefined");
@@ -139,8 +134,7 @@ int main(void) {
     g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
     g_autoptr(Mesh) mesh = scene_make("torus", &(struct scene_options){0}, &error);
-    viewer_set_mesh(viewer, mesh, &error);
-    g_assert_no_error(error);
+    ok(viewer_set_mesh(viewer, mesh, ERR));
     for (int kind = 0; kind < RELIEF_KINDS; kind++)
         worst = MAX(worst, compare_three_material(viewer, (enum relief_kind)kind));
     g_subprocess_force_exit(server);

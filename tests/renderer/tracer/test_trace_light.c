@@ -2,6 +2,7 @@
  */
 #include "base/direction.h"
 #include "lib/material_fixture.h"
+#include "lib/ok.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"
 #include "lib/trace_fixture.h"
@@ -22,9 +23,7 @@
 
 static TraceScene *read_text(const char *text) {
     g_autofree char *path = trace_fixture_write(text), *folder = g_path_get_dirname(path);
-    g_autoptr(GError) error = NULL;
-    TraceScene *scene = trace_scene_read(path, &error);
-    g_assert_no_error(error);
+    TraceScene *scene = ok(trace_scene_read(path, ERR));
     remove_tree(folder);
     return scene;
 }
@@ -167,9 +166,8 @@ TEST(wrap) {
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++) {
         g_autoptr(GError) error = NULL;
         double rgb[3];
-        TraceTexture *texture = trace_texture_new(
-            bytes, (const enum gltf_wrap[2]){cases[k].wrap, GLTF_WRAP_REPEAT}, &error);
-        g_assert_no_error(error);
+        TraceTexture *texture = ok(trace_texture_new(
+            bytes, (const enum gltf_wrap[2]){cases[k].wrap, GLTF_WRAP_REPEAT}, ERR));
         trace_texture_colour(texture, cases[k].u, 0.75, rgb);
         g_assert_cmpfloat_with_epsilon(rgb[0], cases[k].red, 1e-6);
         g_assert_cmpfloat_with_epsilon(rgb[1], 1 - cases[k].red, 1e-6);
@@ -200,8 +198,7 @@ TEST(jpeg) {
     gsize size;
     g_autofree guchar *jpeg = g_base64_decode(four_squares, &size);
     g_autoptr(GBytes) bytes = g_bytes_new_static(jpeg, size);
-    TraceTexture *texture = trace_texture_new(bytes, wrap, &error);
-    g_assert_no_error(error);
+    TraceTexture *texture = ok(trace_texture_new(bytes, wrap, ERR));
     for (int k = 0; k < 4; k++) {
         double rgb[3];
         trace_texture_colour(texture, 0.25 + 0.5 * (k % 2), k < 2 ? 0.75 : 0.25, rgb);
@@ -464,13 +461,11 @@ TEST(captured) {
     const struct trace_object object = {plane, 0, 1.0F, {0, 0, 0}, FALSE};
     g_autoptr(TraceScene) scene = read_objects(&object, 1, WHITE);
     g_autoptr(BtfMatrix) btf = material_fixture_btf(TRUE);
-    g_autoptr(GError) error = NULL;
     struct trace_options options = small(2, 1);
     double least = G_MAXDOUBLE, most = 0.0;
     material_fixture_write(path, codecs_find("lpca"), btf, "clusters=3 components=4");
     mesorig_material *material = mesorig_material_open(path, NULL, NULL);
-    g_assert_true(trace_scene_set_material(scene, "diffuser", path, 2.5, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(trace_scene_set_material(scene, "diffuser", path, 2.5, ERR)));
     trace_scene_add_lamp(scene, 50.0, 200.0, 3.0);
     options.depth = 1;
     for (int k = 0; k < 9; k++) {
@@ -532,7 +527,6 @@ TEST(cancelled) {
 static void write_even_mdf(const char *path, const struct btf_matrix *btf, double depth_mm) {
     static const char *const channels[] = {"D", NULL};
     g_autoptr(ExrFile) file = exr_file_new();
-    g_autoptr(GError) error = NULL;
     for (gsize v = 0; v < btf->layout.views.n; v++) {
         g_autofree char *name = g_strdup_printf("view_%04zu", v);
         struct exr_part *part = exr_part_new(name, 4, 4, channels, EXR_FLOAT);
@@ -544,8 +538,7 @@ static void write_even_mdf(const char *path, const struct btf_matrix *btf, doubl
             part->planes[0][k] = (float)(depth_mm / cos(theta_deg * G_PI / 180.0));
         exr_file_add(file, part);
     }
-    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
-    g_assert_no_error(error);
+    g_assert_true(ok(exr_write(path, file, EXR_ZIP, FALSE, ERR)));
 }
 
 /* How far from the middle of a sphere of radius 1 level rays across its equator hit it. */
@@ -589,8 +582,7 @@ TEST(relief) {
         g_clear_error(&error);
         /* A unit of the sphere's coordinates, a tile, is 2 π along the equator and π across. */
         write_even_mdf(mdf, btf, depths[k] * tile_mm / (sqrt(2.0) * G_PI));
-        g_assert_true(trace_scene_set_relief(scene, "diffuser", mdf, &error));
-        g_assert_no_error(error);
+        g_assert_true(ok(trace_scene_set_relief(scene, "diffuser", mdf, ERR)));
         const double radius = outline_radius(scene);
         g_test_message("outline at %.4f, formula %.4f", radius, sqrt(1.0 - 2.0 * depths[k]));
         g_assert_cmpfloat_with_epsilon(radius, sqrt(1.0 - 2.0 * depths[k]), 3e-3);
