@@ -2,12 +2,17 @@
 # (#include "NAME/header.h"). It sees the headers of the rooms in USES and of nothing else;
 # ARCHITECTURE.md has the table of what each may use, and the test "rooms" holds the code against it.
 #
-#   mesorig_room(FOLDER [USES room…] [LIBRARIES library…] [WITHOUT source…])
+#   mesorig_room(FOLDER [FOLDERS sub-folder…] [USES room…] [LIBRARIES library…] [WITHOUT source…])
 function(mesorig_room folder)
-  cmake_parse_arguments(PARSE_ARGV 1 ROOM "" "" "USES;LIBRARIES;WITHOUT")
+  cmake_parse_arguments(PARSE_ARGV 1 ROOM "" "" "FOLDERS;USES;LIBRARIES;WITHOUT")
   get_filename_component(name ${folder} NAME)
   set(path ${CMAKE_CURRENT_SOURCE_DIR}/${folder})
-  file(GLOB sources CONFIGURE_DEPENDS ${path}/*.c ${path}/*.cpp)
+  set(sources)
+  foreach(part . ${ROOM_FOLDERS})
+    file(GLOB found CONFIGURE_DEPENDS ${path}/${part}/*.c ${path}/${part}/*.cpp)
+    list(APPEND sources ${found})
+  endforeach()
+  list(TRANSFORM sources REPLACE "/\\./" "/")
   list(TRANSFORM ROOM_WITHOUT PREPEND ${path}/)
   list(REMOVE_ITEM sources ${ROOM_WITHOUT})
   set(includes ${PROJECT_BINARY_DIR}/rooms/${name})

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Bonn's .btf files, written and read apart from processing/bonn*.c, to check that with.
+"""Bonn's .btf files, written and read apart from processing/formats/bonn*.c, to check that with.
 
   bonn_peer.py write KIND FILE VALUES   a small BTF of KIND, and what is in it
   bonn_peer.py read FILE VALUES         what is in a file

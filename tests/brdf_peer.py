@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Files of measured BRDFs, read and evaluated apart from processing/brdf, to check that with.
+"""Files of measured BRDFs, read and evaluated apart from processing/formats/brdf, to check that with.
 
   brdf_peer.py evaluate rgl|spectra|merl|utia FILE PAIRS VALUES   f_r of pairs of directions
   brdf_peer.py nodes FILE PAIRS              pairs of light and view that are nodes of a .bsdf

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Robust photometric stereo apart from processing/normals, with the standard library alone.
+"""Robust photometric stereo apart from processing/maps, with the standard library alone.
 
   normals_peer.py N_LIGHTS LIGHTS VALUES NORMALS
 

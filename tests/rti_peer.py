@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""RTI files, read and written apart from processing/rti, with the standard library alone.
+"""RTI files, read and written apart from processing/formats/rti, with the standard library alone.
 
   rti_peer.py evaluate ptm|relight FILE LIGHTS VALUES    values of all texels of a file under lights
   rti_peer.py ptm VERSION FORMAT FILE LIGHTS VALUES      writes a small PTM and what is in it

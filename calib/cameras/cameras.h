@@ -46,7 +46,7 @@
  */
 #pragma once
 
-#include "boards/board.h"
+#include "board.h"
 #include "calibration/calibration.h"
 #include "geometry/swing.h"
 #include "pictures/picture.h"

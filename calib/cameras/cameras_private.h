@@ -1,8 +1,8 @@
 /* State shared by cameras_*.c: pictures, corners, and the present geometry. */
 #pragma once
 
-#include "boards/board_find.h"
-#include "boards/board_size.h"
+#include "board_find.h"
+#include "board_size.h"
 #include "bundle.h"
 #include "cameras.h"
 

@@ -9,7 +9,7 @@
  */
 #pragma once
 
-#include "boards/board_find.h"
+#include "cameras/board_find.h"
 #include "geometry/rig.h"
 
 struct laser_pose { /* of a board: camera = rotation · board + shift */

@@ -5,7 +5,7 @@
 #include "bus_safety.h"
 #include "bus_unattended.h"
 #include "plan/report.h"
-#include "queue/queue.h"
+#include "queue.h"
 
 #include <string.h>
 

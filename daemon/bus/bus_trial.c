@@ -2,7 +2,7 @@
 
 #include "base/program.h"
 #include "bus_errors.h"
-#include "queue/queue.h"
+#include "queue.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -64,7 +64,7 @@ static gboolean on_trial_deadline(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Returns the request in the form that daemon/unattended/queue_try.c reads. Free it with
+/* Returns the request in the form that cli/captures/queue_try.c reads. Free it with
  * g_free(). */
 static char *trial_request(const struct queue_item *item) {
     g_autoptr(GKeyFile) request = g_key_file_new();

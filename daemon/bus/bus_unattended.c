@@ -7,7 +7,7 @@
 #include "bus_latch.h"
 #include "bus_safety.h"
 #include "bus_trial.h"
-#include "queue/queue.h"
+#include "queue.h"
 
 /* How often a session is continued after this program has ended unexpectedly. */
 #define MOST_STARTS 3

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "capture_private.h"
-#include "fiducials/fiducials.h"
+#include "radiometry/fiducials.h"
 
 /* Checks the fiducials of a shot when all of its cameras have delivered, and records the lamp's
  * output. Returns NULL, or a text (g_free()) that says what has moved in this shot and the previous

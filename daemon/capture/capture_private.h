@@ -2,11 +2,11 @@
  * it). */
 #pragma once
 
-#include "adaptive/adaptive.h"
 #include "calibration/calibration.h"
 #include "capture.h"
 #include "exposure_advice.h"
 #include "intake/intake.h"
+#include "plan/adaptive/adaptive.h"
 #include "sequencer.h"
 
 struct flight { /* a shot whose frames are being processed by the intake */

@@ -37,11 +37,11 @@
  * do not include the time that the operator needs for a mounting, nor the homing after it. */
 #pragma once
 
-#include "conf/session_conf.h"
-#include "coverage/coverage_model.h"
-#include "passes/passes.h"
+#include "passes.h"
 #include "rig/devices.h"
+#include "selection/coverage_model.h"
 #include "session/session.h"
+#include "session_conf.h"
 
 /* Limits of a plan. 200 views under 200 lights, each with its own pose, are planned within minutes
  * and with half a gigabyte of memory. */

@@ -3,7 +3,7 @@
 #include "eigenmaps/eigenmaps_codec.h"
 #include "hsh/hsh_codec.h"
 #include "lobes/lobes_codec.h"
-#include "lpca_codec/lpca_codec.h"
+#include "lpca/lpca_codec.h"
 #include "session/session.h"
 
 #include <string.h>

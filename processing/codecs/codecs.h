@@ -1,5 +1,5 @@
 /* The table of all codecs. A new codec needs a folder, a line in the array in codecs.c, a line in
- * processing/CMakeLists.txt, and a drawing method in renderer/methods/. */
+ * processing/CMakeLists.txt, and a drawing method in renderer/drawing/methods/. */
 #pragma once
 
 #include "codec/codec.h"

@@ -7,8 +7,8 @@
 #include "base/robust.h"
 #include "exr/exr.h"
 #include "formats/export_surface.h"
+#include "integrate_normals.h"
 #include "maps_private.h"
-#include "normals/integrate_normals.h"
 
 #define DIRECTIONS 16
 #define REACH      48    /* maximum distance in texels */

@@ -12,8 +12,8 @@
 #include "btf/btf_matrix.h"
 #include "btf/near_field.h"
 #include "directions/directions.h"
+#include "mdf/reprojection.h"
 #include "mdf_product.h"
-#include "reprojection/reprojection.h"
 
 #define COLOURS 3
 #define BLOCKS  64  /* parts of a view's texels that are distributed to threads */

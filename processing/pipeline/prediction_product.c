@@ -8,7 +8,7 @@
 #include "btf/btf_matrix.h"
 #include "btf/btf_sigma.h"
 #include "exr/exr_half.h"
-#include "prediction/prediction.h"
+#include "selection/prediction.h"
 
 #define PROBES 256 /* number of texels to which the prediction is fitted */
 #define BLOCK  32  /* number of texels that are predicted together */

@@ -66,7 +66,7 @@ enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 
 /* A turn of the turntable during which shots of a lamp are taken ([capture] motion = continuous).
  * It is not stored, because it follows from the session file and the shots
- * (daemon/passes/passes.h). */
+ * (daemon/plan/passes.h). */
 struct session_pass {
     /* the same number for all shots of a pass, which follow each other; 0 if the table stands
      * still */

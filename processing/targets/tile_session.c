@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "fiducials/fiducials.h"
+#include "radiometry/fiducials.h"
 #include "session/inputs.h"
 #include "tile_noise.h"
 

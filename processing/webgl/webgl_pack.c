@@ -5,7 +5,7 @@
 
 #include "base/data_error.h"
 #include "exr/exr_half.h"
-#include "lpca_codec/lpca_volumes.h"
+#include "lpca/lpca_volumes.h"
 #include "mdf_codecs/mdf_tabulated.h"
 
 #define HALF_MAX 65504.0F

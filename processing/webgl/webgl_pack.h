@@ -1,6 +1,6 @@
 /*
  * The textures from which a WebGL page draws a material: those of mesorig-view's method
- * lpca-revised (lpca_volumes.h, renderer/methods/lpca_revised.h) and of an MDF as factors
+ * lpca-revised (lpca_volumes.h, renderer/drawing/methods/lpca_revised.h) and of an MDF as factors
  * (mdf_factors.h), number by number, so that the page's picture is the viewer's. Any thread.
  *
  * Sections, L being the mip levels and K, c, n what the header says ("clusters" of all levels,

@@ -2,7 +2,7 @@
 
 #include "base/direction.h"
 #include "camera.h"
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "lamp.h"
 #include "programs.h"
 

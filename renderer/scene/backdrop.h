@@ -4,8 +4,8 @@
  */
 #pragma once
 
+#include "drawing/relief/relief.h"
 #include "environment.h"
-#include "relief/relief.h"
 
 typedef struct Backdrop Backdrop; /* belongs to the thread of the GL context */
 

@@ -1,6 +1,6 @@
 #include "compose.h"
 
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 
 #include <epoxy/gl.h>
 

@@ -1,8 +1,8 @@
 #include "environment.h"
 
+#include "drawing/gl/gpu.h"
 #include "environment_made.h"
 #include "exr/exr.h"
-#include "gl/gpu.h"
 
 #include <math.h>
 #include <string.h>

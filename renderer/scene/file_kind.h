@@ -1,7 +1,7 @@
 /* The kind of a file or folder that a user opens in the window. */
 #pragma once
 
-#include "methods/method.h"
+#include "drawing/methods/method.h"
 
 enum file_kind {
     FILE_KIND_SESSION,     /* a session's folder */

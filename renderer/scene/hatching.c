@@ -1,7 +1,7 @@
 #include "hatching.h"
 
 #include "directions/directions.h"
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 
 #include <epoxy/gl.h>
 #include <math.h>

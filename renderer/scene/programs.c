@@ -1,7 +1,7 @@
 #include "programs.h"
 
 #include "camera.h"
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "lamp.h"
 
 #include <epoxy/gl.h>

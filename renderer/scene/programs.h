@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "gl/places.h"
+#include "drawing/gl/places.h"
 #include "viewer.h"
 
 enum program_kind {

@@ -6,7 +6,7 @@
 #include "exr/exr.h"
 #include "lamp.h"
 #include "material/material.h"
-#include "reprojection/reprojection.h"
+#include "mdf/reprojection.h"
 #include "session/session.h"
 
 #include <math.h>

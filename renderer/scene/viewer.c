@@ -3,13 +3,13 @@
 #include "backdrop.h"
 #include "base/direction.h"
 #include "camera.h"
-#include "gl/gpu.h"
-#include "gl/places.h"
+#include "drawing/gl/gpu.h"
+#include "drawing/gl/places.h"
+#include "drawing/methods/eigenmaps_view.h"
+#include "drawing/relief/relief.h"
 #include "hatching.h"
 #include "lamp.h"
-#include "methods/eigenmaps_view.h"
 #include "programs.h"
-#include "relief/relief.h"
 #include "shapes/mesh_shape.h"
 
 #include <epoxy/gl.h>

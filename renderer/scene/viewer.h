@@ -6,11 +6,11 @@
  */
 #pragma once
 
+#include "drawing/methods/method.h"
+#include "drawing/relief/relief.h"
+#include "drawing/relief/visibility.h"
 #include "eigenmaps/eigenmaps.h"
 #include "hatching.h"
-#include "methods/method.h"
-#include "relief/relief.h"
-#include "relief/visibility.h"
 #include "shapes/scene.h"
 #include "synthesis/index_map.h"
 

@@ -1,4 +1,4 @@
-// A material's local PCA as textures: what renderer/methods/lpca_revised.c puts on the card, and
+// A material's local PCA as textures: what renderer/drawing/methods/lpca_revised.c puts on the card, and
 // lpca_texel.glsl and lpca_revised.glsl read.
 import { floatOfHalf } from "./material_file.js";
 

@@ -1,4 +1,4 @@
-// Silhouettes and cast shadows of a material's structure (Wang et al. 2005 §4), as renderer/relief has
+// Silhouettes and cast shadows of a material's structure (Wang et al. 2005 §4), as renderer/drawing/relief has
 // them. prepare() finds the visible surface of each pixel and the shadow map; uniforms hands both to
 // visible.glsl and shadow.glsl.
 import { cross, unit } from "./vectors.js";

@@ -1,7 +1,7 @@
 #include "opener.h"
 
+#include "drawing/gl/gpu.h"
 #include "exr/exr.h"
-#include "gl/gpu.h"
 
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE

@@ -1,5 +1,5 @@
 /* Opens any file that the user names at the start, in a dialog, or by dropping it on the window. */
-#include "desktop/recent.h"
+#include "recent.h"
 #include "scene_files.h"
 #include "window_private.h"
 

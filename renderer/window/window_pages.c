@@ -1,5 +1,5 @@
 /* Dialogs over the picture, and the line of text at its bottom. */
-#include "desktop/recent.h"
+#include "recent.h"
 #include "window_private.h"
 
 static void window_set_message(struct window *w, const char *message, gboolean is_error) {

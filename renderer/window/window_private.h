@@ -1,7 +1,7 @@
 /* Shared by the files of the window. */
 #pragma once
 
-#include "desktop/chooser.h"
+#include "chooser.h"
 #include "live.h"
 #include "opener.h"
 #include "scene/file_kind.h"
@@ -10,7 +10,7 @@
 #include "ui.h"
 #include "window.h"
 
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 
 #define WINDOW_BINS 64
 

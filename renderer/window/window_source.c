@@ -1,6 +1,6 @@
 #include "window_private.h"
 
-#include "desktop/recent.h"
+#include "recent.h"
 #include "scene_files.h"
 #include "series.h"
 

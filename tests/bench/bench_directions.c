@@ -7,10 +7,10 @@
  */
 #include "bench.h"
 #include "bench_program.h"
+#include "drawing/gl/direction_cube.h"
+#include "drawing/gl/direction_table.h"
+#include "drawing/methods/lobes_view.h"
 #include "frame_time.h"
-#include "gl/direction_cube.h"
-#include "gl/direction_table.h"
-#include "methods/lobes_view.h"
 #include "shapes/scene.h"
 
 #include <math.h>

@@ -18,11 +18,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "adaptive/sweeps.h"
 #include "base/work.h"
 #include "mdf/mdf_views.h"
 #include "pipeline/catalogue.h"
 #include "pipeline/mdf_product.h"
+#include "plan/adaptive/sweeps.h"
 #include "world/truth.h"
 
 enum { ALL, COVERED, WAYS };

@@ -2,12 +2,12 @@
  * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
  * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
 #include "bench.h"
+#include "drawing/gl/gpu.h"
+#include "drawing/methods/lpca_grid.h"
+#include "drawing/methods/lpca_revised.h"
+#include "drawing/methods/lpca_view.h"
 #include "frame_time.h"
-#include "gl/gpu.h"
 #include "lpca_rendering_parts.h"
-#include "methods/lpca_grid.h"
-#include "methods/lpca_revised.h"
-#include "methods/lpca_view.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

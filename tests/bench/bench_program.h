@@ -1,7 +1,7 @@
 /* Shader programs that a bench puts together itself, from its own texts and embedded ones. */
 #pragma once
 
-#include "gl/shaders.h"
+#include "drawing/gl/shaders.h"
 
 #include <epoxy/gl.h>
 #include <glib.h>

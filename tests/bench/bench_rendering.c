@@ -5,9 +5,9 @@
  * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
  */
 #include "bench.h"
+#include "drawing/gl/gpu.h"
 #include "eigenmaps/eigenmaps.h"
 #include "frame_time.h"
-#include "gl/gpu.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"
 

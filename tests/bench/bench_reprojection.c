@@ -24,7 +24,7 @@
 #include "directions/directions.h"
 #include "exr/exr.h"
 #include "mdf/mdf_views.h"
-#include "reprojection/reprojection.h"
+#include "mdf/reprojection.h"
 #include "session/session.h"
 #include "world/truth.h"
 

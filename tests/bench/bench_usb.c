@@ -20,10 +20,10 @@
 #include "usb_u3v.h"
 #include "v4l2/stream.h"
 #include "v4l2/v4l2.h"
+#include "virtual/cameras/v4l2.h"
 #include "virtual/testbed.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
-#include "virtual_cameras/v4l2.h"
 
 #include <poll.h>
 #include <stdio.h>

@@ -2,13 +2,13 @@
  * shape, of the same local PCA and MDF, with silhouettes and shadows. For several views, lamps and
  * shapes. */
 #include "bench.h"
+#include "drawing/gl/gpu.h"
+#include "drawing/methods/lpca_revised.h"
 #include "formats/compare_pictures.h"
-#include "gl/gpu.h"
 #include "lib/browser.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/view_fixture.h"
-#include "methods/lpca_revised.h"
 #include "scene/picture.h"
 
 #define WIDTH      320

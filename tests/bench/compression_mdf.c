@@ -2,7 +2,7 @@
  * how far outlines are that the viewer draws with them. */
 #include "compression_parts.h"
 
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
 #include "scene/viewer.h"

@@ -2,7 +2,7 @@
 
 #include "bench.h"
 #include "directions/triangulation.h"
-#include "lpca_codec/lpca_resample.h"
+#include "lpca/lpca_resample.h"
 
 #include <math.h>
 #include <stdio.h>

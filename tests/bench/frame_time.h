@@ -2,7 +2,7 @@
 #pragma once
 
 #include "bench.h"
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "scene/viewer.h"
 
 #include <string.h>

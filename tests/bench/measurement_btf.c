@@ -1,9 +1,9 @@
 #include "measurement_parts.h"
 
 #include "btf/btf_sigma.h"
+#include "capture/intake/radiance.h"
 #include "exr/exr_half.h"
 #include "frames/rectify.h"
-#include "intake/radiance.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 #include "measurement_parts.h"
 
+#include "capture/intake/radiance.h"
 #include "frames/sweep.h"
-#include "intake/radiance.h"
 #include "mdf/mdf.h"
 #include "measurement_shown.h"
 

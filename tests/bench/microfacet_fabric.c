@@ -1,7 +1,7 @@
 #include "microfacet_parts.h"
 
-#include "gl/gpu.h"
-#include "methods/microfacet.h"
+#include "drawing/gl/gpu.h"
+#include "drawing/methods/microfacet.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"

@@ -1,7 +1,7 @@
 #include "microfacet_parts.h"
 
 #include "bench.h"
-#include "methods/microfacet.h"
+#include "drawing/methods/microfacet.h"
 
 #include <cairo.h>
 #include <math.h>

@@ -1,7 +1,7 @@
 /* The parts of bench_prediction, a file each. */
 #pragma once
 
-#include "prediction/prediction.h"
+#include "selection/prediction.h"
 #include "world/world.h"
 
 struct btf_matrix;

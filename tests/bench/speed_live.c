@@ -4,7 +4,7 @@
 #include "speed_parts.h"
 
 #include "bench.h"
-#include "intake/intake.h"
+#include "capture/intake/intake.h"
 #include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>

@@ -2,7 +2,7 @@
 
 #include "aravis/camera.h"
 #include "conformance/conformance.h"
-#include "virtual_cameras/u3v.h"
+#include "virtual/cameras/u3v.h"
 
 #include <libusb.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
-#include "boards/board.h"
-#include "boards/corner.h"
+#include "cameras/board.h"
+#include "cameras/corner.h"
 #include "lib/ok.h"
 #include "lib/test.h"
 #include "pictures/picture_read.h"

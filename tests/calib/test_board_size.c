@@ -7,7 +7,7 @@
  * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/mistakes.md; a
  * number of 0 … 6 after it: of this print alone.
  */
-#include "boards/board_size.h"
+#include "cameras/board_size.h"
 #include "lib/ok.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 /* A lens from a video of a board that is moved from place to place: which frames are chosen, and
  * what lens they give. A formula draws the board, and OpenCV writes the video. */
-#include "boards/board.h"
 #include "calibration/calibration.h"
+#include "cameras/board.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
 #include "lib/test.h"

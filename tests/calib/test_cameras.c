@@ -5,7 +5,7 @@
 #include "lib/calibration_fixture.h"
 
 #include "base/residual.h"
-#include "boards/board_find.h"
+#include "cameras/board_find.h"
 #include "lib/test.h"
 
 #define N_STOPS 8

@@ -1,6 +1,6 @@
-#include "fiducials/fiducials.h"
 #include "lib/radiometry_fixture.h"
 #include "lib/test.h"
+#include "radiometry/fiducials.h"
 
 #define PIXELS (FIXTURE_SIZE * FIXTURE_SIZE)
 

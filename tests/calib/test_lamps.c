@@ -1,9 +1,9 @@
 /* Several lamps, and light from all around. */
+#include "drawing/methods/microfacet.h"
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "methods/microfacet.h"
 #include "scene/environment_made.h"
 #include "shapes/scene.h"
 

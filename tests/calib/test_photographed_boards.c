@@ -3,7 +3,7 @@
  * shell sees it: the two sets of chessboards that come with OpenCV (Debian's opencv-doc), and what
  * is made of them.
  */
-#include "boards/board_find.h"
+#include "cameras/board_find.h"
 #include "cameras/cameras.h"
 #include "exr/exr.h"
 #include "lib/process.h"

@@ -4,7 +4,7 @@
  * division model: a point at radius r of the picture (in focal lengths) is seen at r / (1 + BEND
  * r²) (Fitzgibbon 2001). Each corner is compared with where the formula says that it is.
  */
-#include "boards/board_find.h"
+#include "cameras/board_find.h"
 #include "geometry/rig.h"
 #include "lib/ok.h"
 #include "lib/test.h"

@@ -3,7 +3,7 @@
  * mesorig-view draws them from the products of its session, against the same scene with the
  * sample's true surface, ray traced. Also makes that scene's picture.
  */
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "lib/silhouettes.h"
 #include "scene/picture.h"
 

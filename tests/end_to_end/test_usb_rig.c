@@ -6,8 +6,8 @@
 #include "lib/remove_tree.h"
 #include "lib/twin_sessions.h"
 
+#include "virtual/rig/rig.h"
 #include "virtual/testbed.h"
-#include "virtual_rig/rig.h"
 
 #include <gio/gio.h>
 #include <signal.h>

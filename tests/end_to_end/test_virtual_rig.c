@@ -8,7 +8,7 @@
 #include "lib/test.h"
 #include "lib/twin_sessions.h"
 
-#include "virtual_rig/rig.h"
+#include "virtual/rig/rig.h"
 
 #include <gio/gio.h>
 #include <glib/gstdio.h>

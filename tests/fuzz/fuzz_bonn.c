@@ -1,7 +1,7 @@
 /* Bonn's .btf container, all kinds. */
 #include "fuzz.h"
 
-#include "bonn/bonn.h"
+#include "formats/bonn/bonn.h"
 
 #define MOST 1000000 /* values of a view that are worth reading here */
 

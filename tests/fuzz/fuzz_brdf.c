@@ -1,7 +1,7 @@
 /* Files of measured BRDFs. What is read evaluates to numbers that are not negative. */
 #include "fuzz.h"
 
-#include "brdf/brdf.h"
+#include "formats/brdf/brdf.h"
 
 #include <math.h>
 

@@ -1,8 +1,8 @@
 /* Calibration files, boards, colour charts. */
 #include "fuzz.h"
 
-#include "boards/board.h"
 #include "calibration/calibration.h"
+#include "cameras/board.h"
 #include "targets/chart_session.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

@@ -1,7 +1,7 @@
 /* The file of the queue of sessions: what is read is written, and read again, as it was. */
 #include "fuzz.h"
 
-#include "queue/queue.h"
+#include "bus/queue.h"
 
 #include <glib/gstdio.h>
 #include <sys/stat.h>

@@ -1,7 +1,7 @@
 /* PTMs and RTIs of harmonics. */
 #include "fuzz.h"
 
-#include "rti/rti.h"
+#include "formats/rti/rti.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static const float basis[RTI_MAX_TERMS] = {1, 0.5F, -0.5F, 0.25F};

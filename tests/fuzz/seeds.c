@@ -1,5 +1,6 @@
 /* Writes small files of every kind that is not text, for fuzzing to begin with, and the calibration
  * of a rig file: seeds FOLDER RIG.conf. */
+#include "bus/queue.h"
 #include "eigenmaps/eigenmaps.h"
 #include "exr/checkpoint.h"
 #include "exr/exr.h"
@@ -9,7 +10,6 @@
 #include "lpca/lpca.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
-#include "queue/queue.h"
 #include "rig/devices.h"
 #include "session/session.h"
 #include "synthesis/index_map.h"

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "boards/board.h"
+#include "cameras/board.h"
 #include "cameras/cameras.h"
 #include "world/truth.h"
 #include "world/world.h"

@@ -3,7 +3,7 @@
 
 #include "aravis/camera.h"
 #include "conformance/conformance.h"
-#include "virtual_cameras/gige.h"
+#include "virtual/cameras/gige.h"
 
 struct eye {
     VirtualGige *device;

@@ -1,7 +1,7 @@
 /* An OpenGL context for a test that draws; where there is none the test is skipped. */
 #pragma once
 
-#include "gl/gpu.h"
+#include "drawing/gl/gpu.h"
 #include "skip.h"
 
 struct fixture {

@@ -3,10 +3,10 @@
 
 #include "btf/direction_grid.h"
 #include "directions/directions.h"
+#include "drawing/methods/lobes_view.h"
+#include "drawing/methods/microfacet.h"
 #include "formula_fixture.h"
 #include "lobes/lobes_levels.h"
-#include "methods/lobes_view.h"
-#include "methods/microfacet.h"
 #include "rings.h"
 
 struct scene {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "drivers/frame.h"
-#include "virtual_cameras/imager.h"
+#include "virtual/cameras/imager.h"
 
 #define PAINTED_WIDTH  66
 #define PAINTED_HEIGHT 34

@@ -3,7 +3,7 @@
 
 #include "base/vec.h"
 #include "lpca/lpca_levels.h"
-#include "lpca_codec/lpca_resample.h"
+#include "lpca/lpca_resample.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
 

@@ -1,8 +1,8 @@
 /* Pictures of hemispherical harmonics against hsh_evaluate(), pixel by pixel. */
 #include "lib/lobes_scene.h"
 
+#include "drawing/methods/hsh_view.h"
 #include "lib/ok.h"
-#include "methods/hsh_view.h"
 
 #include <glib/gstdio.h>
 #include <string.h>

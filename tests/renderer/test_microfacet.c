@@ -1,7 +1,7 @@
 /* The rotation of microfacets, and pictures of metal and fabric against microfacet_evaluate(). */
+#include "drawing/methods/microfacet.h"
 #include "lib/formula_fixture.h"
 #include "lib/test.h"
-#include "methods/microfacet.h"
 
 static struct vec3 random_normal(GRand *random) {
     for (;;) {

@@ -1,11 +1,11 @@
 /* Normal maps from files, whole and broken, and metal under them against microfacet_evaluate(). */
+#include "drawing/methods/microfacet.h"
+#include "drawing/methods/normal_map.h"
 #include "exr/exr.h"
 #include "lib/formula_fixture.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/test.h"
-#include "methods/microfacet.h"
-#include "methods/normal_map.h"
 
 #include <glib/gstdio.h>
 #include <png.h>

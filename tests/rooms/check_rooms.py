@@ -3,15 +3,15 @@
 
 usage: check_rooms.py SOURCE_DIR [--table | --draw]
 
-A room is a folder with sources. Fails on: a room that is not in the table or is no longer there, an
-include that the table does not allow, a pair of rooms that include each other, and a circle in the
-table. --table prints the table as the code has it; --draw prints it for Graphviz.
+A room is a folder with sources, and the sub-folders that its mesorig_room() names. Fails on: a room
+that is not in the table or is no longer there, an include that the table does not allow, a pair of
+rooms that include each other, and a circle in the table. --table prints the table as the code has it; --draw prints it for Graphviz.
 """
 import os
 import re
 import sys
 
-HOUSES = ("base", "calib", "daemon", "drivers", "processing", "renderer", "sim")
+HOUSES = ("base", "calib", "cli", "daemon", "drivers", "processing", "renderer", "sim")
 SOURCE = re.compile(r".*\.(c|cpp|h)$")
 ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|$")
 
@@ -29,14 +29,35 @@ def read_table(path):
 
 
 def find_rooms(root):
-    """{folder: [files]} of every folder with sources."""
+    """{folder: [files]} of every room; a file in a sub-folder of its room is SUB/NAME."""
+    parts = {os.path.normpath(os.path.join(folder, part)): (folder, part + "/")
+             for folder, (_, subs) in read_cmake(root).items() for part in subs}
     rooms = {}
     for house in HOUSES:
         for folder, _, names in os.walk(os.path.join(root, house)):
             files = sorted(name for name in names if SOURCE.match(name))
+            folder = os.path.relpath(folder, root)
+            room, prefix = parts.get(folder, (folder, ""))
             if files:
-                rooms[os.path.relpath(folder, root)] = files
+                rooms.setdefault(room, []).extend(prefix + name for name in files)
     return rooms
+
+
+def read_cmake(root):
+    """{folder: (rooms that it uses, sub-folders)} of each mesorig_room() of the CMakeLists.txt."""
+    found = {}
+    for house in HOUSES:
+        with open(os.path.join(root, house, "CMakeLists.txt"), encoding="utf-8") as page:
+            for call in re.findall(r"mesorig_room\(([^)]*)\)", page.read()):
+                lists, into = {}, None
+                for word in call.split()[1:]:
+                    if word in ("FOLDERS", "USES", "LIBRARIES", "WITHOUT"):
+                        into = lists.setdefault(word, [])
+                    else:
+                        into.append(word)
+                folder = os.path.normpath(os.path.join(house, call.split()[0]))
+                found[folder] = (set(lists.get("USES", [])), lists.get("FOLDERS", []))
+    return found
 
 
 def includes(path):
@@ -56,15 +77,18 @@ def find_arrows(root, rooms):
             for line, header in includes(os.path.join(root, folder, name)):
                 where = f"{folder}/{name}:{line}: {header}"
                 room, _, rest = header.partition("/")
+                here = os.path.join(os.path.dirname(name), header)
+                if here in files:
+                    continue
                 if not rest:
-                    if header not in files and header != "rig1-bus.h":
+                    if header != "rig1-bus.h":
                         wrong.append(f"{where}: is not in this room; say \"room/{header}\"")
                 elif room not in folders or rest not in rooms[folders[room]]:
                     wrong.append(f"{where}: there is no such room or header")
-                elif folders[room] == folder:
-                    wrong.append(f"{where}: is in this room; say \"{rest}\"")
-                else:
+                elif folders[room] != folder:
                     arrows.setdefault((os.path.basename(folder), room), []).append(where)
+                elif os.path.dirname(name) == os.path.dirname(rest):
+                    wrong.append(f"{where}: is in this folder; say \"{os.path.basename(rest)}\"")
     return arrows, wrong
 
 
@@ -77,20 +101,6 @@ def check_circles(table):
             return sorted(left)
         for room in free:
             del left[room]
-
-
-def find_libraries(root):
-    """{folder: set of rooms} of each mesorig_room() in the houses' CMakeLists.txt."""
-    libraries = {}
-    for house in HOUSES:
-        with open(os.path.join(root, house, "CMakeLists.txt"), encoding="utf-8") as page:
-            for call in re.findall(r"mesorig_room\(([^)]*)\)", page.read()):
-                words = call.split()
-                uses = words[words.index("USES") + 1:] if "USES" in words else []
-                ends = [i for i, word in enumerate(uses) if word in ("LIBRARIES", "WITHOUT")]
-                libraries[os.path.normpath(os.path.join(house, words[0]))] = set(
-                    uses[:ends[0]] if ends else uses)
-    return libraries
 
 
 def check(root, table, rooms):
@@ -111,7 +121,7 @@ def check(root, table, rooms):
     for room, (_, uses) in table.items():
         wrong += [f"ARCHITECTURE.md: `{room}` may use `{used}`, but does not"
                   for used in sorted(uses) if (room, used) not in arrows]
-    for folder, uses in find_libraries(root).items():
+    for folder, (uses, _) in read_cmake(root).items():
         row = table.get(os.path.basename(folder), ("", set()))[1]
         if uses != row:
             wrong.append(f"{folder}: mesorig_room() and ARCHITECTURE.md differ in "

@@ -6,10 +6,10 @@
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
+#include "virtual/cameras/v4l2.h"
 #include "virtual/testbed.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
-#include "virtual_cameras/v4l2.h"
 
 #define WORLD SOURCE_DIR "/tests/small/world.conf"
 

@@ -2,9 +2,9 @@
 #include "bus/bus.h"
 #include "bus/bus_private.h"
 #include "bus/bus_unattended.h"
+#include "bus/queue.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "queue/queue.h"
 
 #include <string.h>
 

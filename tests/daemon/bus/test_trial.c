@@ -1,8 +1,8 @@
 /* Test shots of a session of the queue are another program's: what it is asked, and what its
  * answers, its faults and its silence mean. In its place are scripts. */
 #include "bus/bus_trial.h"
+#include "bus/queue.h"
 #include "lib/ok.h"
-#include "queue/queue.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -64,7 +64,7 @@ static void expect(Bus *bus, const char *script, enum bus_trial_end end, const c
 
 static void test_answers_inside(void) {
     Bus *bus = bus_new(ADDRESS);
-    /* It gets what daemon/unattended/queue_try.c reads. */
+    /* It gets what cli/captures/queue_try.c reads. */
     expect(bus, "cat >&2; echo \"$*\" >&2; printf 'cam30 4000'", BUS_TRIAL_DONE, "cam30 4000",
            NULL);
     static const char *const asked[] = {"[try]",

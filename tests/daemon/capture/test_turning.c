@@ -5,11 +5,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "adaptive/adaptive.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
 #include "lib/test.h"
 #include "pipeline/pipeline.h"
+#include "plan/adaptive/adaptive.h"
 #include "world/truth.h"
 
 /* 8 angles of the turntable and of the arc, two lamps that are slow to warm up: 16 passes of 8

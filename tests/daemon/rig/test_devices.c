@@ -9,12 +9,12 @@
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
+#include "virtual/cameras/u3v.h"
+#include "virtual/cameras/v4l2.h"
 #include "virtual/modbus.h"
 #include "virtual/testbed.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
-#include "virtual_cameras/u3v.h"
-#include "virtual_cameras/v4l2.h"
 
 #include <string.h>
 

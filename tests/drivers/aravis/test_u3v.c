@@ -3,8 +3,8 @@
 #include "lib/ok.h"
 #include "lib/painted.h"
 
+#include "virtual/cameras/u3v.h"
 #include "virtual/testbed.h"
-#include "virtual_cameras/u3v.h"
 
 #include <string.h>
 

@@ -5,8 +5,8 @@
 #include "v4l2/formats.h"
 #include "v4l2/load.h"
 #include "v4l2/v4l2.h"
+#include "virtual/cameras/v4l2.h"
 #include "virtual/testbed.h"
-#include "virtual_cameras/v4l2.h"
 
 #include <linux/videodev2.h>
 #include <string.h>

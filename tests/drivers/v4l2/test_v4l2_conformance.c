@@ -2,8 +2,8 @@
 
 #include "lib/ok.h"
 #include "v4l2/v4l2.h"
+#include "virtual/cameras/v4l2.h"
 #include "virtual/testbed.h"
-#include "virtual_cameras/v4l2.h"
 
 #include <string.h>
 

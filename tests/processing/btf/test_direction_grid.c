@@ -2,7 +2,7 @@
 #include "btf/direction_grid.h"
 #include "lib/ok.h"
 #include "lib/test.h"
-#include "lpca_codec/lpca_resample.h"
+#include "lpca/lpca_resample.h"
 
 #include "exr/exr.h"
 #include "lib/btf_fixture.h"

@@ -1,9 +1,9 @@
 /* Pictures of local PCAs of logarithms against a plain evaluation of the formula, pixel by pixel.
  */
+#include "drawing/methods/lpca_grid.h"
+#include "drawing/methods/lpca_revised.h"
+#include "drawing/methods/lpca_view.h"
 #include "lib/lpca_scene.h"
-#include "methods/lpca_grid.h"
-#include "methods/lpca_revised.h"
-#include "methods/lpca_view.h"
 
 /* What random numbers are as logarithms: from a hundredth to about white. */
 static void make_log(struct lpca *lpca) {

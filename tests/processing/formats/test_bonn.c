@@ -1,5 +1,5 @@
 /* Bonn's .btf files, against a reader and writer in Python that share nothing with ours. */
-#include "bonn/bonn.h"
+#include "formats/bonn/bonn.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"

@@ -1,7 +1,7 @@
 /* What others have measured, made into sessions; and sessions written for others. */
 #include "base/data_error.h"
-#include "bonn/bonn.h"
 #include "eigenmaps/eigenmaps.h"
+#include "formats/bonn/bonn.h"
 #include "formats/export.h"
 #include "formats/import.h"
 #include "lib/ok.h"

@@ -1,8 +1,8 @@
 /* A glossy material in the simulated world on which the laser's line saturates the cameras: a
  * second, shorter exposure at each step tells where it was. */
+#include "capture/intake/radiance.h"
 #include "frames/rectify.h"
 #include "frames/sweep.h"
-#include "intake/radiance.h"
 #include "lib/test.h"
 #include "lib/two_lasers.h"
 #include "mdf/mdf.h"

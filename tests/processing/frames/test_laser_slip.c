@@ -1,8 +1,8 @@
 /* A sweep axis that has slipped, in the simulated world: the line on the turntable beside a weave
  * tells, and the surface is found where it is. */
+#include "capture/intake/radiance.h"
 #include "frames/laser_pictures.h"
 #include "frames/sweep.h"
-#include "intake/radiance.h"
 #include "lib/test.h"
 #include "lib/two_lasers.h"
 #include "mdf/mdf.h"

@@ -1,7 +1,7 @@
 /* A laser's sheet that is bent, speckle, and material that light enters, in the simulated world:
  * from the calibration on plates to the MDF of a sample, against the truth. */
+#include "capture/intake/radiance.h"
 #include "frames/sweep.h"
-#include "intake/radiance.h"
 #include "laser/laser.h"
 #include "lib/ok.h"
 #include "lib/test.h"

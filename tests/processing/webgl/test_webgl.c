@@ -1,8 +1,9 @@
 /* The page of a material in a browser, against the viewer's pictures of the same file; its size;
  * what cannot be exported. */
+#include "drawing/gl/gpu.h"
+#include "drawing/methods/lpca_revised.h"
 #include "exr/exr_half.h"
 #include "formats/compare_pictures.h"
-#include "gl/gpu.h"
 #include "lib/browser.h"
 #include "lib/ok.h"
 #include "lib/process.h"
@@ -12,7 +13,6 @@
 #include "lib/test.h"
 #include "lib/view_fixture.h"
 #include "lpca/lpca_levels.h"
-#include "methods/lpca_revised.h"
 #include "scene/picture.h"
 #include "scene/viewer.h"
 #include "shapes/scene.h"

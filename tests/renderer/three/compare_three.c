@@ -1,15 +1,15 @@
 /* MesorigMaterial in three.js, which npm installs, against the viewer: mean CIEDE2000 of what a
  * torus covers, with silhouettes and shadows, of three materials from six views under six lights.
  */
+#include "drawing/gl/gpu.h"
+#include "drawing/methods/lpca_revised.h"
 #include "formats/compare_pictures.h"
-#include "gl/gpu.h"
 #include "lib/browser.h"
 #include "lib/ok.h"
 #include "lib/process.h"
 #include "lib/relief_scene.h"
 #include "lib/remove_tree.h"
 #include "lib/view_fixture.h"
-#include "methods/lpca_revised.h"
 #include "scene/picture.h"
 
 #define WIDTH    160

@@ -1,0 +1,429 @@
+/* calibrate lights --images: the directions of light in photographs, by balls in them. */
+#include "calibrate_photos.h"
+
+#include "calibrate.h"
+#include "common/work.h"
+#include "lamps/ball_outline.h"
+#include "lamps/highlights.h"
+
+#include <math.h>
+#include <string.h>
+
+#define INSIDE     0.97 /* of a ball's radius: the part that is searched */
+#define AROUND     1.3  /* of it: a highlight up to here shows that the given circle is wrong */
+#define BRIGHTER   5.0  /* times the energy of the one on the ball: such a highlight */
+#define SPOT_SHARE 0.05 /* of a ball's disc, that a highlight may take up: 26° around the lamp */
+#define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
+#define MOVED      0.05 /* of the radius: largest error of such a circle */
+#define MOVED_PX   4    /* the same of small balls */
+#define WHITE      0.98 /* of the brightest pixel, that counts as clipped */
+#define LOST       0.25 /* of the radius: an outline within this shows that the circle is a mistake */
+#define DEG        (180 / G_PI)
+
+char *photos_folder, **photos_balls;
+double photos_radius_mm, photos_focal_px, photos_within_deg = 0.5;
+
+struct light {
+    char *name; /* of the file */
+    struct ball_light found;
+};
+
+struct job {
+    struct ball_outline given[BALL_LIGHT_MOST], balls[BALL_LIGHT_MOST];
+    double sigma_px[BALL_LIGHT_MOST];   /* of balls */
+    gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
+    BallEdges *edges[BALL_LIGHT_MOST];  /* NULL: the ball is too small */
+    int n_balls;
+    GPtrArray *names; /* paths */
+    Picture *mean;    /* of the square roots of light, of pictures that are not overexposed */
+    int n_mean;
+    GArray *lights; /* struct light */
+    GPtrArray *rejected;
+    OutputFile *to;
+};
+
+static void clear_light(gpointer data) {
+    g_free(((struct light *)data)->name);
+}
+
+static void cli_calibrate_photos_reject(struct job *job, const char *name, int ball,
+                                        const char *why) {
+    g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
+}
+
+/* Whether more of a ball is white than a lamp's highlight takes up. The glare of such a picture
+ * reaches over the outline. */
+static gboolean overexposed(const struct job *job, const struct picture *picture, int i) {
+    const struct ball_outline *ball = &job->given[i];
+    const int reach = (int)ball->radius_px, x = (int)ball->x_px, y = (int)ball->y_px;
+    float most = 0;
+    int white = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int row = MAX(y - reach, 0); row <= MIN(y + reach, picture->height - 1); row++)
+            for (int column = MAX(x - reach, 0); column <= MIN(x + reach, picture->width - 1);
+                 column++) {
+                const float value = picture->values[row * picture->width + column];
+                if (pass == 0)
+                    most = fmaxf(most, value);
+                else
+                    white += hypot(column - x, row - y) < reach && value >= (float)WHITE * most;
+            }
+    return white > SPOT_SHARE * G_PI * reach * reach;
+}
+
+/* Adds the square root of a picture's light, so that highlights do not outshine outlines. */
+static void add_to_mean(struct job *job, const struct picture *picture) {
+    const int pixels = picture->width * picture->height;
+    struct picture **mean = &job->mean;
+    if (!*mean)
+        *mean = picture_new("mean", "", picture->width, picture->height);
+    for (int i = 0; i < job->n_balls; i++)
+        if (overexposed(job, picture, i))
+            return;
+    for (int i = 0; i < job->n_balls; i++)
+        if (job->edges[i])
+            ball_edges_add(job->edges[i], picture);
+    for (int i = 0; i < pixels; i++)
+        (*mean)->values[i] += sqrtf(MAX(picture->values[i], 0));
+    job->n_mean++;
+}
+
+/* Takes the ball's outline from the pictures, since it is nearer to the truth than a circle that
+ * somebody has drawn. If the only outline in the pictures is far from that circle, the circle is a
+ * mistake. */
+static gboolean outline(struct job *job, int i, GError **error) {
+    const struct ball_outline *given = &job->given[i];
+    struct ball_outline seen;
+    double sigma_px;
+    const BallEdges *edges = job->edges[i];
+    job->outlined[i] = edges && ball_outline_find(edges, MAX(MOVED * given->radius_px, MOVED_PX),
+                                                  &job->balls[i], &job->sigma_px[i]);
+    if (job->outlined[i])
+        return TRUE;
+    if (edges && ball_outline_find(edges, LOST * given->radius_px, &seen, &sigma_px)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "ball %d is said to be at %.1f, %.1f px with a radius of %.1f px, but the "
+                    "pictures show an outline at %.1f, %.1f px with a radius of %.1f px; measure "
+                    "it again, and give --ball X,Y,R",
+                    i + 1, given->x_px, given->y_px, given->radius_px, seen.x_px, seen.y_px,
+                    seen.radius_px);
+        return FALSE;
+    }
+    job->balls[i] = *given;
+    job->sigma_px[i] = GIVEN_PX;
+    return TRUE;
+}
+
+struct size {
+    int width, height;
+};
+
+static int count_of(const GArray *sizes, const struct size *size) {
+    int n = 0;
+    for (guint i = 0; i < sizes->len; i++)
+        n += memcmp(&g_array_index(sizes, struct size, i), size, sizeof *size) == 0;
+    return n;
+}
+
+/* Leaves out pictures of another size than most have, since the balls must be at the same place in
+ * all of them: thumbnails, or pictures of something else. */
+static gboolean leave_out_sizes(struct job *job, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    const int n = (int)job->names->len;
+    g_autoptr(GArray) sizes = g_array_new(FALSE, FALSE, sizeof(struct size));
+    struct size usual = {0};
+    for (int i = 0; i < n; i++) {
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
+        if (!picture || !work_tell(work, "sizes", i + 1, n, begun_us, error))
+            return FALSE;
+        const struct size size = {picture->width, picture->height};
+        g_array_append_val(sizes, size);
+        if (count_of(sizes, &size) > count_of(sizes, &usual))
+            usual = size;
+    }
+    for (guint i = sizes->len; i-- > 0;) {
+        const struct size *size = &g_array_index(sizes, struct size, i);
+        if (size->width == usual.width && size->height == usual.height)
+            continue;
+        g_ptr_array_add(job->rejected,
+                        g_strdup_printf("%s: has %d × %d pixels, and most pictures have %d × %d",
+                                        (char *)job->names->pdata[i], size->width, size->height,
+                                        usual.width, usual.height));
+        g_ptr_array_remove_index(job->names, i);
+    }
+    return TRUE;
+}
+
+static gboolean find_outlines(struct job *job, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    const int n = (int)job->names->len;
+    for (int i = 0; i < job->n_balls; i++)
+        job->edges[i] = ball_edges_new(&job->given[i]);
+    for (int i = 0; i < n; i++) {
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
+        if (!picture || !work_tell(work, "outlines", i + 1, n, begun_us, error))
+            return FALSE;
+        add_to_mean(job, picture);
+    }
+    for (int i = 0; i < job->mean->width * job->mean->height; i++)
+        job->mean->values[i] /= (float)MAX(job->n_mean, 1);
+    for (int i = 0; i < job->n_balls; i++)
+        if (!outline(job, i, error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
+    for (int i = 0; i < job->n_balls; i++)
+        if (hypot(x_px - job->balls[i].x_px, y_px - job->balls[i].y_px) < job->balls[i].radius_px)
+            return TRUE;
+    return FALSE;
+}
+
+/* NULL, or why the lamp's highlight is not within the circle. energy: of the highlight on the ball.
+ */
+static char *look_around(const struct job *job, const struct picture *picture,
+                         const struct ball_outline *ball, double most_px, double energy) {
+    const struct highlight_mean mean = {job->mean, job->n_mean};
+    struct highlight around;
+    const double room = MIN(MIN(ball->x_px, picture->width - 1 - ball->x_px),
+                            MIN(ball->y_px, picture->height - 1 - ball->y_px));
+    g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
+                                          MIN(AROUND * ball->radius_px, room), most_px, &around);
+    if (why || on_a_ball(job, around.x_px, around.y_px) || around.energy < BRIGHTER * energy)
+        return NULL;
+    return g_strdup_printf(
+        "has a brighter highlight beside it, at %.1f, %.1f px; is the ball where "
+        "it is said to be?",
+        around.x_px, around.y_px);
+}
+
+/* Where a ball shows the light, in radii from the first one; NULL, or why not. */
+static char *cli_calibrate_photos_measure_ball(const struct job *job, const struct picture *picture,
+                                               int i, struct ball_ray *ret) {
+    const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
+    const double most_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
+    const struct highlight_mean mean = {job->mean, job->n_mean};
+    struct highlight found = {0};
+    if (overexposed(job, picture, i))
+        return g_strdup("is white over more than a lamp's highlight takes up; expose less");
+    g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
+                                          INSIDE * ball->radius_px, most_px, &found);
+    g_autofree char *outside =
+        job->outlined[i] ? NULL : look_around(job, picture, ball, most_px, found.energy);
+    if (outside || why)
+        return outside ? g_steal_pointer(&outside) : g_steal_pointer(&why);
+    const struct ball_camera camera = {photos_focal_px, 0.5 * (picture->width - 1),
+                                       0.5 * (picture->height - 1)};
+    double shift_rad;
+    if (!ball_light_mean_direction(&camera, ball, found.x_px, found.y_px, found.xx_px2,
+                                   found.xy_px2, found.yy_px2, &ret->from, &ret->direction,
+                                   &shift_rad))
+        return g_strdup("shows the lamp outside of its outline");
+    /* Balls of one size that appear larger are nearer; that small effect is neglected. */
+    if (photos_focal_px == 0)
+        ret->from = vec3_add(ret->from, vec3((ball->x_px - first->x_px) / ball->radius_px,
+                                             (first->y_px - ball->y_px) / ball->radius_px, 0));
+    /* The truth is between both directions: part of the highlight's size is blur. */
+    ret->sigma_rad = hypot(shift_rad / 2, ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px,
+                                                               found.y_px, found.sigma_px));
+    return NULL;
+}
+
+static gboolean contradict(const char *name, const int *balls, int n,
+                           const struct ball_light *light, GError **error) {
+    int worst = 0;
+    for (int i = 1; i < n; i++)
+        if (light->off_rad[i] > light->off_rad[worst])
+            worst = i;
+    if (n == 2)
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: balls %d and %d contradict each other: they show the lamp %.1f° apart, "
+                    "and not where their rays could meet; look at their circles and highlights, or "
+                    "give a third ball",
+                    name, balls[0] + 1, balls[1] + 1, light->off_rad[0] * DEG);
+    else
+        g_set_error(
+            error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+            "%s: the balls contradict each other: ball %d shows the lamp %.1f° from where "
+            "the nearest other does, and no majority of them agrees; look at their circles and "
+            "highlights",
+            name, balls[worst] + 1, light->off_rad[worst] * DEG);
+    return FALSE;
+}
+
+static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
+    gboolean outlined = TRUE;
+    for (int i = 0; i < job->n_balls; i++)
+        outlined &= job->outlined[i];
+    g_ptr_array_add(
+        job->rejected,
+        g_strdup_printf("%s: the direction of its light is known to ± %.2f° only; %s, or give "
+                        "--within %.1f",
+                        name, sigma_rad * DEG,
+                        outlined
+                            ? "take the ball larger in the picture, with all of its outline to "
+                              "be seen"
+                            : "let its outline be seen before something bright, take it larger",
+                        ceil(10 * sigma_rad * DEG) / 10));
+}
+
+/* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
+static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
+                                             GError **error) {
+    struct ball_ray rays[BALL_LIGHT_MOST];
+    int balls[BALL_LIGHT_MOST], n = 0;
+    struct light light;
+    for (int i = 0; i < job->n_balls; i++) {
+        g_autofree char *why = cli_calibrate_photos_measure_ball(job, picture, i, &rays[n]);
+        if (why)
+            cli_calibrate_photos_reject(job, picture->name, i, why);
+        else
+            balls[n++] = i;
+    }
+    if (n == 0)
+        return TRUE;
+    if (!ball_light_join(rays, n, &light.found))
+        return contradict(picture->name, balls, n, &light.found, error);
+    for (int i = 0; i < n; i++)
+        if (light.found.left_out[i]) {
+            g_autofree char *why = g_strdup_printf("shows the lamp %.1f° from where the others do",
+                                                   light.found.off_rad[i] * DEG);
+            cli_calibrate_photos_reject(job, picture->name, balls[i], why);
+        }
+    if (light.found.sigma_rad * DEG > photos_within_deg) {
+        reject_unsure(job, picture->name, light.found.sigma_rad);
+        return TRUE;
+    }
+    light.name = g_path_get_basename(picture->name);
+    g_array_append_val(job->lights, light);
+    return TRUE;
+}
+
+static gboolean write_lights(const struct job *job, GError **error) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_string_append_printf(text, "%u\n", job->lights->len);
+    for (guint i = 0; i < job->lights->len; i++) {
+        const struct light *light = &g_array_index(job->lights, struct light, i);
+        const struct vec3 d = light->found.direction;
+        char x[G_ASCII_DTOSTR_BUF_SIZE], y[G_ASCII_DTOSTR_BUF_SIZE], z[G_ASCII_DTOSTR_BUF_SIZE];
+        g_string_append_printf(
+            text, "%s %s %s %s\n", light->name, g_ascii_formatd(x, sizeof x, "%.6f", d.x),
+            g_ascii_formatd(y, sizeof y, "%.6f", d.y), g_ascii_formatd(z, sizeof z, "%.6f", d.z));
+    }
+    return output_file_put(job->to, text->str, text->len, error);
+}
+
+static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    g_autoptr(GPtrArray) hidden = g_ptr_array_new_with_free_func(g_free);
+    if (!(job->names = calibrate_photographs(photos_folder, G_MAXUINT, hidden, error)) ||
+        !leave_out_sizes(job, work, error) || !find_outlines(job, work, error))
+        return FALSE;
+    const gint64 begun_us = g_get_monotonic_time();
+    for (guint i = 0; i < job->names->len; i++) {
+        g_autoptr(Picture) picture = calibrate_read_photograph(job->names->pdata[i], error);
+        if (!picture || !cli_calibrate_photos_measure(job, picture, error) ||
+            !work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, error))
+            return FALSE;
+    }
+    if (job->lights->len > 0) {
+        g_ptr_array_extend_and_steal(job->rejected, g_steal_pointer(&hidden));
+        return write_lights(job, error);
+    }
+    g_set_error_literal(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, job->rejected->pdata[0]);
+    if (job->rejected->len > 1)
+        g_prefix_error(error, "no picture shows where its light is; the first of %u reasons: ",
+                       job->rejected->len);
+    return FALSE;
+}
+
+static void tell_vec3(Record *to, const char *key, struct vec3 v) {
+    record_doubles(to, key, (double[]){v.x, v.y, v.z}, 3);
+}
+
+static void tell_light(Record *to, const struct light *light) {
+    const gboolean mm = photos_radius_mm > 0;
+    const struct ball_light *found = &light->found;
+    const double unit = mm ? photos_radius_mm : 1;
+    const struct vec3 d = found->direction, p = vec3_scale(found->place, unit),
+                      e = vec3_scale(found->place_error, unit);
+    record_begin(to, NULL);
+    record_string(to, "file", light->name);
+    tell_vec3(to, "direction", d);
+    record_double(to, "sigma_deg", found->sigma_rad * DEG);
+    record_say(to, "  %-24s %+.4f %+.4f %+.4f ± %.2f°", light->name, d.x, d.y, d.z,
+               found->sigma_rad * DEG);
+    if (found->placed) {
+        tell_vec3(to, mm ? "place_mm" : "place_radii", p);
+        tell_vec3(to, mm ? "error_mm" : "error_radii", e);
+        record_double(to, "miss", unit * found->miss);
+        record_say(to, "   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
+                   mm ? "mm" : "radii", e.x, e.y, e.z);
+    }
+    record_end(to);
+    record_say(to, "\n");
+}
+
+static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
+    record_string(to, "file", calibrate_output);
+    record_say(to, "%s: %u of %u photographs\n", calibrate_output, job->lights->len,
+               job->names->len);
+    record_begin_list(to, "balls");
+    for (int i = 0; i < job->n_balls; i++) {
+        const struct ball_outline *ball = &job->balls[i];
+        record_begin(to, NULL);
+        record_doubles(to, "outline_px", (double[]){ball->x_px, ball->y_px, ball->radius_px}, 3);
+        record_double(to, "error_px", job->sigma_px[i]);
+        record_boolean(to, "seen", job->outlined[i]);
+        record_end(to);
+        record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
+                   job->outlined[i] ? "its outline is seen at"
+                                    : "as given, its outline is not seen:",
+                   ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
+    }
+    record_end(to);
+    record_begin_list(to, "lights");
+    for (guint i = 0; i < job->lights->len; i++)
+        tell_light(to, &g_array_index(job->lights, struct light, i));
+    record_end(to);
+    record_strings(to, "rejected", job->rejected);
+    for (guint i = 0; i < job->rejected->len; i++)
+        record_say(to, "  left out: %s\n", (char *)job->rejected->pdata[i]);
+}
+
+int photos_calibrate(const struct call *call, GError **error) {
+    struct job job = {0};
+    if (!calibrate_output)
+        return cli_usage(call->command, "no file to write is given: give -o FILE");
+    if (call->n_arguments > 0)
+        return cli_usage(call->command, "give a session, or --images DIR, not both");
+    if (!photos_balls)
+        return cli_usage(call->command,
+                         "no ball in the photographs is given: give --ball X,Y,R in pixels");
+    for (char **text = photos_balls; *text; text++) {
+        double v[3];
+        if (job.n_balls == BALL_LIGHT_MOST || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
+            return cli_usage(call->command,
+                             "--ball=%s: give X,Y,R in pixels, R at least 5; at most 16 of them",
+                             *text);
+        job.given[job.n_balls++] = (struct ball_outline){v[0], v[1], v[2]};
+    }
+    job.rejected = g_ptr_array_new_with_free_func(g_free);
+    job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
+    g_array_set_clear_func(job.lights, clear_light);
+    job.to = cli_output(calibrate_output, NULL, error); /* a list of lights has no comments */
+    const gboolean ok = job.to && cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
+    if (ok) {
+        cli_calibrate_photos_tell(call->record, &job);
+        cli_tell_output(call->record, job.to);
+    }
+    output_file_free(job.to);
+    g_clear_pointer(&job.names, g_ptr_array_unref);
+    g_clear_pointer(&job.mean, picture_free);
+    for (int i = 0; i < job.n_balls; i++)
+        ball_edges_free(job.edges[i]);
+    g_ptr_array_unref(job.rejected);
+    g_array_unref(job.lights);
+    return ok ? CLI_DONE : CLI_FAILED;
+}

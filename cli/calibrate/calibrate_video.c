@@ -1,0 +1,169 @@
+/* Chooses a video's frames for the calibration of a lens. */
+#include "calibrate_video.h"
+
+#include "cameras/board_find.h"
+#include "cameras/board_size.h"
+#include "exr/exr.h"
+#include "pictures/vision.h"
+
+#include <math.h>
+
+#define MOST_KEPT   64 /* frames that are searched for the board, the sharpest of their windows */
+#define MOST_CHOSEN 30
+#define DOUBLED     0.03 /* of the picture's width: nearer boards are the same one again */
+#define WITHIN_PX   3    /* corners farther from the homography do not count */
+
+struct telling {
+    const struct work *work;
+    gint64 begun_us;
+};
+
+static gboolean calibrate_video_progress(int done, int n, gpointer data, GError **error) {
+    const struct telling *t = data;
+    return work_tell(t->work, "video", done, n, t->begun_us, error);
+}
+
+/* Where the board's outer corners are in a frame. corners: NULL: it is not seen. Returns the number
+ * of corners; 0: too few. */
+static guint board_place(const struct board *board, const GArray *corners, double ret[8]) {
+    const int n = corners ? (int)corners->len : 0;
+    double size[2], h[9];
+    if (n < 4)
+        return 0;
+    g_autofree double *on = g_new(double, 2 * n), *seen = g_new(double, 2 * n);
+    g_autofree guint8 *good = g_new(guint8, n);
+    for (int i = 0; i < n; i++) {
+        const struct corner *corner = &g_array_index(corners, struct corner, i);
+        board_corner_mm(board, corner->id, on + 2 * i);
+        seen[2 * i] = corner->x_px;
+        seen[2 * i + 1] = corner->y_px;
+    }
+    if (!vision_homography(on, seen, n, WITHIN_PX, h, good))
+        return 0;
+    board_size_mm(board, size);
+    for (int i = 0; i < 4; i++) {
+        const double x = (i & 1 ? 0.5 : -0.5) * size[0], y = (i & 2 ? 0.5 : -0.5) * size[1];
+        const double w = h[6] * x + h[7] * y + h[8];
+        ret[2 * i] = (h[0] * x + h[1] * y + h[2]) / w;
+        ret[2 * i + 1] = (h[3] * x + h[4] * y + h[5]) / w;
+    }
+    return (guint)n;
+}
+
+/* A board that looks the same upside down may be found either way round. */
+static double places_apart(const double a[8], const double b[8]) {
+    double sum[2] = {0, 0};
+    for (int turned = 0; turned < 2; turned++)
+        for (int i = 0; i < 4; i++) {
+            const int k = turned ? 3 - i : i;
+            const double dx = a[2 * i] - b[2 * k], dy = a[2 * i + 1] - b[2 * k + 1];
+            sum[turned] += dx * dx + dy * dy;
+        }
+    return sqrt(MIN(sum[0], sum[1]) / 4);
+}
+
+static int by_frame(gconstpointer a, gconstpointer b) {
+    return *(const guint *)a < *(const guint *)b ? -1 : 1;
+}
+
+static double sharpness(const struct calibrate_video *video, guint i) {
+    return g_array_index(video->video->frames, struct video_frame, i).sharpness;
+}
+
+/* The sharpest of the frames that show a board at the same place, and are not nearer to one that
+ * was chosen before. */
+static guint sharpest_beside(const struct calibrate_video *video, const double *places,
+                             const double *apart, guint at, double least) {
+    guint best = at;
+    for (guint i = 0; i < video->video->frames->len; i++)
+        if (apart[i] > least && sharpness(video, i) > sharpness(video, best) &&
+            places_apart(places + 8 * at, places + 8 * i) <= least)
+            best = i;
+    return best;
+}
+
+/* Farthest first. places: 8 numbers of each kept frame; corners: how many each shows. */
+static void choose(struct calibrate_video *video, const double *places, const guint *corners) {
+    const guint n = video->video->frames->len;
+    const double least = DOUBLED * video->video->width;
+    g_autofree double *apart = g_new(double, n);
+    guint next = 0;
+    for (guint i = 0; i < n; i++) {
+        apart[i] = corners[i] > 0 ? INFINITY : 0;
+        next = corners[i] > corners[next] ? i : next;
+    }
+    while (apart[next] > least && video->chosen->len < MOST_CHOSEN) {
+        const guint chosen = sharpest_beside(video, places, apart, next, least);
+        g_array_append_val(video->chosen, chosen);
+        for (guint i = 0; i < n; i++) {
+            if (corners[i] > 0)
+                apart[i] = MIN(apart[i], places_apart(places + 8 * chosen, places + 8 * i));
+            next = apart[i] > apart[next] ? i : next;
+        }
+    }
+    g_array_sort(video->chosen, by_frame);
+}
+
+/* kept: number of a frame that was kept. */
+static char *frame_name(const struct calibrate_video *video, guint kept) {
+    return g_strdup_printf("%s#%d", video->path,
+                           g_array_index(video->video->frames, struct video_frame, kept).index);
+}
+
+struct calibrate_video *calibrate_video_read(const char *path, const struct board *board,
+                                             const struct work *work, GError **error) {
+    struct telling telling = {work, g_get_monotonic_time()};
+    g_autoptr(CalibrateVideo) video = g_new0(struct calibrate_video, 1);
+    video->path = g_strdup(path);
+    video->chosen = g_array_new(FALSE, FALSE, sizeof(guint));
+    video->video = video_read(path, MOST_KEPT, calibrate_video_progress, &telling, error);
+    if (!video->video || !(video->checksum = exr_sha256(path, NULL, error)))
+        return NULL;
+    const guint n = video->video->frames->len;
+    g_autofree double *places = g_new0(double, 8 * n + 1);
+    g_autofree guint *corners = g_new0(guint, n + 1);
+    g_autoptr(BoardCensus) census = board_census_new(board);
+    gboolean more = TRUE;
+    telling.begun_us = g_get_monotonic_time();
+    for (guint i = 0; i < n; i++) {
+        g_autofree char *name = frame_name(video, i);
+        g_autoptr(Picture) picture = video_picture(video->video, i, name, video->checksum);
+        if (more && !board_census_before(census, picture, &more, error))
+            return NULL;
+        g_autoptr(GArray) found = board_find(picture, board, TRUE, NULL);
+        if (!board_census_after(census, picture, found, error))
+            return NULL;
+        corners[i] = board_place(board, found, places + 8 * i);
+        video->n_seen += corners[i] > 0;
+        if (!work_tell(work, "frames", (int)i + 1, (int)n, telling.begun_us, error))
+            return NULL;
+    }
+    if (video->n_seen == 0) {
+        g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
+                    "%s: none of its %u sharpest frames of %d shows the board; is --board right?",
+                    path, n, video->video->n_frames);
+        return NULL;
+    }
+    choose(video, places, corners);
+    return g_steal_pointer(&video);
+}
+
+void calibrate_video_free(struct calibrate_video *video) {
+    if (!video)
+        return;
+    video_free(video->video);
+    g_free(video->path);
+    g_free(video->checksum);
+    g_array_unref(video->chosen);
+    g_free(video);
+}
+
+char *calibrate_video_name(const struct calibrate_video *video, guint i) {
+    return frame_name(video, g_array_index(video->chosen, guint, i));
+}
+
+struct picture *calibrate_video_picture(const struct calibrate_video *video, guint i) {
+    g_autofree char *name = calibrate_video_name(video, i);
+    return video_picture(video->video, g_array_index(video->chosen, guint, i), name,
+                         video->checksum);
+}

@@ -1,0 +1,51 @@
+/* The commands `mesorig import …` and `mesorig export …`. Each kind, or group of similar kinds, has
+ * a file, and a row of the table in import.c or exports.c. */
+#pragma once
+
+#include "common/cli.h"
+#include "formats/import.h"
+
+extern const struct command exchange_import, exchange_export;
+
+/* The kinds of import, commands of `mesorig import`. */
+extern const struct command exchange_import_btf, exchange_import_pictures, exchange_import_rti,
+    exchange_import_relight, exchange_import_ptm, exchange_import_poses, exchange_import_bsdf,
+    exchange_import_merl, exchange_import_utia;
+
+/* The kinds of export, commands of `mesorig export`. */
+extern const struct command exchange_btf, exchange_points, exchange_height, exchange_normals,
+    exchange_web, exchange_maps, exchange_gltf, exchange_materialx, exchange_blender, exchange_bsdf,
+    exchange_merl, exchange_ptm, exchange_relight;
+
+/* The format that an export writes. */
+struct exchange_format {
+    const char *what;   /* the plural of the product, for instance "BTFs" */
+    const char *format; /* as in "Bonn's format" */
+    /* the ending of the file's name, with the dot; NULL if any name is accepted */
+    const char *end;
+    const char *kind; /* of output_file.h; NULL if the format has no place for it */
+};
+
+/* Checks -o. Returns NULL if it is missing, lacks the ending of its format, or exists and may not
+ * be replaced (output_file.h). */
+OutputFile *exchange_output(const char *output, const struct exchange_format *format,
+                            GError **error);
+/* The same for a folder of several files; see cli_check_folder(). */
+gboolean exchange_check_folder(const char *output, GError **error);
+
+/* Reads --region. Returns FALSE if the text is not X,Y,WIDTH,HEIGHT. */
+gboolean exchange_parse_region(const char *text, struct import_region *ret);
+
+/* Reads --transfer. Returns FALSE unless the text is NULL, linear or srgb. */
+gboolean exchange_parse_transfer(const char *text, enum picture_tones *ret);
+#define EXCHANGE_TRANSFER_HELP                                                                     \
+    "Tone curve of the pictures (as their files say; else sRGB of 8 bits, linear of others)"
+#define EXCHANGE_TRANSFER_WRONG "there is no --transfer=%s; choose from: linear, srgb"
+
+/* Adds the assumptions and observations of an import or export to the record. notes is an array of
+ * char *. */
+void exchange_tell_notes(Record *to, const GPtrArray *notes);
+
+/* Adds the result of an import to the record. */
+void exchange_tell_import(Record *to, const char *session, const struct import_result *result,
+                          double seconds);

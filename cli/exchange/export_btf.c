@@ -1,0 +1,82 @@
+/* export btf: writes the BTF of a session in Bonn's format. */
+#include "base/plural.h"
+#include "common/work.h"
+#include "exchange.h"
+#include "formats/export.h"
+#include "lpca/lpca.h"
+#include "plan/report.h"
+
+#define COMPONENTS 24
+
+static char *output, *format;
+static int components;
+
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.btf"},
+    {"format", 0, 0, G_OPTION_ARG_STRING, &format, "How the values are stored (bdi)",
+     "bdi|fmf|dfmf"},
+    {"components", 0, 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: number of components (24)",
+     "N"},
+    {NULL},
+};
+
+struct job {
+    const char *session;
+    OutputFile *to;
+    enum bonn_kind kind;
+    struct export_bonn_result result;
+};
+
+static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    const char *path = output_file_path(job->to, error);
+    return path && output_file_end(job->to,
+                                   export_bonn(job->session, path, job->kind,
+                                               components ? components : COMPONENTS, work,
+                                               &job->result, error),
+                                   error);
+}
+
+static int export_btf_run(const struct call *call, GError **error) {
+    struct job job = {.session = call->arguments[0], .kind = BONN_BDI};
+    const struct export_bonn_result *result = &job.result;
+    Record *to = call->record;
+    double seconds = 0;
+    if (format && (!bonn_kind_parse(format, &job.kind) || job.kind == BONN_BDI_SPARSE))
+        return cli_usage(call->command, "there is no --format=%s; choose from: bdi, fmf, dfmf",
+                         format);
+    if (components < 0 || components > LPCA_MAX_COMPONENTS)
+        return cli_usage(call->command, "--components=%d is out of range: 1 to %d", components,
+                         LPCA_MAX_COMPONENTS);
+    static const struct exchange_format file_format = {"BTFs", "Bonn's format", ".btf", NULL};
+    g_autoptr(OutputFile) file = job.to = exchange_output(output, &file_format, error);
+    if (!file || !cli_work_run(work_btf, &job, &seconds, error))
+        return CLI_FAILED;
+    g_autofree char *time = report_duration(seconds);
+    record_string(to, "file", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "width", result->width);
+    record_int(to, "height", result->height);
+    record_double(to, "error", result->error);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d × %d texels, %d %s × %d %s as %s in %s", output, result->width,
+               result->height, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               bonn_kind_name(job.kind), time);
+    if (result->error > 0)
+        record_say(to, ", with an error of %.2f %%", 100 * result->error);
+    record_say(to, "\n");
+    cli_tell_output(to, file);
+    return CLI_DONE;
+}
+
+const struct command exchange_btf = {.name = "export btf",
+                                     .arguments = "DIR -o FILE.btf",
+                                     .examples =
+                                         "  mesorig export btf weave.session -o weave.btf\n",
+                                     .help = "Write the BTF of a session in Bonn's format.",
+                                     .options = entries,
+                                     .min = 1,
+                                     .max = 1,
+                                     .writes = TRUE,
+                                     .run = export_btf_run};

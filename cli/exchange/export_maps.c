@@ -1,0 +1,242 @@
+/* export maps, gltf, materialx, blender: a microfacet model of the material, for artists. */
+#include "base/plural.h"
+#include "common/work.h"
+#include "exchange.h"
+#include "maps/maps.h"
+#include "plan/report.h"
+
+#define MEMORY_MB 4096
+
+static char *output, *format, *shape;
+static int memory_mb = MEMORY_MB;
+static gboolean core;
+
+static const GOptionEntry map_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "FOLDER"},
+    {"format", 0, 0, G_OPTION_ARG_STRING, &format, "How the maps are stored (png)", "png|exr"},
+    {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
+    {NULL},
+};
+
+static const GOptionEntry gltf_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output,
+     "The file to write: .glb, or .gltf with textures in the same folder", "FILE.glb"},
+    {"shape", 0, 0, G_OPTION_ARG_STRING, &shape, "Shape that has the material (both)",
+     "plane|sphere|both"},
+    {"core", 0, 0, G_OPTION_ARG_NONE, &core,
+     "Fit and write only base colour, metallic, roughness and normal, for renderers without glTF "
+     "extensions",
+     NULL},
+    {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
+    {NULL},
+};
+
+static const GOptionEntry folder_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The folder to make", "FOLDER"},
+    {"memory-mb", 0, 0, G_OPTION_ARG_INT, &memory_mb,
+     "Memory for the BTF; the rest of a larger BTF is kept in a file (4096)", "MB"},
+    {NULL},
+};
+
+enum export_kind { EXPORT_MAPS, EXPORT_GLTF, EXPORT_MATERIALX, EXPORT_BLENDER };
+
+struct job {
+    const char *session;
+    enum export_kind kind;
+    gboolean exr, text;
+    enum maps_model model;
+    int shapes;
+    struct maps *maps;
+};
+
+static gboolean export_maps_add(const struct job *job, MapsFiles *files, GError **error) {
+    g_autofree char *name = g_path_get_basename(output);
+    switch (job->kind) {
+    case EXPORT_MAPS:
+        return maps_add_maps(job->maps, job->exr, files, error) &&
+               maps_add_errors(job->maps, files, error);
+    case EXPORT_GLTF:
+        return maps_add_gltf(job->maps, name, job->text, job->shapes, files, error);
+    case EXPORT_MATERIALX:
+        return maps_add_materialx(job->maps, files, error);
+    default:
+        return maps_add_blender(job->maps, files, error);
+    }
+}
+
+static gboolean work_maps(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    g_autoptr(MapsFiles) files = maps_files_new();
+    if (!maps_files_check(output, cli_force, error))
+        return FALSE;
+    job->maps = maps_new(job->session, job->model, (gint64)memory_mb << 20, work, error);
+    if (!job->maps || !export_maps_add(job, files, error))
+        return FALSE;
+    return job->kind == EXPORT_GLTF ? maps_files_write_beside(files, output, cli_force, error)
+                                    : maps_files_write_folder(files, output, cli_force, error);
+}
+
+/* Returns the pair of directions for which the maps have the largest error. */
+static int export_maps_worst(const struct maps_errors *errors) {
+    int ret = 0;
+    for (int i = 1; i < errors->n_views * errors->n_lights; i++)
+        if (errors->pairs[i] > errors->pairs[ret])
+            ret = i;
+    return ret;
+}
+
+static void export_maps_tell(const struct job *job, double seconds, Record *to) {
+    const struct maps *maps = job->maps;
+    const struct maps_errors *errors = &maps->errors;
+    const int worst = export_maps_worst(errors);
+    const gboolean mdf = maps->heights_from == MAPS_HEIGHTS_MDF;
+    g_autofree char *time = report_duration(seconds);
+    record_string(to, "file", output);
+    record_int(to, "width", maps->width);
+    record_int(to, "height", maps->height);
+    record_int(to, "views", maps->n_views);
+    record_int(to, "lights", maps->n_lights);
+    record_double(to, "delta_e", errors->delta_e);
+    record_double(to, "error", errors->relative_error);
+    record_int(to, "worst_view", worst / errors->n_lights);
+    record_int(to, "worst_light", worst % errors->n_lights);
+    record_double(to, "worst_delta_e", (double)errors->pairs[worst]);
+    record_boolean(to, "core", maps->model == MAPS_MODEL_CORE);
+    record_boolean(to, "anisotropy", maps->anisotropic);
+    record_double(to, "sheen_roughness", (double)maps->fit->layers.sheen_roughness);
+    record_double(to, "coat_roughness", (double)maps->fit->layers.coat_roughness);
+    record_string(to, "heights", mdf ? "mdf" : "normals");
+    record_double(to, "relief_mm", maps->relief_mm);
+    record_double(to, "depth_mm", maps->depth_mm);
+    record_int(to, "height_holes", maps->height_holes);
+    record_int(to, "dark", maps->fit->dark);
+    record_int(to, "holes", maps->holes);
+    record_boolean(to, "fit_taken", maps->kept == MAPS_FIT_TAKEN);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d × %d texels from %d %s × %d %s in %s%s\n", output, maps->width,
+               maps->height, PLURAL(maps->n_views, "view"), PLURAL(maps->n_lights, "light"), time,
+               maps->kept == MAPS_FIT_TAKEN ? ", with the fit of an earlier export" : "");
+    if (maps->lost)
+        record_say(to, "  the next export will fit again: %s\n", maps->lost);
+    record_say(to,
+               "  they differ from the BTF by %.2f CIEDE2000 on average (%.1f %% RMS), by %.1f "
+               "in view %d under light %d\n",
+               errors->delta_e, 100 * errors->relative_error, (double)errors->pairs[worst],
+               worst / errors->n_lights, worst % errors->n_lights);
+    record_say(to, "  heights of %.3g mm from %s", maps->relief_mm,
+               mdf ? "the MDF" : "the normals, because no MDF has most of them");
+    if (maps->height_holes > 0)
+        record_say(to, ", %d texels are filled from their neighbours", maps->height_holes);
+    record_say(to, "%s%s%s\n", maps->anisotropic ? "; anisotropic" : "",
+               maps->fit->layers.sheen_roughness > 0 ? "; with sheen" : "",
+               maps->fit->layers.coat_roughness > 0 ? "; with a clear coat" : "");
+    if (maps->depth_mm != 0)
+        record_say(to, "  they are those of the mean surface, %.2f mm below the reference plane\n",
+                   maps->depth_mm);
+    if (maps->n_views == 1)
+        record_say(
+            to,
+            "  one view shows little of the highlights: roughness and metallic are uncertain\n");
+}
+
+static int export_maps_job(const struct call *call, struct job *job, GError **error) {
+    double seconds = 0;
+    job->session = call->arguments[0];
+    if (memory_mb < 1)
+        return cli_usage(call->command, "--memory-mb=%d is out of range: 1 or more", memory_mb);
+    if (output == NULL) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "no output is given: give -o %s",
+                    job->kind == EXPORT_GLTF ? "FILE.glb" : "FOLDER");
+        return CLI_FAILED;
+    }
+    const gboolean ok =
+        (job->kind == EXPORT_GLTF ? output_file_check(output, NULL, cli_force, error)
+                                  : cli_check_folder(output, error)) &&
+        cli_work_run(work_maps, job, &seconds, error);
+    if (ok)
+        export_maps_tell(job, seconds, call->record);
+    maps_free(job->maps);
+    return ok ? CLI_DONE : CLI_FAILED;
+}
+
+static int export_maps_run(const struct call *call, GError **error) {
+    struct job job = {.kind = EXPORT_MAPS, .exr = g_strcmp0(format, "exr") == 0};
+    if (format && !job.exr && g_strcmp0(format, "png") != 0)
+        return cli_usage(call->command, "there is no --format=%s; choose from: png, exr", format);
+    return export_maps_job(call, &job, error);
+}
+
+static int export_gltf_run(const struct call *call, GError **error) {
+    struct job job = {.kind = EXPORT_GLTF,
+                      .shapes = MAPS_PLANE | MAPS_SPHERE,
+                      .model = core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL};
+    if (shape && g_str_equal(shape, "plane"))
+        job.shapes = MAPS_PLANE;
+    else if (shape && g_str_equal(shape, "sphere"))
+        job.shapes = MAPS_SPHERE;
+    else if (shape && !g_str_equal(shape, "both"))
+        return cli_usage(call->command, "there is no --shape=%s; choose from: plane, sphere, both",
+                         shape);
+    g_autofree char *lower = output ? g_ascii_strdown(output, -1) : NULL;
+    job.text = lower && g_str_has_suffix(lower, ".gltf");
+    static const struct exchange_format glb = {"scenes", "glTF", ".glb", NULL};
+    g_autoptr(OutputFile) file = output && !job.text ? exchange_output(output, &glb, error) : NULL;
+    if (output && !job.text && !file)
+        return CLI_FAILED;
+    return export_maps_job(call, &job, error);
+}
+
+static int export_materialx_run(const struct call *call, GError **error) {
+    struct job job = {.kind = EXPORT_MATERIALX};
+    return export_maps_job(call, &job, error);
+}
+
+static int export_blender_run(const struct call *call, GError **error) {
+    struct job job = {.kind = EXPORT_BLENDER};
+    return export_maps_job(call, &job, error);
+}
+
+const struct command exchange_maps = {
+    .name = "export maps",
+    .arguments = "DIR -o FOLDER",
+    .examples = "  mesorig export maps weave.session -o weave_maps\n",
+    .help = "Write base colour, roughness, normal, height and other maps, fitted to the whole BTF.",
+    .options = map_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_maps_run};
+const struct command exchange_gltf = {
+    .name = "export gltf",
+    .arguments = "DIR -o FILE.glb",
+    .examples = "  mesorig export gltf weave.session -o weave.glb\n"
+                "  mesorig export gltf weave.session --core -o weave_core.glb\n",
+    .help = "Write the same maps as the material of a glTF 2.0 scene.",
+    .options = gltf_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_gltf_run};
+const struct command exchange_materialx = {
+    .name = "export materialx",
+    .arguments = "DIR -o FOLDER",
+    .examples = "  mesorig export materialx weave.session -o weave_materialx\n",
+    .help = "Write the same maps as MaterialX: OpenPBR and standard_surface.",
+    .options = folder_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_materialx_run};
+const struct command exchange_blender = {
+    .name = "export blender",
+    .arguments = "DIR -o FOLDER",
+    .examples = "  mesorig export blender weave.session -o weave_blender\n",
+    .help = "Write the same maps with a script that makes the material in Blender.",
+    .options = folder_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_blender_run};

@@ -1,0 +1,238 @@
+/* export points, height, normals: the surface of a session's material. */
+#include "base/plural.h"
+#include "common/work.h"
+#include "exchange.h"
+#include "formats/export_surface.h"
+#include "maps/fit_normals.h"
+#include "maps/light_normals.h"
+#include "plan/report.h"
+
+static char *output;
+static int least_views;
+static gboolean layered, maximum;
+
+static const GOptionEntry point_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views,
+     "Minimum number of views that saw each point (2)", "N"},
+    {NULL},
+};
+
+static const GOptionEntry map_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.exr"},
+    {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
+     "Write the upper layer if the surface is not a height field", NULL},
+    {"maximum", 0, 0, G_OPTION_ARG_NONE, &maximum, "For a PTM: use the light of its maximum", NULL},
+    {NULL},
+};
+
+struct job {
+    const char *session;
+    OutputFile *to;
+    struct export_surface_options options;
+    struct export_surface_result surface;
+    struct fit_normals_result fit;
+    struct light_normals_result lights;
+};
+
+static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    const char *path = output_file_path(job->to, error);
+    return path && output_file_end(job->to,
+                                   export_surface(job->session, path, &job->options, work,
+                                                  &job->surface, error),
+                                   error);
+}
+
+static gboolean work_fit(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(job->to,
+                           fit_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
+                                       maximum ? FIT_NORMALS_MAXIMUM : FIT_NORMALS_LAMBERT, work,
+                                       &job->fit, error),
+                           error);
+}
+
+static gboolean work_lights(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    const char *path = output_file_path(job->to, error);
+    return path &&
+           output_file_end(job->to,
+                           light_normals(job->session, path, job->options.what == EXPORT_HEIGHT,
+                                         work, &job->lights, error),
+                           error);
+}
+
+/* Exports normals or heights from the pictures under the measured lights. */
+static int export_by_lights(const struct call *call, struct job *job, GError **error) {
+    static const char *const names[PHOTOMETRIC_CAUSES] = {
+        [PHOTOMETRIC_DARK] = "dark",
+        [PHOTOMETRIC_FEW] = "few_lights",
+        [PHOTOMETRIC_CONTRADICT] = "contradicting",
+        [PHOTOMETRIC_FLAT] = "flat",
+        [PHOTOMETRIC_AWAY] = "away",
+    };
+    const struct light_normals_result *result = &job->lights;
+    Record *to = call->record;
+    double seconds = 0;
+    if (!cli_work_run(work_lights, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_string(to, "model", "lights");
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "points", result->texels - result->holes);
+    record_int(to, "holes", result->holes);
+    record_double(to, "sigma_deg", result->sigma_deg[0]);
+    record_double(to, "sigma_95_deg", result->sigma_deg[1]);
+    record_double(to, "lights_used", result->used);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d of %d texels from their pictures under %d %s, of which %.0f agree (median); "
+               "normals are known to %.2f° (median), %.2f° (95 %%)\n",
+               output, result->texels - result->holes, result->texels,
+               PLURAL(result->n_lights, "light"), result->used, result->sigma_deg[0],
+               result->sigma_deg[1]);
+    for (int cause = PHOTOMETRIC_DARK; cause < PHOTOMETRIC_CAUSES; cause++) {
+        record_int(to, names[cause], result->causes[cause]);
+        if (result->causes[cause] > 0)
+            record_say(to, "  holes: %d texels %s\n", result->causes[cause],
+                       photometric_cause_text((enum photometric_cause)cause));
+    }
+    cli_tell_output(to, job->to);
+    return CLI_DONE;
+}
+
+/* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
+static int export_by_fit(const struct call *call, struct job *job, GError **error) {
+    const struct fit_normals_result *result = &job->fit;
+    Record *to = call->record;
+    double seconds = 0;
+    if (least_views || layered)
+        return cli_usage(call->command,
+                         "--views and --layered are for materials with an MDF; %s "
+                         "has none",
+                         job->session);
+    if (!cli_work_run(work_fit, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_string(to, "model", result->model);
+    record_int(to, "points", result->texels - result->holes);
+    record_int(to, "holes", result->holes);
+    record_int(to, "clipped", result->clipped);
+    record_int(to, "shadowed", result->shadowed);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d of %d texels from their %s", output, result->texels - result->holes,
+               result->texels, result->model);
+    if (maximum)
+        record_say(to, "; %d texels are holes, since their maximum is clipped\n", result->clipped);
+    else
+        record_say(to,
+                   "; %d are in shadow or shine under more than a quarter of the lights they "
+                   "face, and are less certain\n",
+                   result->shadowed);
+    cli_tell_output(to, job->to);
+    return CLI_DONE;
+}
+
+/* In the order of enum export_surface. */
+static const struct exchange_format formats[] = {{"points", "PLY", ".ply", "points"},
+                                                 {"maps", "OpenEXR", ".exr", "height"},
+                                                 {"maps", "OpenEXR", ".exr", "normals"}};
+
+static int export_shape(const struct call *call, enum export_surface what, GError **error) {
+    struct job job = {.session = call->arguments[0]};
+    const struct export_surface_result *result = &job.surface;
+    Record *record = call->record;
+    double seconds = 0;
+    if (least_views < 0 || least_views > 255)
+        return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
+    g_autoptr(OutputFile) to = exchange_output(output, &formats[what], error);
+    if (!to)
+        return CLI_FAILED;
+    job.to = to;
+    job.options = (struct export_surface_options){
+        .what = what, .least_views = least_views, .layered = layered};
+    if (what != EXPORT_POINTS && !maximum && light_normals_applies(job.session)) {
+        if (least_views || layered)
+            return cli_usage(call->command,
+                             "--views and --layered are for materials with an MDF; %s has none",
+                             job.session);
+        return export_by_lights(call, &job, error);
+    }
+    if (what != EXPORT_POINTS && fit_normals_applies(job.session))
+        return export_by_fit(call, &job, error);
+    if (maximum)
+        return cli_usage(call->command,
+                         "--maximum is for height and normals of a PTM; %s is to be "
+                         "exported from its MDF",
+                         job.session);
+    if (!cli_work_run(work_surface, &job, &seconds, error))
+        return CLI_FAILED;
+    record_string(record, "file", output);
+    record_int(record, "views", result->n_views);
+    record_int(record, "seen", result->seen);
+    record_int(record, "points", result->points);
+    record_int(record, "holes", result->holes);
+    record_int(record, "stacked", result->stacked);
+    record_double(record, "real_s", seconds);
+    if (what == EXPORT_POINTS)
+        record_say(record,
+                   "%s: %" G_GINT64_FORMAT " points; %d %s saw %" G_GINT64_FORMAT
+                   ", and points that several views saw were merged into one\n",
+                   output, result->points, PLURAL(result->n_views, "view"), result->seen);
+    else
+        record_say(record,
+                   "%s: %" G_GINT64_FORMAT " of %d texels from %d %s, %d holes, %d with "
+                   "structure below structure\n",
+                   output, result->points, result->texels, PLURAL(result->n_views, "view"),
+                   result->holes, result->stacked);
+    cli_tell_output(record, to);
+    return CLI_DONE;
+}
+
+static int export_points_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_POINTS, error);
+}
+
+static int export_height_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_HEIGHT, error);
+}
+
+static int export_normals_run(const struct call *call, GError **error) {
+    return export_shape(call, EXPORT_NORMALS, error);
+}
+
+const struct command exchange_points = {
+    .name = "export points",
+    .arguments = "DIR -o FILE.ply",
+    .examples = "  mesorig export points weave.session -o weave.ply\n",
+    .help = "Write the measured surface as points with normals (PLY).",
+    .options = point_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_points_run};
+const struct command exchange_height = {
+    .name = "export height",
+    .arguments = "DIR|FILE -o FILE.exr",
+    .examples = "  mesorig export height weave.session -o height.exr\n",
+    .help = "Write heights as a map (EXR), from an MDF, or from the pictures of a session without "
+            "MDF, a PTM or an HSH.",
+    .options = map_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_height_run};
+const struct command exchange_normals = {
+    .name = "export normals",
+    .arguments = "DIR|FILE -o FILE.exr",
+    .examples = "  mesorig export normals weave.session -o normals.exr\n",
+    .help = "Write normals as a map (EXR), from an MDF, from a PTM or HSH, or from pictures (with "
+            "error bars and albedo).",
+    .options = map_entries,
+    .min = 1,
+    .max = 1,
+    .writes = TRUE,
+    .run = export_normals_run};

@@ -1,0 +1,158 @@
+/* import poses: pictures with a table of poses, of rigs that others have built. */
+#include "formats/import_poses.h"
+#include "base/plural.h"
+#include "common/work.h"
+#include "exchange.h"
+#include "formats/nominal.h"
+#include "plan/report.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#define LARGEST_MM 10000
+
+static char *output, *calibration, *sample, *cfa, *edge, *transfer;
+static double reference_mm, depth_mm, threshold_dn = 40, same_light_deg;
+static gboolean target, template;
+static int texels = 64;
+
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The session to make", "DIR"},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
+     "Of the rig, or its nominal values", "FILE"},
+    {"sample", 's', 0, G_OPTION_ARG_STRING, &sample, "The sample's size in mm", "WIDTHxHEIGHT"},
+    {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels across (64)", "N"},
+    {"reference", 0, 0, G_OPTION_ARG_DOUBLE, &reference_mm, "How high the reference plane lies (0)",
+     "MM"},
+    {"depth", 0, 0, G_OPTION_ARG_DOUBLE, &depth_mm, "How deep the structure is (0)", "MM"},
+    {"cfa", 0, 0, G_OPTION_ARG_STRING, &cfa, "The colour filter of grey pictures (mono)",
+     "mono|rggb|bggr|grbg|gbrg"},
+    {"transfer", 0, 0, G_OPTION_ARG_STRING, &transfer, EXCHANGE_TRANSFER_HELP, "linear|srgb"},
+    {"edge", 0, 0, G_OPTION_ARG_STRING, &edge, "What sweeps show: line, darkens or lightens (line)",
+     "line|darkens|lightens"},
+    {"threshold", 0, 0, G_OPTION_ARG_DOUBLE, &threshold_dn,
+     "The least peak of a sweep, of 4095 (40)", "DN"},
+    {"same-light", 0, 0, G_OPTION_ARG_DOUBLE, &same_light_deg,
+     "Lamps whose directions differ by at most this angle are one light (0: none)", "DEG"},
+    {"target", 0, 0, G_OPTION_ARG_NONE, &target,
+     "Pictures of a calibration target, whose views need not have every light", NULL},
+    {"template", 0, 0, G_OPTION_ARG_NONE, &template,
+     "Write a file of nominal values to fill in, for -c, and import nothing", NULL},
+    {NULL},
+};
+
+struct poses_job {
+    struct import_poses poses;
+    struct import_poses_result result;
+};
+
+static gboolean work_poses(const struct work *work, gpointer data, GError **error) {
+    struct poses_job *job = data;
+    return import_poses(output, &job->poses, work, &job->result, error);
+}
+
+static void tell_poses(Record *to, const struct import_poses_result *result, double seconds) {
+    g_autofree char *time = report_duration(seconds);
+    record_string(to, "session", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "lasers", result->n_lasers);
+    record_int(to, "frames", result->n_frames);
+    record_int(to, "missing", result->n_missing);
+    record_int(to, "not_numbers", result->not_numbers);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d %s, %d %s, %d laser %s, %d %s in %s; “mesorig process” "
+               "makes BTF and MDF\n",
+               output, PLURAL(result->n_views, "view"), PLURAL(result->n_lights, "light"),
+               PLURAL(result->n_lasers, "position"), PLURAL(result->n_frames, "frame"), time);
+    if (result->n_missing > 0)
+        record_say(
+            to,
+            "%d pictures of sweeps are missing; the surface that only they show is not measured\n",
+            result->n_missing);
+    if (result->not_numbers > 0)
+        record_say(to, "%" G_GINT64_FORMAT " pixels are not numbers\n", result->not_numbers);
+}
+
+static gboolean parse_grid(struct session_grid *ret) {
+    char more;
+    *ret =
+        (struct session_grid){.width = texels, .reference_mm = reference_mm, .depth_mm = depth_mm};
+    if (!sample || sscanf(sample, "%lfx%lf%c", &ret->width_mm, &ret->height_mm, &more) != 2 ||
+        !(ret->width_mm > 0 && ret->width_mm <= LARGEST_MM) ||
+        !(ret->height_mm > 0 && ret->height_mm <= LARGEST_MM) || texels < 1 || texels > 8192 ||
+        !(depth_mm >= 0))
+        return FALSE;
+    ret->height = (int)(ret->height_mm / ret->width_mm * texels + 0.5);
+    return ret->height >= 1 && ret->height <= 8192;
+}
+
+/* Writes the file of nominal values that -o names, which must not exist. */
+static int write_template(const struct call *call, GError **error) {
+    /* An existing file may have values that somebody has filled in. */
+    g_autoptr(OutputFile) to = cli_output(output, NULL, error);
+    g_autofree char *text = to ? nominal_template(call->arguments[0], error) : NULL;
+    if (!text || !output_file_put(to, text, strlen(text), error))
+        return CLI_FAILED;
+    record_string(call->record, "file", output);
+    record_say(call->record,
+               "%s: replace each ? by its value, and give the file to import poses with -c\n",
+               output);
+    return CLI_DONE;
+}
+
+static int import_poses_run(const struct call *call, GError **error) {
+    static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
+    static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
+    const struct command *command = call->command;
+    g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
+    struct poses_job job = {.poses = {.table = call->arguments[0],
+                                      .calibration = calibration,
+                                      .cfa = cfa ? cfa : "mono",
+                                      .threshold_dn = threshold_dn,
+                                      .same_light_deg = same_light_deg,
+                                      .notes = notes,
+                                      .target = target}};
+    double seconds = 0;
+    if (!output)
+        return cli_usage(command, "no session to make is given: give -o DIR.session");
+    if (template)
+        return write_template(call, error);
+    if (!calibration)
+        return cli_usage(command,
+                         "no calibration of cameras and lamps is given: give --calibration FILE, "
+                         "which --template writes to be filled in");
+    if (!parse_grid(&job.poses.grid))
+        return cli_usage(command, "--sample needs WIDTHxHEIGHT in mm, --texels 1 to 8192, --depth "
+                                  "millimetres");
+    if (!(same_light_deg >= 0 && same_light_deg <= 45))
+        return cli_usage(command, "--same-light=%g is out of range: 0 to 45 degrees",
+                         same_light_deg);
+    if (!g_strv_contains(filters, job.poses.cfa))
+        return cli_usage(command, "there is no --cfa=%s; choose from: mono, rggb, bggr, grbg, gbrg",
+                         cfa);
+    while (edge && edges[job.poses.edge] && strcmp(edge, edges[job.poses.edge]) != 0)
+        job.poses.edge++;
+    if (!edges[job.poses.edge])
+        return cli_usage(command, "there is no --edge=%s; choose from: line, darkens, lightens",
+                         edge);
+    if (!exchange_parse_transfer(transfer, &job.poses.transfer))
+        return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
+    if (!cli_work_run(work_poses, &job, &seconds, error))
+        return CLI_FAILED;
+    tell_poses(call->record, &job.result, seconds);
+    exchange_tell_notes(call->record, notes);
+    return CLI_DONE;
+}
+
+const struct command exchange_import_poses = {
+    .name = "import poses",
+    .arguments = "TABLE -o DIR",
+    .examples = "  mesorig import poses poses.csv -c nominal.conf -s 36x36 -o print.session\n",
+    .help = "Make a session of pictures with a table of poses.",
+    .options = entries,
+    .writes = TRUE,
+    .min = 1,
+    .max = 1,
+    .run = import_poses_run};

@@ -1,0 +1,324 @@
+#include "guard.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "hand_link.h"
+#include "picture_report.h"
+#include "radiometry/fiducials.h"
+#include "trial.h"
+
+#define LONG_PICTURES 500
+/* Part of a camera's pixels that may be saturated at the shortest exposure, such as a few
+ * highlights. */
+#define SATURATED_PART 0.05
+/* The 99th percentile must reach at least this part of the range, at the longest exposure under the
+ * brightest lamp; a suggested exposure is to reach it, too. */
+#define BRIGHT_PART 0.1
+#define WANTED_PART 0.5
+/* Part of the range by which a lamp raises the mean of a picture that sees it. */
+#define LAMP_PART 0.0005
+/* A saturated picture is taken again with an exposure shorter by this factor, to find one that is
+ * short enough. */
+#define SHORTER 32
+/* Of fiducials, as in a capture (capture_marks.c). */
+#define SYSTEMATIC_PX 0.05
+#define LEAST_DEG     0.05
+#define TURNTABLE     (1u << 31) /* what has moved; the other bits are cameras */
+
+struct seen { /* by a camera, of all lamps */
+    int bits;
+    double dark_dn;
+    double high_dn;    /* highest 99th percentile at the longest exposure */
+    double saturated;  /* largest part at the shortest exposure */
+    int saturated_by;  /* that lamp */
+    double shorter_us; /* how short would be short enough; 0: not known */
+    gboolean any;      /* it sees a lamp */
+};
+
+struct guard {
+    struct trial trial;
+    const struct calibration *calibration;
+    GPtrArray *warnings;
+    double arc_deg;
+    int n_shots;
+    struct seen seen[RIG_MAX_CAMERAS];
+    gboolean shines[RIG_MAX_LAMPS], tried[RIG_MAX_LAMPS];
+    GArray *fiducials; /* of struct fiducial_seen */
+    guint32 moved, moved_before;
+};
+
+static int count_directions(const struct ring *rings, int n, char **devices, int n_devices) {
+    int sum = 0;
+    for (int i = 0; i < n; i++)
+        sum += rings[i].count;
+    for (char **name = devices; name && *name; name++)
+        sum += g_str_equal(*name, "all") ? n_devices : 1;
+    return sum;
+}
+
+gboolean guard_is_worth_it(const struct session_conf *conf, const struct rig *rig) {
+    return count_directions(conf->views, conf->n_views, conf->views_of, rig->n_cameras) *
+               count_directions(conf->lights, conf->n_lights, conf->lights_of, rig->n_lamps) >=
+           LONG_PICTURES;
+}
+
+G_GNUC_PRINTF(2, 3)
+static void guard_warn(struct guard *guard, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_ptr_array_add(guard->warnings, g_strdup_vprintf(format, args));
+    va_end(args);
+}
+
+/* What the session needs and the calibration lacks. */
+static void judge_calibration(struct guard *guard) {
+    const struct session_conf *conf = guard->trial.conf;
+    const gboolean lights = conf->n_lights > 0 || conf->lights_of;
+    const gboolean lasers = conf->n_lasers > 0 || conf->lasers_of;
+    const gboolean needed[CALIBRATION_PARTS] = {[CALIBRATION_CAMERAS] = TRUE,
+                                                [CALIBRATION_LIGHTS] = lights,
+                                                [CALIBRATION_LASER] = lasers,
+                                                [CALIBRATION_RADIOMETRY] = lights};
+    g_autoptr(GString) lacks = g_string_new(NULL);
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        if (needed[i] && !guard->calibration->parts[i].done)
+            g_string_append_printf(lacks, "%s%s", lacks->len ? ", " : "",
+                                   calibration_part_name((enum calibration_kind)i));
+    if (lacks->len)
+        guard_warn(guard,
+                   "the rig is not calibrated (%s): positions in its file may be wrong by "
+                   "millimetres, and brightness by a tenth or more; see mesorig calibrate, then "
+                   "[rig] calibration, or -c FILE",
+                   lacks->str);
+}
+
+static Frame *guard_snap(struct guard *guard, int camera, double exposure_us,
+                         struct picture_report *ret, GError **error) {
+    Frame *frame = trial_snap(&guard->trial, camera, exposure_us, FALSE, error);
+    if (!frame)
+        return NULL;
+    guard->seen[camera].bits = frame->bits;
+    *ret = picture_report(frame);
+    return frame;
+}
+
+static double range_dn(const struct guard *guard, int camera) {
+    return (1 << guard->seen[camera].bits) - 1;
+}
+
+static double guard_longest_us(const struct guard *guard) {
+    return guard->trial.conf->exposures_us[guard->trial.conf->n_exposures - 1];
+}
+
+static gboolean take_darks(struct guard *guard, GError **error) {
+    guard->n_shots++;
+    for (int i = 0; i < guard->trial.n_cameras; i++) {
+        const int c = guard->trial.cameras[i];
+        struct picture_report report;
+        g_autoptr(Frame) frame = guard_snap(guard, c, guard_longest_us(guard), &report, error);
+        if (!frame)
+            return FALSE;
+        guard->seen[c].dark_dn = report.mean_dn;
+    }
+    return TRUE;
+}
+
+/* Fiducials in one picture, if it is calibrated where they are. */
+static void find_fiducials(struct guard *guard, int camera, int lamp, const Frame *frame) {
+    const struct calibration *known = guard->calibration;
+    const gsize n = (gsize)frame->width * (gsize)frame->height;
+    if (!known->parts[CALIBRATION_CAMERAS].done || known->rig.n_fiducials == 0)
+        return;
+    g_autofree float *mosaic = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        mosaic[i] = (float)((frame->pixels[i] - guard->seen[camera].dark_dn) * 1000.0 /
+                            (double)frame->exposure_us);
+    const struct fiducial_scene scene = {.rig = &known->rig,
+                                         .camera = camera,
+                                         .lamp = lamp,
+                                         .arc_rad = guard->arc_deg * G_PI / 180,
+                                         .radiometry = &known->camera_radiometry[camera],
+                                         .lamp_radiometry = &known->lamp_radiometry[lamp]};
+    double mean[3];
+    radiometry_subtract_glare(scene.radiometry, cfa_name(frame->cfa), (int)frame->width,
+                              (int)frame->height, mosaic, mean);
+    fiducials_measure(&scene, cfa_name(frame->cfa), mosaic, guard->fiducials);
+}
+
+static void check_fiducials(const struct guard *guard, guint from, struct fiducials_check *ret) {
+    fiducials_check(&guard->calibration->rig,
+                    (const struct fiducial_seen *)(void *)guard->fiducials->data + from,
+                    (int)(guard->fiducials->len - from), SYSTEMATIC_PX, LEAST_DEG, ret);
+}
+
+/* Finds what has moved by the fiducials that a shot shows, those with index from and above. A
+ * bright sample beside a fiducial may make it look displaced under one lamp; therefore two shots in
+ * a row have to agree, if there is more than one lamp. */
+static void compare_shot(struct guard *guard, guint from) {
+    struct fiducials_check check;
+    if (guard->fiducials->len == from)
+        return;
+    check_fiducials(guard, from, &check);
+    guint32 bits = check.slipped ? TURNTABLE : 0;
+    for (int c = 0; c < guard->calibration->rig.n_cameras; c++)
+        if (check.cameras[c].moved)
+            bits |= 1u << c;
+    guard->moved |= guard->trial.n_lamps == 1 ? bits : bits & guard->moved_before;
+    guard->moved_before = bits;
+}
+
+/* Finds how long a camera that saturates should expose, from one more picture of the same shot. */
+static double guard_shorter_us(struct guard *guard, int camera) {
+    const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
+    struct picture_report report;
+    g_autoptr(Frame) frame =
+        guard_snap(guard, camera, us, &report, NULL); /* it may be shorter than the camera can */
+    const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
+    return frame && report.saturated < SATURATED_PART && above_dn > 1
+               ? us * WANTED_PART * range_dn(guard, camera) / above_dn
+               : 0;
+}
+
+static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **error) {
+    const struct session_conf *conf = guard->trial.conf;
+    struct seen *seen = &guard->seen[camera];
+    struct picture_report longest, shortest;
+    g_autoptr(Frame) bright = guard_snap(guard, camera, guard_longest_us(guard), &longest, error);
+    g_autoptr(Frame) dim =
+        bright ? guard_snap(guard, camera, conf->exposures_us[0], &shortest, error) : NULL;
+    if (!dim)
+        return FALSE;
+    const gboolean sees = longest.mean_dn - seen->dark_dn > LAMP_PART * range_dn(guard, camera);
+    seen->any |= sees;
+    guard->shines[lamp] |= sees;
+    seen->high_dn = MAX(seen->high_dn, longest.high_dn);
+    if (shortest.saturated > seen->saturated) {
+        seen->saturated = shortest.saturated;
+        seen->saturated_by = lamp;
+        seen->shorter_us =
+            shortest.saturated > SATURATED_PART ? guard_shorter_us(guard, camera) : 0;
+    }
+    find_fiducials(guard, camera, lamp, longest.saturated > 0 ? dim : bright);
+    return TRUE;
+}
+
+static gboolean try_lamp(struct guard *guard, int lamp, GError **error) {
+    const guint before = guard->fiducials->len;
+    guard->n_shots++;
+    guard->tried[lamp] = TRUE;
+    if (!trial_light(&guard->trial, lamp, TRUE, error))
+        return FALSE;
+    for (int i = 0; i < guard->trial.n_cameras; i++)
+        if (!try_camera(guard, lamp, guard->trial.cameras[i], error))
+            return FALSE;
+    compare_shot(guard, before);
+    return trial_light(&guard->trial, lamp, FALSE, error);
+}
+
+static void judge_camera(struct guard *guard, int camera) {
+    const struct seen *seen = &guard->seen[camera];
+    const struct session_conf *conf = guard->trial.conf;
+    const char *name = guard->trial.rig->cameras[camera].name;
+    const double longest_us = guard_longest_us(guard);
+    const double reached = (seen->high_dn - seen->dark_dn) / range_dn(guard, camera);
+    if (!seen->any) {
+        guard_warn(guard,
+                   "camera %s sees none of the %d lamps, at %g µs: is it covered, and does it look "
+                   "at the sample?",
+                   name, MIN(guard->trial.n_lamps, TRIAL_FIRST_LAMPS), longest_us);
+    } else if (seen->saturated > SATURATED_PART) {
+        g_autofree char *to_what =
+            seen->shorter_us > 0
+                ? g_strdup_printf(", to about %.0f", trial_rounded_us(seen->shorter_us))
+                : g_strdup("");
+        guard_warn(guard,
+                   "%.0f %% of camera %s's pixels are saturated at %g µs under lamp %s: shorten "
+                   "the first of [capture] exposures_us%s",
+                   100 * seen->saturated, name, conf->exposures_us[0],
+                   guard->trial.rig->lamps[seen->saturated_by].name, to_what);
+    } else if (reached < BRIGHT_PART) {
+        guard_warn(guard,
+                   "camera %s reaches only %.2g %% of its range at %g µs under the brightest lamp: "
+                   "lengthen the last of [capture] exposures_us, to about %.0f",
+                   name, 100 * reached, longest_us,
+                   trial_rounded_us(longest_us * WANTED_PART / MAX(reached, 1e-4)));
+    }
+}
+
+static void judge_fiducials(struct guard *guard) {
+    struct fiducials_check check;
+    if (!guard->calibration->parts[CALIBRATION_CAMERAS].done ||
+        guard->calibration->rig.n_fiducials == 0)
+        return;
+    if (guard->fiducials->len == 0) {
+        guard_warn(guard,
+                   "no camera sees a fiducial where the calibration has one: is something on them, "
+                   "or was the turntable homed elsewhere? Put them back, or calibrate again");
+        return;
+    }
+    check_fiducials(guard, 0, &check);
+    g_autofree char *what = fiducials_describe(&guard->calibration->rig, &check);
+    if (guard->moved && what)
+        guard_warn(guard,
+                   "something has moved since the rig was calibrated: %s; put it back, or "
+                   "calibrate again",
+                   what);
+}
+
+/* Of the shots up to now. */
+static void guard_judge(struct guard *guard) {
+    const struct trial *trial = &guard->trial;
+    gboolean any = FALSE;
+    for (int i = 0; i < trial->n_lamps; i++)
+        any |= guard->shines[trial->lamps[i]];
+    if (!any) {
+        guard_warn(guard, "no camera sees any lamp: check the lamps' power, the lens caps, and "
+                          "[capture] exposures_us");
+        return;
+    }
+    for (int i = 0; i < trial->n_lamps; i++) {
+        const int l = trial->lamps[i];
+        if (guard->tried[l] && !guard->shines[l])
+            guard_warn(guard,
+                       "lamp %s changes no camera's picture: check the lamp, its fuse and its "
+                       "relay",
+                       trial->rig->lamps[l].name);
+    }
+    for (int i = 0; i < trial->n_cameras; i++)
+        judge_camera(guard, trial->cameras[i]);
+    judge_fiducials(guard);
+}
+
+GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct rig *rig,
+                     const struct calibration *calibration, int *ret_shots, GError **error) {
+    g_autoptr(GPtrArray) warnings = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GArray) fiducials = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+    struct guard guard = {.calibration = calibration, .warnings = warnings, .fiducials = fiducials};
+    trial_init(&guard.trial, link, conf, rig);
+    const struct trial *trial = &guard.trial;
+    const int n_first = MIN(trial->n_lamps, TRIAL_FIRST_LAMPS);
+    *ret_shots = 0;
+    if (trial->n_cameras == 0 || trial->n_lamps == 0) /* the plan will say what there is not */
+        return g_steal_pointer(&warnings);
+    judge_calibration(&guard);
+    const guint n_before = warnings->len;
+    gboolean ok = trial_pose(trial, FALSE, &guard.arc_deg, error) && take_darks(&guard, error);
+    for (int i = 0; i < n_first && ok; i++)
+        ok = try_lamp(&guard, trial->lamps[i], error);
+    if (ok)
+        guard_judge(&guard);
+    /* What the first five cannot show is a dead lamp among the others. */
+    const gboolean rest = warnings->len == n_before;
+    for (int i = n_first; i < trial->n_lamps && rest && ok; i++) {
+        const int l = trial->lamps[i];
+        ok = try_lamp(&guard, l, error);
+        if (ok && !guard.shines[l])
+            guard_warn(&guard,
+                       "lamp %s changes no camera's picture: check the lamp, its fuse and its "
+                       "relay",
+                       rig->lamps[l].name);
+    }
+    *ret_shots = guard.n_shots;
+    return ok ? g_steal_pointer(&warnings) : NULL;
+}

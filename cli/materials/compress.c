@@ -1,0 +1,188 @@
+/* compress: encodes a BTF with one of the codecs. */
+#include "compress.h"
+#include "materials.h"
+
+#include "btf/btf_checkpoint.h"
+#include "common/work.h"
+#include "plan/report.h"
+#include "session/session.h"
+
+#include <glib/gstdio.h>
+#include <unistd.h>
+
+struct compress {
+    const struct compress_asked *asked;
+    /* found */
+    struct codec_result result;
+    char *written;
+    OutputFile *to; /* of that name */
+    int texels, views, lights;
+    gint64 holes, bounds, raw_bytes, bytes, file_bytes;
+};
+
+static gboolean cli_compress_encode(struct compress *compress, const struct btf_matrix *btf,
+                                    const struct work *work, Checkpoint *checkpoint,
+                                    GError **error) {
+    const struct compress_asked *asked = compress->asked;
+    const struct codec *codec = asked->method.codec;
+    struct codec_result *result = &compress->result;
+    const struct codec_job job = {.btf = btf,
+                                  .options = asked->options,
+                                  .memory = asked->memory,
+                                  .work = work,
+                                  .checkpoint = checkpoint};
+    GStatBuf status;
+    const char *path = NULL;
+    if (!codec->encode(codec, &job, result, error) ||
+        !(path = output_file_path(compress->to, error)))
+        return FALSE;
+    const gboolean written =
+        codec->write(path, result->levels->pdata, (int)result->levels->len, error);
+    for (guint i = 0; i < result->levels->len; i++)
+        compress->bytes += codec->bytes(result->levels->pdata[i]);
+    if (written && g_stat(path, &status) == 0)
+        compress->file_bytes = status.st_size;
+    return output_file_end(compress->to, written, error) &&
+           session_add_product_file(compress->written, asked->made_by, error);
+}
+
+/* Makes the result, its figures and its file. */
+static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
+    const struct compress_asked *asked = compress->asked;
+    /* The rest of the limit is for the computation. */
+    struct btf_matrix *btf = btf_matrix_read_within(asked->memory / 2, asked->path, work, error);
+    if (!btf)
+        return FALSE;
+    compress->texels = btf_layout_texels(&btf->layout);
+    compress->views = btf->layout.views.n;
+    compress->lights = btf->layout.lights.n;
+    compress->holes = btf->holes;
+    compress->bounds = btf->bounds;
+    compress->raw_bytes = (gint64)compress->texels * btf_layout_values(&btf->layout) * 2;
+    g_autofree char *path = g_strconcat(compress->written, ".checkpoint", NULL);
+    g_autofree char *inputs = compress_inputs(asked);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
+    btf_checkpoint_begin(checkpoint, btf, inputs);
+    if (checkpoint_note(checkpoint))
+        g_printerr("%s\n", checkpoint_note(checkpoint));
+    const gboolean resumable = asked->method.codec->resumable && !output_file_streams(compress->to);
+    const gboolean ok =
+        cli_compress_encode(compress, btf, work, resumable ? checkpoint : NULL, error);
+    if (ok)
+        checkpoint_remove(checkpoint);
+    else if (!g_cancellable_is_cancelled(work->cancellable))
+        checkpoint_discard(checkpoint);
+    else if (resumable)
+        g_prefix_error(error, "%s keeps the work done so far: ", path);
+    btf_matrix_free(btf);
+    return ok;
+}
+
+/* Returns the file to write, or NULL with an error if it cannot be written. */
+static char *cli_compress_output(const struct compress_asked *asked, GError **error) {
+    if (asked->output)
+        return g_strdup(asked->output);
+    g_autofree char *directory = btf_matrix_session(asked->path);
+    g_autofree char *name = g_strdup_printf("%s.exr", asked->method.name);
+    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    return session ? g_build_filename(directory, "products", name, NULL) : NULL;
+}
+
+static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
+    struct compress *compress = data;
+    compress->written = cli_compress_output(compress->asked, error);
+    if (!compress->written)
+        return FALSE;
+    compress->to = (compress->asked->output ? cli_output_locked : cli_output_product)(
+        compress->written, compress->asked->method.name, error);
+    return compress->to && compress_btf(compress, work, error);
+}
+
+static void cli_compress_add_values(Record *to, const struct compress *compress, double seconds) {
+    const struct codec_result *result = &compress->result;
+    const gboolean mips = options_find(compress->asked->method.options, "mips") != NULL;
+    record_string(to, "file", compress->written);
+    record_string(to, "method", compress->asked->method.name);
+    record_int(to, "texels", compress->texels);
+    record_int(to, "views", compress->views);
+    record_int(to, "lights", compress->lights);
+    record_int(to, "clusters", result->clusters);
+    record_int(to, "components", result->components);
+    record_int(to, "grid", result->grid);
+    record_int(to, "levels", mips ? result->levels->len : 0);
+    record_int(to, "holes", compress->holes);
+    record_int(to, "lower_bounds", compress->bounds);
+    record_int(to, "btf_bytes", compress->raw_bytes);
+    record_int(to, "bytes", compress->bytes);
+    record_int(to, "file_bytes", compress->file_bytes);
+    record_double(to, "exact_error", result->exact_error);
+    record_double(to, "error", result->error);
+    if (result->luminance_error >= 0)
+        record_double(to, "luminance_error", result->luminance_error);
+    record_double(to, "real_s", seconds);
+}
+
+static void cli_compress_tell(Record *to, const struct compress *compress, double seconds) {
+    const struct codec *codec = compress->asked->method.codec;
+    const struct codec_result *result = &compress->result;
+    g_autofree char *time = report_duration(seconds);
+    g_autofree char *what = codec->describe(codec, result);
+    g_autofree char *size = g_format_size((guint64)compress->bytes);
+    g_autofree char *file = g_format_size((guint64)compress->file_bytes);
+    cli_compress_add_values(to, compress, seconds);
+    record_say(to, "%s: done in %s: %s, error %.2f %%", compress->written, time, what,
+               100 * result->error);
+    if (result->packed)
+        record_say(to, ", %s on disk, 1:%.3g of the BTF in half floats; %s unpacked\n", file,
+                   (double)compress->raw_bytes / (double)compress->file_bytes, size);
+    else
+        record_say(to,
+                   " (%.2f %% before %srounding), %s, 1:%.3g of the BTF in half floats; %s on "
+                   "disk\n",
+                   100 * result->exact_error, result->grid ? "the grid and " : "", size,
+                   (double)compress->raw_bytes / (double)compress->bytes, file);
+    cli_tell_output(to, compress->to);
+    if (compress->holes > 0)
+        record_say(to,
+                   "%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
+                   " values of the BTF are holes and were filled from their neighbours\n",
+                   compress->holes, compress->raw_bytes / 6);
+    if (compress->bounds > 0)
+        record_say(to,
+                   "%" G_GINT64_FORMAT
+                   " are lower bounds, because the camera was saturated, and are used unchanged\n",
+                   compress->bounds);
+}
+
+static int cli_compress_run(const struct call *call, GError **error) {
+    struct compress_asked asked;
+    struct compress compress = {.asked = &asked};
+    double seconds = 0;
+    int code = CLI_USAGE;
+    if (compress_ask(call, &asked)) {
+        if (asked.method.mdf)
+            code = compress_mdf(&asked, call->record, error);
+        else if (cli_work_run(cli_compress_work, &compress, &seconds, error)) {
+            cli_compress_tell(call->record, &compress, seconds);
+            code = CLI_DONE;
+        } else
+            code = CLI_FAILED;
+    }
+    g_clear_pointer(&compress.result.levels, g_ptr_array_unref);
+    g_free(compress.written);
+    output_file_free(compress.to);
+    compress_clear(&asked);
+    return code;
+}
+
+const struct command cli_compress = {.name = "compress",
+                                     .arguments = "DIR",
+                                     .examples = "  mesorig compress weave.session --error 2%\n"
+                                                 "  mesorig compress weave.session -m ptm\n",
+                                     .help = "Compress the BTF of a session, or its MDF.",
+                                     .list_options = compress_entries,
+                                     .writes = TRUE,
+                                     .streams = TRUE,
+                                     .min = 1,
+                                     .max = 1,
+                                     .run = cli_compress_run};

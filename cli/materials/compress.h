@@ -1,0 +1,38 @@
+/* Private header of the command compress. The methods of the command are the entries of codecs[]
+ * and mdf_codecs[]. */
+#pragma once
+
+#include "codecs/codecs.h"
+#include "common/cli.h"
+#include "mdf_codecs/mdf_codec.h"
+
+/* A method on the command line: one of codecs[] or of mdf_codecs[]. */
+struct compress_method {
+    const char *name, *help;
+    const struct option *options;
+    gsize options_size;
+    const struct codec *codec;   /* NULL for a method of mdf_codecs[] */
+    const struct mdf_codec *mdf; /* NULL for a method of codecs[] */
+};
+
+struct compress_asked {
+    struct compress_method method;
+    const char *path, *output; /* output is NULL if not given */
+    gint64 memory;             /* 0 if not limited */
+    gpointer options;          /* of method.options_size bytes */
+    char *made_by; /* the command with its options, for the session's list of products */
+};
+
+/* The options of all methods, one for each name. */
+const GOptionEntry *compress_entries(void);
+
+/* Reads the options of the call. Returns FALSE on bad usage, which has then been reported. Call
+ * compress_clear() in either case. */
+gboolean compress_ask(const struct call *call, struct compress_asked *ret);
+void compress_clear(struct compress_asked *asked);
+
+/* Returns a text of everything besides the BTF on which the result depends. The text does not
+ * depend on how the options were written. g_free() */
+char *compress_inputs(const struct compress_asked *asked);
+
+int compress_mdf(const struct compress_asked *asked, Record *to, GError **error);

@@ -1,0 +1,251 @@
+/* check: whether the measurement is plausible: energy, reciprocity, views that agree on the
+ * surface. */
+#include "check.h"
+#include "base/data_error.h"
+#include "btf/btf_sigma.h"
+#include "capture/exposure_advice.h"
+#include "common/cli.h"
+#include "common/work.h"
+#include "mdf/mdf_views.h"
+#include "session/session.h"
+#include "sessions.h"
+
+static char *plot_option;
+
+/* Whether the folder holds views: it also exists without any, in a session of sweeps alone. */
+static gboolean check_has_views(const char *folder) {
+    g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
+    const char *name;
+    while (names && (name = g_dir_read_name(names)))
+        if (g_str_has_prefix(name, "view_"))
+            return TRUE;
+    return FALSE;
+}
+
+static gboolean check_draw(const struct check *check, GError **error) {
+    const char *path = output_file_path(check->plot, error);
+    return path &&
+           output_file_end(check->plot, plot_energy(path, check->btf, check->energy, error), error);
+}
+
+gboolean check_session(const struct work *work, gpointer data, GError **error) {
+    struct check *check = data;
+    g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
+    g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
+    const gboolean has_btf = check_has_views(btf);
+    check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
+    if (!has_btf && !check->has_mdf) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is neither products/btf nor products/mdf.exr; `mesorig process %s` "
+                    "makes them",
+                    check->path, check->path);
+        return FALSE;
+    }
+    g_autoptr(Session) session = session_open(check->path, SESSION_READ, error);
+    if (!session)
+        return FALSE;
+    session_suspicions(session, check->suspicions);
+    if (has_btf) {
+        check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
+        check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
+        if (!check->energy || (check->plot && !check_draw(check, error)) ||
+            !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
+            return FALSE;
+        const struct btf_layout *layout = &check->btf->layout;
+        const gint64 all = btf_layout_texels(layout) * (gint64)(layout->views.n * layout->lights.n);
+        check->exposures = exposure_advice(
+            session, (double)(check->btf->shorter + check->btf->bounds) / (double)all);
+    }
+    prediction_product_read(session, &check->predicted);
+    if (!check->has_mdf)
+        return TRUE;
+    struct session_grid grid;
+    if (!session_check_product(mdf, error) || !mdf_views_check(mdf, &check->mdf, error) ||
+        !session_grid(session, &grid, error))
+        return FALSE;
+    check_suspect_mdf(&check->mdf, &grid, check->suspicions);
+    return TRUE;
+}
+
+void check_clear(struct check *check) {
+    btf_matrix_free(check->btf);
+    energy_free(check->energy);
+    g_free(check->exposures);
+    g_ptr_array_unref(check->suspicions);
+}
+
+static double percent(gint64 n, gint64 of) {
+    return of > 0 ? 100 * (double)n / (double)of : 0;
+}
+
+static void tell_energy(Record *to, const struct energy *e) {
+    double least = G_MAXDOUBLE;
+    for (int l = 0; l < e->n_lights; l++)
+        least = MIN(least, e->albedo[l]);
+    record_doubles(to, "e_r", e->e_r, e->n_views);
+    record_doubles(to, "e_i", e->e_i, e->n_lights);
+    record_int(to, "texel", e->texel);
+    record_doubles(to, "texel_e_r", e->texel_e_r, e->n_views);
+    record_doubles(to, "texel_e_i", e->texel_e_i, e->n_lights);
+    record_doubles(to, "albedo", e->albedo, e->n_lights);
+    record_double(to, "largest_albedo", e->largest_albedo);
+    record_int(to, "reciprocal_pairs", e->pairs);
+    record_double(to, "asymmetry", e->asymmetry);
+    record_double(to, "texel_asymmetry", e->texel_asymmetry);
+    record_say(to, "energy       %.3f … %.3f of a light's energy is reflected%s", least,
+               e->largest_albedo, e->largest_albedo > 1 ? ": more than arrives" : "");
+    if (e->n_views == 1)
+        record_say(to, " (from one view, taken for all)\n");
+    else
+        record_say(to, " (views to %.0f°)\n", e->covered_deg);
+    if (e->pairs == 0)
+        record_say(to, "reciprocity  no pair of directions was measured both ways\n");
+    else
+        record_say(to,
+                   "reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the "
+                   "mean over texels, %d pairs; %.2f %% texel by texel\n",
+                   100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
+}
+
+static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
+    record_int(to, "mdf_views", mdf->n_views);
+    record_int(to, "mdf_texels", mdf->texels);
+    record_int(to, "mdf_seen", mdf->seen);
+    record_int(to, "mdf_confirmed", mdf->confirmed);
+    record_int(to, "mdf_refuted", mdf->refuted);
+    record_int(to, "mdf_unknown", mdf->unknown);
+    record_double(to, "mdf_denied_share", mdf->denied_share);
+    record_int(to, "line_sweeps", mdf->lines.sweeps);
+    record_int(to, "lines_found", mdf->lines.found);
+    record_int(to, "lines_disagree", mdf->lines.disagree);
+    record_say(
+        to,
+        "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
+        "%.2f %% hidden from all of them; %.2f %% of what other views say of it contradicts it\n",
+        percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
+        percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
+    if (mdf->lines.found > 0)
+        record_say(to,
+                   "laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
+                   "calibration, by %+.4f° at most\n",
+                   mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
+    record_double(to, "line_width", mdf->lines.width);
+    record_double(to, "line_scatter", mdf->lines.scatter);
+    g_autofree char *warning = mdf_lines_warning(mdf->lines.width, mdf->lines.scatter);
+    if (warning)
+        record_say(to, "laser light  %s\n", warning);
+}
+
+/* Reports the error bars. Suggests longer exposures only where they do not saturate already. */
+static void tell_sigma(Record *to, const char *path, const char *too_long) {
+    struct btf_sigma_sums sigma;
+    btf_sigma_sum(path, &sigma);
+    record_int(to, "sigma_known", sigma.known);
+    record_double(to, "sigma_median", sigma.median);
+    record_double(to, "sigma_relative", sigma.relative);
+    record_int(to, "sigma_large", sigma.large);
+    record_double(to, "sigma_worst", sigma.worst);
+    if (sigma.known == 0) {
+        record_say(to, "error bars   not known: the noise of its cameras is not calibrated, or it "
+                       "was processed by an older version\n");
+        return;
+    }
+    record_say(to, "error bars   median σ %.4g, %.2f %% of a value\n", sigma.median,
+               100 * sigma.relative);
+    record_int(to, "sigma_worse", sigma.worse);
+    /* What most pictures have is no warning: it would come in every session of a fine structure. */
+    if (2 * sigma.large > sigma.known)
+        record_say(to,
+                   "  in %d of %d pictures σ is more than %.0f %% of half of the values: %s reduce "
+                   "noise, more pixels per texel reduce the error at edges\n",
+                   sigma.large, sigma.known, 100 * BTF_SIGMA_LARGE,
+                   too_long ? "other exposures (above)" : "longer exposures");
+    if (sigma.worse > 0)
+        record_say(to,
+                   "  warning: in %d of %d pictures σ is more than twice what it is in most, up to "
+                   "%.1f %% of half of the values (view %.1f° %.1f°, light %.1f° %.1f°): look at "
+                   "their exposures and at that lamp\n",
+                   sigma.worse, sigma.known, 100 * sigma.worst, sigma.worst_view_theta_deg,
+                   sigma.worst_view_phi_deg, sigma.worst_light_theta_deg,
+                   sigma.worst_light_phi_deg);
+}
+
+static void cli_check_tell(Record *to, const struct check *check) {
+    const struct btf_matrix *btf = check->btf;
+    if (check->energy) {
+        const gint64 all =
+            btf_layout_texels(&btf->layout) * btf->layout.views.n * btf->layout.lights.n;
+        record_int(to, "holes", btf->holes);
+        record_int(to, "lower_bounds", btf->bounds);
+        record_int(to, "shorter_exposures", btf->shorter);
+        record_int(to, "predicted", btf->predicted);
+        tell_energy(to, check->energy);
+        record_say(
+            to,
+            "flags        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
+            "%.3g %% from shorter exposures alone, %.3g %% not taken: predicted from the pictures "
+            "of other lights\n",
+            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
+            percent(btf->predicted, all));
+        if (check->predicted.left_out > 0) {
+            record_int(to, "left_out_pictures", check->predicted.left_out);
+            record_double(to, "prediction_error", check->predicted.error);
+            record_say(to,
+                       "predicted    %d of %d pictures, left out by the capture; expected error "
+                       "%.2f %% of the BTF\n",
+                       check->predicted.left_out, check->predicted.pictures,
+                       100 * check->predicted.error);
+        }
+        record_string(to, "exposures", check->exposures);
+        if (check->exposures)
+            record_say(to, "exposures    %s\n", check->exposures);
+        tell_sigma(to, check->path, check->exposures);
+    }
+    if (check->has_mdf)
+        tell_surface(to, &check->mdf);
+    record_strings(to, "suspicions", check->suspicions);
+    for (guint i = 0; i < check->suspicions->len; i++)
+        record_say(to, "suspect      %s\n", (char *)check->suspicions->pdata[i]);
+    if (check->plot && check->energy) {
+        record_say(to, "plot         %s\n", plot_option);
+        cli_tell_output(to, check->plot);
+    }
+}
+
+static int texel_option = -1;
+static gboolean strict;
+static const GOptionEntry entries[] = {
+    {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
+     "Draw the energy of each view and light into this .svg or .png", "FILE"},
+    {"texel", 0, 0, G_OPTION_ARG_INT, &texel_option,
+     "The texel that is drawn, counted row by row (the middle)", "N"},
+    {"strict", 0, 0, G_OPTION_ARG_NONE, &strict, "Exit with 1 if anything is suspect", NULL},
+    {NULL},
+};
+
+static int cli_check_run(const struct call *call, GError **error) {
+    struct check check = {.path = call->arguments[0],
+                          .texel = texel_option,
+                          .suspicions = g_ptr_array_new_with_free_func(g_free)};
+    g_autoptr(OutputFile) plot = plot_option ? cli_output(plot_option, "plot", error) : NULL;
+    check.plot = plot;
+    const gboolean ok = (!plot_option || plot) && cli_work_run(check_session, &check, NULL, error);
+    const gboolean suspect = check.suspicions->len > 0;
+    if (ok)
+        cli_check_tell(call->record, &check);
+    check_clear(&check);
+    return ok && !(strict && suspect) ? CLI_DONE : CLI_FAILED;
+}
+
+const struct command cli_check = {
+    .name = "check",
+    .arguments = "DIR",
+    .examples = "  mesorig check weave.session --plot energy.svg\n"
+                "  mesorig check weave.session --strict && mesorig compress weave.session\n",
+    .help = "Check whether a session's BTF and MDF are plausible: energy, reciprocity, agreement "
+            "of views.",
+    .options = entries,
+    .writes = TRUE,
+    .min = 1,
+    .max = 1,
+    .run = cli_check_run};

@@ -1,0 +1,466 @@
+/* info: the contents of a session directory or an EXR. */
+#include "info.h"
+#include "sessions.h"
+
+#include "archive.h"
+#include "base/plural.h"
+#include "btf/btf.h"
+#include "btf/btf_sigma.h"
+#include "codecs/codecs.h"
+#include "common/cli.h"
+#include "exr/exr.h"
+#include "history.h"
+#include "mdf_codecs/mdf_codec.h"
+#include "pipeline/prediction_product.h"
+#include "plan/adaptive/adaptive.h"
+#include "plan/report.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+#define SHOWN_PARTS  8 /* maximum number of parts of a file in the text */
+#define SHOWN_EVENTS 10
+
+struct counts {
+    int planned, done, skipped, frames, retakes, views, lights, lasers;
+    int sweeps, sweeps_left_out, lamps, lamps_left_out; /* shots */
+    gint64 bytes;
+};
+
+/* Takes the array. */
+static int cli_info_length_of(GPtrArray *array) {
+    const int n = array ? (int)array->len : 0;
+    g_clear_pointer(&array, g_ptr_array_unref);
+    return n;
+}
+
+static gboolean cli_info_count(Session *session, struct counts *ret, GError **error) {
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
+    if (!frames)
+        return FALSE;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        ret->planned += shot->state == SHOT_PLANNED;
+        ret->done += shot->state == SHOT_DONE;
+        ret->skipped += shot->state == SHOT_SKIPPED;
+        ret->sweeps += shot->kind == SHOT_SWEEP && shot->state == SHOT_DONE;
+        ret->lamps += shot->kind == SHOT_LAMP && shot->state == SHOT_DONE;
+        const gboolean left_out = shot->state == SHOT_SKIPPED && shot->note &&
+                                  g_str_has_prefix(shot->note, SESSION_LEFT_OUT);
+        ret->sweeps_left_out += left_out && shot->kind == SHOT_SWEEP;
+        ret->lamps_left_out += left_out && shot->kind == SHOT_LAMP;
+    }
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        ret->frames++;
+        ret->retakes += frame->retakes;
+        ret->bytes += frame->bytes;
+    }
+    ret->views = cli_info_length_of(session_views(session, NULL));
+    ret->lights = cli_info_length_of(session_lights(session, NULL));
+    ret->lasers = cli_info_length_of(session_lasers(session, NULL));
+    return TRUE;
+}
+
+static int cli_info_by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static void list_products(const char *directory, const char *folder, GPtrArray *to) {
+    g_autofree char *path = g_build_filename(directory, folder, NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(to, g_build_filename(folder, name, NULL));
+    g_ptr_array_sort(to, cli_info_by_name);
+}
+
+/* Counts the flags of all views that can be read. */
+static struct btf_flag_counts count_marks(const char *directory, const GPtrArray *list) {
+    struct btf_flag_counts marks = {0};
+    for (guint i = 0; i < list->len; i++) {
+        if (!g_str_has_prefix(list->pdata[i], "products/btf/"))
+            continue;
+        g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
+        struct exr_file *file = exr_read_headers(path, NULL);
+        for (guint k = 0; file && k < file->parts->len; k++)
+            btf_count_flags(g_ptr_array_index(file->parts, k), &marks);
+        exr_file_free(file);
+    }
+    return marks;
+}
+
+/* Tells which pictures the capture left out, and how well the others predict them. */
+static void tell_prediction(Record *to, Session *session) {
+    struct prediction_known known;
+    prediction_product_read(session, &known);
+    if (known.left_out == 0)
+        return;
+    record_int(to, "left_out_pictures", known.left_out);
+    record_double(to, "prediction_error", known.error);
+    record_double(to, "prediction_left_out_error", known.left_out_error);
+    record_double(to, "prediction_left_out_share", known.left_out_share);
+    record_say(
+        to,
+        "predicted  %d of %d pictures, left out by the capture; expected error %.2f %% of the "
+        "BTF. Pictures that were taken are predicted from the others to %.2f %%, %.1f %% of "
+        "their values within 2 σ\n",
+        known.left_out, known.pictures, 100 * known.error, 100 * known.left_out_error,
+        100 * known.left_out_share);
+}
+
+static void tell_products(Record *to, const char *directory) {
+    g_autoptr(GPtrArray) list = g_ptr_array_new_with_free_func(g_free);
+    list_products(directory, "products", list);
+    list_products(directory, "products/btf", list);
+    const struct btf_flag_counts marks = count_marks(directory, list);
+    int n_views = 0;
+    gint64 view_bytes = 0;
+    record_int(to, "btf_values", marks.texels);
+    record_int(to, "btf_holes", marks.holes);
+    record_int(to, "btf_lower_bounds", marks.bounds);
+    record_int(to, "btf_shorter_exposures", marks.shorter);
+    record_int(to, "btf_predicted", marks.predicted);
+    record_begin_list(to, "products");
+    for (guint i = 0; i < list->len; i++) {
+        g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
+        GStatBuf status;
+        const gint64 bytes = g_stat(path, &status) == 0 ? status.st_size : 0;
+        record_begin(to, NULL);
+        record_string(to, "path", list->pdata[i]);
+        record_int(to, "bytes", bytes);
+        record_end(to);
+        if (g_str_has_prefix(list->pdata[i], "products/btf/")) {
+            n_views++;
+            view_bytes += bytes;
+            continue;
+        }
+        g_autofree char *size = g_format_size((guint64)bytes);
+        record_say(to, "product    %s, %s\n", (const char *)list->pdata[i], size);
+    }
+    record_end(to);
+    g_autofree char *size = g_format_size((guint64)view_bytes);
+    if (n_views)
+        record_say(to, "product    products/btf, %d %s, %s\n", PLURAL(n_views, "view"), size);
+    if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
+        record_say(to,
+                   "flags      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
+                   " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
+                   " from shorter exposures only, %" G_GINT64_FORMAT
+                   " of pictures that were not taken, predicted from other lights\n",
+                   marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
+}
+
+/* Tells only medians; `mesorig check` tells which pictures are worse. */
+static void tell_sigma(Record *to, const char *directory) {
+    struct btf_sigma_sums sigma;
+    btf_sigma_sum(directory, &sigma);
+    record_int(to, "btf_sigma_known", sigma.known);
+    record_double(to, "btf_sigma_median", sigma.median);
+    record_double(to, "btf_sigma_relative", sigma.relative);
+    if (sigma.known > 0)
+        record_say(to, "error bars median σ %.4g, %.2f %% of a value, in %d of %d pictures\n",
+                   sigma.median, 100 * sigma.relative, sigma.known, sigma.lights);
+}
+
+/* Tells the calibration of the products, or the calibration that they would be made with. */
+static gboolean tell_calibration(Record *to, Session *session, GError **error) {
+    struct archive_calibration with;
+    g_autoptr(Calibration) calibration = archive_calibration(session, &with, error);
+    record_string(to, "calibration", with.said);
+    record_boolean(to, "calibration_own", with.own);
+    record_boolean(to, "calibration_mixed", with.mixed);
+    record_say(to, "calibrated %s\n", with.said);
+    archive_calibration_clear(&with);
+    return calibration != NULL;
+}
+
+static void tell_events(Record *to, const GPtrArray *events) {
+    const guint from = events->len > SHOWN_EVENTS ? events->len - SHOWN_EVENTS : 0;
+    if (from > 0)
+        record_say(to, "\n%u earlier events (--json shows all)\n", from);
+    else if (events->len > 0)
+        record_say(to, "\n");
+    record_begin_list(to, "events");
+    for (guint i = 0; i < events->len; i++) {
+        const struct session_event *event = events->pdata[i];
+        record_begin(to, NULL);
+        record_double(to, "time_s", event->time_s);
+        record_string(to, "level", event->level);
+        record_string(to, "source", event->source);
+        record_string(to, "message", event->message);
+        record_end(to);
+        if (i >= from)
+            record_say(to, "%9.0f s  %-8s %s: %s\n", event->time_s, event->level, event->source,
+                       event->message);
+    }
+    record_end(to);
+}
+
+/* Tells how many sweeps [lasers] stop = covered left out, and the share of the surface that is
+ * known. */
+static void tell_sweeps(Record *to, Session *session, const struct counts *counts) {
+    g_autofree char *known = session_value(session, ADAPTIVE_KNOWN_PCT);
+    g_autofree char *worst = session_value(session, ADAPTIVE_WORST_PCT);
+    if (!known || !worst)
+        return;
+    record_int(to, "sweeps_done", counts->sweeps);
+    record_int(to, "sweeps_left_out", counts->sweeps_left_out);
+    record_double(to, "sweeps_known_pct", g_ascii_strtod(known, NULL));
+    record_double(to, "sweeps_worst_view_pct", g_ascii_strtod(worst, NULL));
+    record_say(to, "sweeps     %d taken, ", counts->sweeps);
+    if (counts->sweeps_left_out > 0)
+        record_say(to, "%d left out as they would hardly add anything", counts->sweeps_left_out);
+    else
+        record_say(to, "which are all");
+    record_say(
+        to, "; two sweeps or more agree on %.2f %% of what views see, %.1f %% in the worst view\n",
+        g_ascii_strtod(known, NULL), g_ascii_strtod(worst, NULL));
+}
+
+/* Tells how many shots of lamps [lights] sampling = adaptive left out, and how well their pictures
+ * are expected to be predicted. */
+static void tell_lamps(Record *to, Session *session, const struct counts *counts) {
+    g_autofree char *expected = session_value(session, ADAPTIVE_ERROR_PCT);
+    g_autoptr(GHashTable) rounds = session_values(session, ADAPTIVE_LIGHT_ROUNDS, NULL);
+    if (!expected || !rounds)
+        return;
+    int n = 0;
+    GHashTableIter iter;
+    gpointer shots;
+    g_hash_table_iter_init(&iter, rounds);
+    while (g_hash_table_iter_next(&iter, NULL, &shots))
+        n += *(const char *)shots != '\0'; /* the last one has none */
+    record_int(to, "lamps_done", counts->lamps);
+    record_int(to, "lamps_left_out", counts->lamps_left_out);
+    record_int(to, "lamps_rounds", n);
+    record_double(to, "lamps_expected_error_pct", g_ascii_strtod(expected, NULL));
+    record_say(to, "lamps      %d %s taken in %d %s", PLURAL(counts->lamps, "shot"),
+               PLURAL(n, "round"));
+    if (counts->lamps_left_out > 0)
+        record_say(to, ", %d left out", counts->lamps_left_out);
+    record_say(to,
+               "; an error of %.2f %% is expected in all pictures where the others are "
+               "predicted\n",
+               g_ascii_strtod(expected, NULL));
+}
+
+static gboolean tell_session(Record *to, Session *session, const char *state,
+                             const struct session_grid *grid, const struct counts *counts,
+                             const GPtrArray *events, GError **error) {
+    const int shots = counts->planned + counts->done + counts->skipped;
+    const char *directory = session_path(session);
+    g_autofree char *size = g_format_size((guint64)counts->bytes);
+    /* The message that explains why the session is not running. */
+    g_autofree char *reason =
+        strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
+    g_autofree char *imported = session_value(session, "imported");
+    g_autofree char *chosen = session_value(session, "chosen");
+    record_string(to, "kind", "session");
+    record_string(to, "name", session_name(session));
+    record_string(to, "session", directory);
+    record_string(to, "state", state);
+    record_string(to, "reason", reason);
+    record_string(to, "imported", imported);
+    record_string(to, "chosen", chosen);
+    record_int(to, "width", grid->width);
+    record_int(to, "height", grid->height);
+    record_double(to, "width_mm", grid->width_mm);
+    record_double(to, "height_mm", grid->height_mm);
+    record_int(to, "views", counts->views);
+    record_int(to, "lights", counts->lights);
+    record_int(to, "lasers", counts->lasers);
+    record_int(to, "shots", shots);
+    record_int(to, "shots_done", counts->done);
+    record_int(to, "shots_skipped", counts->skipped);
+    record_int(to, "frames", counts->frames);
+    record_int(to, "retakes", counts->retakes);
+    record_int(to, "bytes", counts->bytes);
+    record_say(to, "session    %s, %s\n", session_name(session), directory);
+    record_say(to, "state      %s\n", state);
+    if (reason && *reason)
+        record_say(to, "reason     %s\n", reason);
+    if (imported)
+        record_say(to, "made of    %s\n", imported);
+    if (strcmp(state, "done") != 0)
+        record_say(to, "to go on   mesorig resume %s\n", directory);
+    record_say(to, "sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm,
+               grid->width, grid->height);
+    record_say(to, "directions %d %s, %d %s, %d %s\n", PLURAL(counts->views, "view"),
+               PLURAL(counts->lights, "light"), PLURAL(counts->lasers, "laser position"));
+    tell_sweeps(to, session, counts);
+    tell_lamps(to, session, counts);
+    if (chosen)
+        record_say(to, "chosen     %s\n", chosen);
+    record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
+    record_say(to, "files      %d of frames, %s, %d %s\n", counts->frames, size,
+               PLURAL(counts->retakes, "retake"));
+    if (!imported && !tell_calibration(to, session, error))
+        return FALSE;
+    tell_products(to, directory);
+    tell_prediction(to, session);
+    tell_sigma(to, directory);
+    tell_events(to, events);
+    return TRUE;
+}
+
+gboolean info_session(const char *directory, Record *to, GError **error) {
+    struct counts counts = {0};
+    struct session_grid grid;
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    if (!session || !cli_info_count(session, &counts, error) ||
+        !session_grid(session, &grid, error))
+        return FALSE;
+    g_autoptr(GPtrArray) events = session_events(session, error);
+    if (!events)
+        return FALSE;
+    /* No process captures into the session, so that a session whose state is "running" was
+     * interrupted. */
+    g_autofree char *stored = session_value(session, "state");
+    const char *state = counts.planned == 0                         ? "done"
+                        : !stored || g_str_equal(stored, "running") ? "unfinished"
+                                                                    : stored;
+    return tell_session(to, session, state, &grid, &counts, events, error);
+}
+
+static GVariant *attribute_variant(const struct exr_attribute *attribute) {
+    switch (attribute->kind) {
+    case EXR_KIND_STRING:
+        return g_variant_new_string(attribute->string);
+    case EXR_KIND_INT:
+        return g_variant_new_int32(attribute->integer);
+    case EXR_KIND_DOUBLE:
+        return g_variant_new_double(attribute->v[0]);
+    default:
+        return g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, attribute->v, 3, sizeof(double));
+    }
+}
+
+/* With shown, the part is also in the text for people. */
+static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
+    const char *type = part->type == EXR_HALF ? "half" : "float";
+    g_autoptr(GString) channels = g_string_new(NULL);
+    for (int c = 0; c < part->n_channels; c++)
+        g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
+    record_begin(to, NULL);
+    record_string(to, "name", part->name);
+    record_int(to, "width", part->width);
+    record_int(to, "height", part->height);
+    record_string(to, "type", type);
+    record_variant(to, "channels",
+                   g_variant_new_strv((const char *const *)part->channels, part->n_channels));
+    if (shown)
+        record_say(to, "%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)",
+                   part->width, part->height, type, channels->str);
+    record_begin(to, "attributes");
+    for (guint i = 0; i < part->attributes->len; i++) {
+        const struct exr_attribute *attribute = part->attributes->pdata[i];
+        g_autoptr(GVariant) value = g_variant_ref_sink(attribute_variant(attribute));
+        g_autofree char *text = g_variant_print(value, FALSE);
+        record_variant(to, attribute->name, value);
+        if (shown)
+            record_say(to, "    %-24s %s\n", attribute->name, text);
+    }
+    record_end(to);
+    record_end(to);
+}
+
+/* Describes an index map of `mesorig synthesize` (synthesis/index_map.h): its size, the size of its
+ * sample, and the method. Returns NULL if the file lacks these attributes. g_free() */
+static char *info_index_map(const struct exr_file *file) {
+    const struct exr_part *part = file->parts->pdata[0];
+    const char *method = NULL;
+    int width = 0, height = 0;
+    double texel_mm = 0;
+    if (!exr_get_string(part, "mesorig.method", &method, NULL) ||
+        !exr_get_int(part, "sample_width", &width, NULL) ||
+        !exr_get_int(part, "sample_height", &height, NULL) ||
+        !exr_get_double(part, "texel_mm", &texel_mm, NULL))
+        return NULL;
+    return g_strdup_printf("index map of %d × %d texels (%.4g × %.4g mm), by %s, of a sample of %d "
+                           "× %d; %u %s",
+                           part->width, part->height, part->width * texel_mm,
+                           part->height * texel_mm, method, width, height, file->parts->len,
+                           file->parts->len == 1 ? "mip level" : "mip levels");
+}
+
+static gboolean info_exr(const char *path, Record *to, GError **error) {
+    struct exr_file *file = exr_read_headers(path, error);
+    if (!file)
+        return FALSE;
+    /* Parts are stored one after the other, so that a truncated file lacks data of its last
+     * part. */
+    const guint n = file->parts->len;
+    const struct exr_part *last = file->parts->pdata[n - 1];
+    struct exr_part *part = exr_read_part(path, last->name, error);
+    const gboolean whole = part != NULL;
+    exr_part_free(part);
+    const char *kind = "exr";
+    for (guint i = 0; i < n; i++)
+        if (exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL))
+            break;
+    const struct codec *codec = codecs_find(kind);
+    g_autofree char *text = whole && codec ? codec->describe_file(file) : NULL;
+    for (gsize i = 0; whole && !codec && !text && mdf_codecs[i]; i++)
+        if (g_str_equal(mdf_codecs[i]->kind, kind))
+            text = mdf_codecs[i]->describe_file(file);
+    if (whole && !text && g_str_equal(kind, "index"))
+        text = info_index_map(file);
+    if (whole) {
+        record_string(to, "kind", kind);
+        record_string(to, "path", path);
+        if (text)
+            record_say(to, "%s\n\n", text);
+        record_begin_list(to, "parts");
+        for (guint i = 0; i < n; i++)
+            tell_part(to, file->parts->pdata[i], i < SHOWN_PARTS);
+        record_end(to);
+        if (n > SHOWN_PARTS)
+            record_say(to, "… and %u parts more (--json shows all)\n", n - SHOWN_PARTS);
+    }
+    exr_file_free(file);
+    return whole;
+}
+
+static char *history_option;
+static const GOptionEntry entries[] = {
+    {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
+     "Also draw the course of the capture of DIR over time", "FILE.svg|FILE.png"},
+    {NULL},
+};
+
+static gboolean draw_history(const char *path, OutputFile *to, GError **error) {
+    g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    const char *written = session ? output_file_path(to, error) : NULL;
+    return written && output_file_end(to, history_draw(session, written, error), error);
+}
+
+static int cli_info_run(const struct call *call, GError **error) {
+    g_autofree char *path = g_canonicalize_filename(call->arguments[0], NULL);
+    const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
+    if (history_option && !session)
+        return cli_usage(call->command, "--history needs a session, and %s is not one",
+                         call->arguments[0]);
+    g_autoptr(OutputFile) drawing = NULL;
+    if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||
+                           !draw_history(path, drawing, error)))
+        return CLI_FAILED;
+    if (!(session ? info_session : info_exr)(path, call->record, error))
+        return CLI_FAILED;
+    if (drawing)
+        cli_tell_output(call->record, drawing);
+    return CLI_DONE;
+}
+
+const struct command cli_info = {.name = "info",
+                                 .arguments = "FILE|DIR",
+                                 .examples = "  mesorig info weave.session\n"
+                                             "  mesorig info weave.session --history course.svg\n",
+                                 .help = "Show the contents of a session or an EXR.",
+                                 .options = entries,
+                                 .writes = TRUE,
+                                 .min = 1,
+                                 .max = 1,
+                                 .run = cli_info_run};

@@ -1,0 +1,220 @@
+#include "process.h"
+#include "archive.h"
+#include "base/data_error.h"
+#include "base/plural.h"
+#include "calibration/calibration.h"
+#include "mdf/mdf_lines.h"
+#include "pipeline/pipeline.h"
+#include "sessions.h"
+
+#include "common/cli.h"
+#include "common/work.h"
+#include "plan/report.h"
+#include "rig/devices.h"
+
+static void tell_lines(Record *to, const struct pipeline_result *result, gboolean calibrated) {
+    if (result->line_sweeps == 0)
+        return;
+    if (result->lines_found == 0)
+        record_say(to,
+                   "laser planes: %s; no line was seen around the sample ([sample] flat_radius_mm "
+                   "and flat_hole_mm give the face on which it is looked for)\n",
+                   calibrated ? "by the calibration only"
+                              : "nominal as in the rig file, because no laser is calibrated");
+    else if (result->lines_disagree == 0)
+        record_say(to,
+                   "laser planes: lines around the sample in %d of %d sweeps agree with the "
+                   "calibration, %.4f° RMS\n",
+                   result->lines_found, result->line_sweeps, result->lines_rms_deg);
+    else
+        record_say(to,
+                   "laser planes: in %d of %d sweeps with a line around the sample, the line "
+                   "contradicts the calibration, by %+.3f° in laser position %d. The line was used "
+                   "for these sweeps. Has a sweep slipped, or is the calibration old?\n",
+                   result->lines_disagree, result->lines_found, result->lines_worst_deg,
+                   result->line_worst_position);
+    g_autofree char *warning = mdf_lines_warning(result->line_width, result->line_scatter);
+    if (warning)
+        record_say(to, "laser light: %s\n", warning);
+}
+
+static void tell_result(Record *to, const struct pipeline_result *result,
+                        const struct calibration *calibration, double seconds) {
+    g_autofree char *time = report_duration(seconds);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "predicted_pictures", result->n_predicted);
+    record_int(to, "left_out_pictures", result->n_left_out);
+    if (result->n_left_out > 0)
+        record_double(to, "prediction_error", result->prediction_error);
+    record_int(to, "mdf_views", result->n_mdf_views);
+    record_int(to, "damaged_products", result->n_damaged);
+    record_double(to, "eigenmaps_error", result->eigenmaps_error);
+    record_double(to, "mdf_coverage", result->mdf_coverage);
+    record_double(to, "mdf_predicted", result->mdf_predicted);
+    record_int(to, "line_sweeps", result->line_sweeps);
+    record_int(to, "lines_found", result->lines_found);
+    record_int(to, "lines_disagree", result->lines_disagree);
+    record_double(to, "lines_rms_deg", result->lines_rms_deg);
+    record_double(to, "lines_worst_deg", result->lines_worst_deg);
+    record_double(to, "line_width", result->line_width);
+    record_double(to, "line_scatter", result->line_scatter);
+    record_double(to, "real_s", seconds);
+    record_say(to, "done in %s", time);
+    if (result->n_views > 0)
+        record_say(to, ": BTF of %d %s × %d %s", PLURAL(result->n_views, "view"),
+                   PLURAL(result->n_lights, "light"));
+    if (result->n_mdf_views > 0)
+        record_say(to,
+                   "%s MDF of %d %s with %.1f %% of the texels measured and %.2f %% predicted "
+                   "by other views",
+                   result->n_views > 0 ? "," : ":", PLURAL(result->n_mdf_views, "view"),
+                   100 * result->mdf_coverage, 100 * result->mdf_predicted);
+    if (result->n_views > 0)
+        record_say(to,
+                   ", eigen-maps with an error of %.2f %% (mesorig compress makes closer files)",
+                   100 * result->eigenmaps_error);
+    record_say(to, "\n");
+    if (result->n_damaged > 0)
+        record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
+                   result->n_damaged == 1 ? "product was" : "products were",
+                   result->n_damaged == 1 ? "has" : "have");
+    const int n_pictures = result->n_views * result->n_lights;
+    if (result->n_left_out > 0)
+        record_say(to,
+                   "%d of the BTF's %d pictures were left out by the capture: predicted from all "
+                   "others and marked, with an expected error of %.2f %% of the BTF\n",
+                   result->n_left_out, n_pictures, 100 * result->prediction_error);
+    if (result->n_predicted > result->n_left_out)
+        record_say(
+            to,
+            "%d of the BTF's %d pictures were left out by the plan: predicted from those of the "
+            "lights around them, and marked\n",
+            result->n_predicted - result->n_left_out, n_pictures);
+    tell_lines(to, result, calibration->parts[CALIBRATION_LASER].done);
+}
+
+/* Tells people the calibration that the products were made with, and returns it. With told, the
+ * session's own calibration has already been printed and is not repeated. Returns NULL on error. */
+static struct calibration *tell_calibration(Record *to, const char *directory, gboolean told,
+                                            GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    struct archive_calibration with = {0};
+    struct calibration *calibration = session ? archive_calibration(session, &with, error) : NULL;
+    record_string(to, "calibration", with.said);
+    if (!told || !with.own || with.mixed)
+        record_say(to, "calibration: %s\n", with.said);
+    archive_calibration_clear(&with);
+    return calibration;
+}
+
+struct process {
+    const char *directory;
+    const char *calibration, *path; /* its text, and its origin; NULL for the session's own */
+    gboolean follow, lines_in_pictures, told;
+    struct pipeline_result result;
+    GPtrArray *causes; /* of char *: why little was measured */
+};
+
+static gboolean run_pipeline(const struct work *work, gpointer data, GError **error) {
+    struct process *process = data;
+    g_autoptr(Session) session = session_open(process->directory, SESSION_READ, error);
+    g_autofree char *imported = session ? session_value(session, "imported") : NULL;
+    if (imported)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: it was imported from %s as a finished BTF; there is nothing to process",
+                    process->directory, imported);
+    if (!session || imported)
+        return FALSE;
+    g_clear_pointer(&session, session_close);
+    const struct pipeline_options options = {
+        .follow = process->follow,
+        .n_eigenmaps = 4,
+        .calibration = process->calibration,
+        .calibration_path = process->path,
+        .lines_in_pictures = process->lines_in_pictures,
+        .causes = process->causes,
+        .work = *work,
+    };
+    return pipeline_run(process->directory, &options, &process->result, error);
+}
+
+static int run_process(struct process *process, Record *to, GError **error) {
+    g_autoptr(GPtrArray) causes = process->causes = g_ptr_array_new_with_free_func(g_free);
+    double seconds = 0;
+    if (!cli_work_run(run_pipeline, process, &seconds, error))
+        return CLI_FAILED;
+    g_autoptr(Calibration) calibration =
+        tell_calibration(to, process->directory, process->told, error);
+    if (!calibration)
+        return CLI_FAILED;
+    tell_result(to, &process->result, calibration, seconds);
+    record_strings(to, "causes", causes);
+    for (guint i = 0; i < causes->len; i++)
+        record_say(to, "%s\n", (char *)causes->pdata[i]);
+    return CLI_DONE;
+}
+
+int process_session(const char *directory, gboolean told, Record *to, GError **error) {
+    struct process process = {.directory = directory, .told = told};
+    return run_process(&process, to, error);
+}
+
+/* Returns the text of a calibration file. For “nominal”, returns the geometry and light of the rig
+ * file with which the session was captured. */
+static char *read_calibration(const char *directory, const char *path, GError **error) {
+    if (!g_str_equal(path, "nominal")) {
+        g_autoptr(Calibration) calibration = calibration_read(path, error);
+        return calibration ? calibration_to_text(calibration) : NULL;
+    }
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    g_autofree char *conf = session ? session_text(session, "rig.conf", error) : NULL;
+    g_autofree char *name = session ? session_file(session, "session.db (rig.conf)") : NULL;
+    struct rig rig;
+    return conf && devices_parse_geometry(conf, name, &rig, error) ? rig_to_text(&rig) : NULL;
+}
+
+static gboolean follow_option;
+static char *calibration_option, *lines_option;
+static const GOptionEntry entries[] = {
+    {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
+     NULL},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
+     "Process with this calibration instead of the session's own; “nominal” means without a "
+     "calibration",
+     "FILE"},
+    {"laser-lines", 0, 0, G_OPTION_ARG_STRING, &lines_option,
+     "Find the laser's line by the pixels' peak times (the default), or in each picture for "
+     "comparison. The latter needs a session with keep_laser_frames",
+     "peaks|pictures"},
+    {NULL},
+};
+
+static int cli_process_run(const struct call *call, GError **error) {
+    const char *directory = call->arguments[0];
+    const gboolean pictures = g_strcmp0(lines_option, "pictures") == 0;
+    if (lines_option && !pictures && !g_str_equal(lines_option, "peaks"))
+        return cli_usage(call->command, "--laser-lines %s: peaks or pictures is expected",
+                         lines_option);
+    g_autofree char *calibration =
+        calibration_option ? read_calibration(directory, calibration_option, error) : NULL;
+    if (calibration_option && !calibration)
+        return CLI_FAILED;
+    g_autofree char *path = !calibration_option || g_str_equal(calibration_option, "nominal")
+                                ? g_strdup("nominal")
+                                : g_canonicalize_filename(calibration_option, NULL);
+    struct process process = {directory, calibration, path, follow_option, pictures};
+    return run_process(&process, call->record, error);
+}
+
+const struct command cli_process = {.name = "process",
+                                    .arguments = "DIR",
+                                    .examples =
+                                        "  mesorig process weave.session\n"
+                                        "  mesorig process weave.session -c better.calibration\n",
+                                    .help = "Make BTF, MDF and eigen-maps of a session.",
+                                    .options = entries,
+                                    .streams = TRUE,
+                                    .min = 1,
+                                    .max = 1,
+                                    .run = cli_process_run};

@@ -1,0 +1,669 @@
+#include "intake.h"
+
+#include <math.h>
+#include <sys/resource.h>
+
+#include "intake_darks.h"
+#include "intake_write.h"
+#include "radiance.h"
+#include "radiometry/fiducials.h"
+
+#define FULL_BYTES ((gsize)512 << 20)
+/* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
+#define BATCH 8
+/* LASER_PIXELS pixels with a signal above the threshold make a laser line. LEAST_LASER_PIXELS above
+ * half the threshold do if the line lit them, and no more than twice as many, when it stood there.
+ */
+#define LASER_PIXELS       4
+#define LEAST_LASER_PIXELS 2
+/* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
+#define TAKE_NICE   5
+#define FINISH_NICE 10
+
+struct job {
+    guint generation;
+    const struct session_shot *shot;
+    int camera; /* the lane's, or a further stop of it */
+    int sub;
+    int retakes;
+    double time_s;
+    gboolean turned;
+    double turntable_deg; /* if it turned */
+    Frame *frame;
+};
+
+/* A sweep all of whose frames were taken. */
+struct complete_sweep {
+    struct job job; /* the last; its frame is owned */
+    Sweep *sweep, *short_sweep;
+    double dark_dn;
+    gboolean laser_seen;
+    GError *error;
+    gsize bytes; /* of the sweeps; they count as waiting */
+};
+
+/* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but
+ * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end at once take seconds to
+ * evaluate and write: a second thread (finisher) does that, so that the frames that arrive
+ * meanwhile are still accepted. */
+struct lane {
+    Intake *intake;
+    int camera;
+    GThread *thread;
+    GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
+    GPtrArray *batch;
+    GThreadPool *finisher; /* of one thread, of struct complete_sweep */
+    GMutex mutex;
+    GCond finished;
+    int n_complete; /* guarded by mutex */
+
+    guint generation;
+    const struct session_shot *shot; /* being collected */
+    int n_frames;
+    Frame *bracket[PLAN_MAX_BRACKET];
+    guint32 *sums;
+    Sweep *sweep, *short_sweep;
+    Frame *sweep_first, *sweep_middle[2]; /* at the longer exposure */
+    gboolean laser_seen;
+    GError *error; /* the first, while a shot's frames are being kept */
+    struct intake_darks darks;
+};
+
+struct finished {
+    guint generation;
+    struct intake_result result;
+};
+
+struct Intake {
+    struct intake_setup setup;
+    struct intake_hooks hooks;
+    GPtrArray *lanes;
+    int lane_of[RIG_MAX_CAMERAS];
+    GAsyncQueue *finished;
+    GSource *wake;
+    guint generation; /* read by workers */
+    gsize bytes;      /* of frames that wait for a worker; written by workers */
+    int full;         /* read by workers */
+    int steps_over;   /* written by workers */
+};
+
+static void intake_job_free(gpointer data) {
+    struct job *job = data;
+    frame_unref(job->frame);
+    g_free(job);
+}
+
+static void finished_free(gpointer data) {
+    struct finished *finished = data;
+    g_free(finished->result.frame.path);
+    g_free(finished->result.frame.sha256);
+    g_clear_error(&finished->result.error);
+    if (finished->result.marks)
+        g_array_unref((GArray *)finished->result.marks);
+    g_free(finished);
+}
+
+static void lane_reset(struct lane *lane) {
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+        g_clear_pointer(&lane->bracket[i], frame_unref);
+    g_clear_pointer(&lane->sums, g_free);
+    g_clear_pointer(&lane->sweep, sweep_free);
+    g_clear_pointer(&lane->short_sweep, sweep_free);
+    g_clear_pointer(&lane->sweep_first, frame_unref);
+    for (int i = 0; i < 2; i++)
+        g_clear_pointer(&lane->sweep_middle[i], frame_unref);
+    g_clear_error(&lane->error);
+    lane->laser_seen = FALSE;
+    lane->n_frames = 0;
+    lane->shot = NULL;
+}
+
+static double job_turntable_deg(const struct job *job) {
+    return job->turned ? job->turntable_deg : job->shot->turntable_deg;
+}
+
+static void intake_describe(struct lane *lane, const struct job *job, struct intake_file *file) {
+    const struct intake_setup *setup = &lane->intake->setup;
+    const struct rig *rig = &setup->devices->geometry;
+    *file = (struct intake_file){
+        .directory = setup->directory,
+        .shot = job->shot,
+        .camera = job->camera,
+        .camera_name = rig->cameras[job->camera].name,
+        .rig = rig,
+        .conf = setup->conf,
+        .last = job->frame,
+        .turntable_deg = job_turntable_deg(job),
+        .turned = job->turned,
+    };
+    if (job->shot->kind == SHOT_LAMP)
+        file->source_name = rig->lamps[job->shot->device].name;
+    if (job->shot->kind == SHOT_SWEEP)
+        file->source_name = rig->lasers[job->shot->device].name;
+}
+
+/* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
+static void return_result(struct lane *lane, const struct job *job, struct intake_result result) {
+    struct finished *finished = g_new0(struct finished, 1);
+    finished->generation = job->generation;
+    finished->result = result;
+    finished->result.shot = job->shot;
+    finished->result.frame.shot = job->shot->id;
+    finished->result.frame.camera = job->camera;
+    finished->result.frame.retakes = job->retakes;
+    finished->result.frame.captured_s = job->time_s;
+    finished->result.frame.turned = job->turned;
+    finished->result.frame.turntable_deg = job->turned ? job->turntable_deg : 0;
+    g_async_queue_push(lane->intake->finished, finished);
+    g_source_set_ready_time(lane->intake->wake, 0);
+}
+
+static void keep_raw(struct lane *lane, const struct job *job) {
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    if (!lane->error)
+        intake_write_raw(&file, job->sub, &lane->error);
+}
+
+static void take_dark(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    gsize n = (gsize)job->frame->width * job->frame->height;
+    if (job->sub % conf->dark_frames == 0) {
+        g_free(lane->sums);
+        lane->sums = g_new0(guint32, n);
+    }
+    radiance_add(job->frame, lane->sums);
+    if ((job->sub + 1) % conf->dark_frames != 0)
+        return;
+    float *pixels = g_new(float, n);
+    double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
+    intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
+                     mean);
+}
+
+static void finish_dark(struct lane *lane, const struct job *job) {
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    struct intake_result result = {0};
+    const float *pixels[SHOT_MAX_DARKS];
+    for (int i = 0; i < n; i++) {
+        pixels[i] = lane->darks.levels[i].pixels;
+        result.dark_dn = MAX(result.dark_dn, lane->darks.levels[i].mean_dn);
+    }
+    file.dark_dn = result.dark_dn;
+    result.error = g_steal_pointer(&lane->error);
+    if (!result.error)
+        intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
+    return_result(lane, job, result);
+}
+
+/* Finds the marks beside the sample; NULL if there are none. */
+static GArray *measure_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    const struct session_shot *shot = job->shot;
+    if (!calibration || calibration->rig.n_fiducials == 0 ||
+        shot->device >= calibration->rig.n_lamps)
+        return NULL;
+    struct fiducial_scene scene = {
+        .rig = &calibration->rig,
+        .camera = job->camera,
+        .lamp = shot->device,
+        .turntable_rad = job_turntable_deg(job) * G_PI / 180,
+        .arc_rad = shot->arc_deg * G_PI / 180,
+        .radiometry = &calibration->camera_radiometry[job->camera],
+        .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
+    };
+    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
+    const struct rig_camera *camera = &calibration->rig.cameras[job->camera];
+    g_autofree float *clear =
+        g_memdup2(mosaic, sizeof *mosaic * (gsize)camera->width * (gsize)camera->height);
+    double mean[3];
+    radiometry_subtract_glare(scene.radiometry, cfa_name(job->frame->cfa), camera->width,
+                              camera->height, clear, mean);
+    fiducials_measure(&scene, cfa_name(job->frame->cfa), clear, marks);
+    return marks;
+}
+
+/* Curvature of the sensor's response for the merge; 0 where it is within the noise of the
+ * calibration. */
+static double bend_of(const struct lane *lane, const struct job *job, const Frame *frame) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    if (!calibration || !calibration->noise[job->camera].known)
+        return 0;
+    const struct transfer *t = &calibration->noise[job->camera].transfer;
+    if (fabs(t->curvature) <= 3 * t->curvature_error)
+        return 0;
+    return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
+}
+
+static void finish_lamp(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const float *darks[PLAN_MAX_BRACKET];
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    for (int i = 0; i < conf->n_exposures; i++) {
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, i, lane->bracket[i]);
+        darks[i] = dark->pixels;
+        file.dark_dn = dark->mean_dn;
+    }
+    file.bracket = (const Frame *const *)lane->bracket;
+    g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
+    struct radiance_stats stats;
+    radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
+                   bend_of(lane, job, job->frame), merged, &stats);
+    file.saturated = stats.saturated;
+    const Frame *longest = lane->bracket[conf->n_exposures - 1];
+    if (conf->n_exposures > 1)
+        file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
+                                             conf->gain_db, bend_of(lane, job, job->frame));
+    struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
+    result.error = g_steal_pointer(&lane->error);
+    result.uneven = radiance_disagrees(file.bracket, darks, conf->n_exposures);
+    result.marks = measure_marks(lane, job, merged);
+    if (!result.error && !result.uneven)
+        intake_write_lamp(&file, merged, &result.frame, &result.error);
+    return_result(lane, job, result);
+}
+
+/* In lockstep the clock stands from when work is handed to a worker until the main loop has taken
+ * its result: clock_release() in the worker could let time pass before that. */
+static void begin_step(Intake *intake) {
+    if (clock_is_lockstep(intake->setup.devices->clock))
+        clock_hold(intake->setup.devices->clock);
+}
+
+static void end_step(Intake *intake) {
+    if (!clock_is_lockstep(intake->setup.devices->clock))
+        return;
+    g_atomic_int_inc(&intake->steps_over);
+    g_source_set_ready_time(intake->wake, 0);
+}
+
+static void release_steps(Intake *intake, int n) {
+    g_atomic_int_add(&intake->steps_over, -n);
+    for (int i = 0; i < n; i++)
+        clock_release(intake->setup.devices->clock);
+}
+
+static gboolean is_current(const Intake *intake, const struct job *job) {
+    return job->generation == (guint)g_atomic_int_get(&intake->generation);
+}
+
+static void add_bytes(Intake *intake, gssize bytes) {
+    const gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, bytes);
+    if (bytes < 0 && g_atomic_int_get(&intake->full) &&
+        before + (gsize)bytes <= intake->setup.full_bytes / 2)
+        g_source_set_ready_time(intake->wake, 0);
+}
+
+/* The finisher's; setpriority() is of the calling thread alone, on Linux. */
+static void finish_sweep(gpointer data, gpointer lane_data) {
+    struct complete_sweep *complete = data;
+    struct lane *lane = lane_data;
+    const struct session_conf *conf = lane->intake->setup.conf;
+    setpriority(PRIO_PROCESS, 0, FINISH_NICE);
+    if (is_current(lane->intake, &complete->job)) {
+        struct intake_file file;
+        intake_describe(lane, &complete->job, &file);
+        file.dark_dn = complete->dark_dn;
+        if (complete->short_sweep)
+            sweep_set_shorter(complete->sweep, complete->short_sweep,
+                              conf->laser_exposure_us / conf->laser_short_us);
+        struct intake_result result = {.laser_seen = complete->laser_seen,
+                                       .error = g_steal_pointer(&complete->error)};
+        if (!result.error && !result.laser_seen)
+            intake_write_sweep(&file, complete->sweep, &result.frame, &result.error);
+        return_result(lane, &complete->job, result);
+    }
+    frame_unref(complete->job.frame);
+    sweep_free(complete->sweep);
+    sweep_free(complete->short_sweep);
+    g_clear_error(&complete->error);
+    add_bytes(lane->intake, -(gssize)complete->bytes);
+    end_step(lane->intake);
+    g_free(complete);
+    g_mutex_lock(&lane->mutex);
+    lane->n_complete--;
+    g_cond_signal(&lane->finished);
+    g_mutex_unlock(&lane->mutex);
+}
+
+static void queue_sweep(struct lane *lane, const struct job *job) {
+    struct complete_sweep *complete = g_new0(struct complete_sweep, 1);
+    complete->job = *job;
+    complete->job.frame = frame_ref(job->frame);
+    complete->sweep = g_steal_pointer(&lane->sweep);
+    complete->short_sweep = g_steal_pointer(&lane->short_sweep);
+    complete->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
+    complete->laser_seen = lane->laser_seen;
+    complete->error = g_steal_pointer(&lane->error);
+    complete->bytes = sweep_bytes(complete->sweep) +
+                      (complete->short_sweep ? sweep_bytes(complete->short_sweep) : 0);
+    add_bytes(lane->intake, (gssize)complete->bytes);
+    g_mutex_lock(&lane->mutex);
+    lane->n_complete++;
+    g_mutex_unlock(&lane->mutex);
+    begin_step(lane->intake);
+    g_thread_pool_push(lane->finisher, complete, NULL);
+}
+
+/* Adds to the sweep the frames that have one of its two exposures. */
+static void intake_absorb(Sweep **sweep, struct job *const *jobs, int n,
+                          const struct session_conf *conf, gboolean shorter) {
+    const Frame *frame = jobs[0]->frame;
+    const guint16 *pixels[BATCH];
+    int count = 0;
+    for (int i = 0; i < n; i++)
+        if (shot_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
+            pixels[count++] = jobs[i]->frame->pixels;
+    if (count > 0 && !*sweep)
+        *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
+                           radiance_saturation(frame->bits));
+    if (count > 0)
+        sweep_add_some(*sweep, pixels, count);
+}
+
+/* Keeps the first frame of a sweep, and those beside its middle, for is_laser_seen(). */
+static void keep_for_end(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const int n = job->shot->sweep_steps, step = shot_sweep_step(conf, job->shot, job->sub);
+    if (shot_is_short(conf, job->shot, job->sub))
+        return;
+    if (step == 0)
+        lane->sweep_first = frame_ref(job->frame);
+    else if (step == (n - 1) / 2)
+        lane->sweep_middle[0] = frame_ref(job->frame);
+    else if (step == n / 2)
+        lane->sweep_middle[1] = frame_ref(job->frame);
+}
+
+static gboolean is_brighter(const Frame *frame, const Frame *than, double margin_dn, gsize p) {
+    return frame && frame->pixels[p] - than->pixels[p] > margin_dn;
+}
+
+/* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
+ * pixels are brighter than their dark level, or than in the sweep's first frame, since the laser
+ * may have lit the dark frames, too; or a few of the few that the laser lit in the middle. */
+static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
+    const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
+    const Frame *first = lane->sweep_first;
+    const gsize n = (gsize)last->width * last->height;
+    gint64 n_lit = 0, n_line = 0, n_still = 0;
+    if (radiance_lit(last, dark, threshold_dn) >= LASER_PIXELS)
+        return TRUE;
+    for (gsize p = 0; p < n; p++) {
+        const gboolean of_line = is_brighter(lane->sweep_middle[0], first, threshold_dn / 2, p) ||
+                                 is_brighter(lane->sweep_middle[1], first, threshold_dn / 2, p);
+        n_lit += is_brighter(last, first, threshold_dn, p);
+        n_line += of_line;
+        n_still += of_line && is_brighter(last, first, threshold_dn / 2, p);
+    }
+    return n_lit >= LASER_PIXELS || (n_still >= LEAST_LASER_PIXELS && 2 * n_still >= n_line);
+}
+
+/* Frames of a sweep, one after the other; the one without the laser comes alone. */
+static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *job = jobs[0];
+    if (shot_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
+        lane->laser_seen = is_laser_seen(lane, job->frame, dark->pixels);
+        return;
+    }
+    intake_absorb(&lane->sweep, jobs, n, conf, FALSE);
+    intake_absorb(&lane->short_sweep, jobs, n, conf, TRUE);
+    for (int i = 0; i < n; i++) {
+        keep_for_end(lane, jobs[i]);
+        if (conf->keep_laser_frames)
+            keep_raw(lane, jobs[i]);
+    }
+}
+
+/* n is 1, or that of frames that follow each other in a sweep. */
+static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *job = jobs[n - 1];
+    if (lane->shot != job->shot || lane->generation != job->generation)
+        lane_reset(lane);
+    lane->shot = job->shot;
+    lane->generation = job->generation;
+    /* Frames come in order; another one would be mixed up with its neighbours. */
+    g_return_if_fail(job->sub == lane->n_frames + n - 1);
+    lane->n_frames += n;
+    gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
+    if (last && job->shot->kind != SHOT_SWEEP) {
+        /* Wait for the finisher: a camera's results come in the order of its shots. */
+        g_mutex_lock(&lane->mutex);
+        while (lane->n_complete > 0)
+            g_cond_wait(&lane->finished, &lane->mutex);
+        g_mutex_unlock(&lane->mutex);
+    }
+    if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
+        keep_raw(lane, job);
+    switch (job->shot->kind) {
+    case SHOT_DARK:
+        take_dark(lane, job);
+        if (last)
+            finish_dark(lane, job);
+        break;
+    case SHOT_LAMP:
+        lane->bracket[job->sub] = frame_ref(job->frame);
+        if (last)
+            finish_lamp(lane, job);
+        break;
+    case SHOT_SWEEP:
+        take_sweep(lane, jobs, n);
+        if (last)
+            queue_sweep(lane, job);
+        break;
+    }
+    if (last)
+        lane_reset(lane);
+}
+
+static gsize job_bytes(const struct job *job) {
+    return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
+}
+
+/* Number of leading jobs that are frames of one sweep and are processed together; otherwise 1. */
+static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *first = jobs[0];
+    guint n = 0;
+    if (first->shot->kind == SHOT_SWEEP)
+        while (n < most && n < BATCH && jobs[n]->shot == first->shot &&
+               jobs[n]->generation == first->generation && jobs[n]->sub == first->sub + (int)n &&
+               shot_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
+            n++;
+    return MAX(n, 1);
+}
+
+static gpointer lane_run(gpointer data) {
+    struct lane *lane = data;
+    Intake *intake = lane->intake;
+    setpriority(PRIO_PROCESS, 0, TAKE_NICE);
+    gboolean running = TRUE;
+    while (running) {
+        g_autoptr(GPtrArray) batch = g_async_queue_pop(lane->queue);
+        running = batch->len > 0;
+        for (guint i = 0, n = 0; i < batch->len; i += n) {
+            struct job *const *jobs = (struct job *const *)&batch->pdata[i];
+            n = count_together(lane, jobs, batch->len - i);
+            if (is_current(intake, jobs[0]))
+                intake_take(lane, jobs, (int)n);
+            for (guint k = 0; k < n; k++)
+                add_bytes(intake, -(gssize)job_bytes(jobs[k]));
+        }
+        if (running)
+            end_step(intake);
+    }
+    lane_reset(lane);
+    return NULL;
+}
+
+static void set_full(Intake *intake, gboolean full) {
+    if (full == intake->full)
+        return;
+    g_atomic_int_set(&intake->full, full);
+    if (full)
+        clock_hold(intake->setup.devices->clock);
+    else
+        clock_release(intake->setup.devices->clock);
+}
+
+static gsize queued_bytes(Intake *intake) {
+    return (gsize)g_atomic_pointer_get(&intake->bytes);
+}
+
+static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data) {
+    return func(data);
+}
+
+static gboolean intake_on_wake(gpointer data) {
+    Intake *intake = data;
+    g_source_set_ready_time(intake->wake, -1);
+    const int steps = g_atomic_int_get(&intake->steps_over);
+    struct finished *finished;
+    while ((finished = g_async_queue_try_pop(intake->finished))) {
+        if (finished->generation == intake->generation)
+            intake->hooks.result(&finished->result, intake->hooks.data);
+        finished_free(finished);
+    }
+    if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
+        set_full(intake, FALSE);
+        intake->hooks.room(intake->hooks.data);
+    }
+    release_steps(intake, steps);
+    return G_SOURCE_CONTINUE;
+}
+
+static struct lane *lane_new(Intake *intake, int camera) {
+    struct lane *lane = g_new0(struct lane, 1);
+    lane->intake = intake;
+    lane->camera = camera;
+    lane->queue = g_async_queue_new();
+    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+    g_mutex_init(&lane->mutex);
+    g_cond_init(&lane->finished);
+    lane->finisher = g_thread_pool_new(finish_sweep, lane, 1, TRUE, NULL);
+    lane->thread =
+        g_thread_new(intake->setup.devices->geometry.cameras[camera].name, lane_run, lane);
+    return lane;
+}
+
+static void lane_free(gpointer data) {
+    struct lane *lane = data;
+    g_async_queue_push(lane->queue, g_ptr_array_new());
+    g_thread_join(lane->thread);
+    g_thread_pool_free(lane->finisher, FALSE, TRUE);
+    g_mutex_clear(&lane->mutex);
+    g_cond_clear(&lane->finished);
+    g_async_queue_unref(lane->queue);
+    g_ptr_array_unref(lane->batch);
+    intake_darks_clear(&lane->darks);
+    g_free(lane);
+}
+
+Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *hooks) {
+    static GSourceFuncs funcs = {.dispatch = intake_dispatch};
+    Intake *intake = g_new0(Intake, 1);
+    intake->setup = *setup;
+    if (setup->full_bytes == 0)
+        intake->setup.full_bytes = FULL_BYTES;
+    intake->hooks = *hooks;
+    intake->finished = g_async_queue_new_full(finished_free);
+    intake->wake = g_source_new(&funcs, sizeof(GSource));
+    g_source_set_callback(intake->wake, intake_on_wake, intake, NULL);
+    g_source_attach(intake->wake, NULL);
+    intake->lanes = g_ptr_array_new_with_free_func(lane_free);
+    const struct rig *rig = &setup->devices->geometry;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (devices_is_unit(rig, c)) {
+            g_ptr_array_add(intake->lanes, lane_new(intake, c));
+            for (int k = c; k < rig->n_cameras && rig_camera_unit(rig, k) == c; k++)
+                intake->lane_of[k] = (int)intake->lanes->len - 1;
+        }
+    return intake;
+}
+
+void intake_free(Intake *intake) {
+    if (!intake)
+        return;
+    intake_discard(intake);
+    g_ptr_array_unref(intake->lanes);
+    g_source_destroy(intake->wake);
+    g_source_unref(intake->wake);
+    set_full(intake, FALSE);
+    release_steps(intake, g_atomic_int_get(&intake->steps_over));
+    g_async_queue_unref(intake->finished);
+    g_free(intake);
+}
+
+static void intake_flush(struct lane *lane) {
+    if (lane->batch->len == 0)
+        return;
+    begin_step(lane->intake);
+    g_async_queue_push(lane->queue, lane->batch);
+    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+}
+
+void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
+                  Frame *frame) {
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[of->camera]];
+    struct job *job = g_new0(struct job, 1);
+    *job = (struct job){.generation = intake->generation,
+                        .shot = shot,
+                        .camera = of->camera,
+                        .sub = of->sub,
+                        .retakes = of->retakes,
+                        .time_s = of->time_s,
+                        .turned = of->turned,
+                        .turntable_deg = of->turntable_deg,
+                        .frame = frame_ref(frame)};
+    gsize bytes = job_bytes(job);
+    add_bytes(intake, (gssize)bytes);
+    g_ptr_array_add(lane->batch, job);
+    gboolean last = of->sub + 1 == shot_n_frames(intake->setup.conf, shot);
+    if (last || lane->batch->len >= BATCH)
+        intake_flush(lane);
+    if (queued_bytes(intake) < intake->setup.full_bytes)
+        return;
+    /* Frames waiting in a batch would never be processed. */
+    for (guint i = 0; i < intake->lanes->len; i++)
+        intake_flush(intake->lanes->pdata[i]);
+    set_full(intake, TRUE);
+    g_source_set_ready_time(intake->wake, 0);
+}
+
+gboolean intake_is_full(const Intake *intake) {
+    return intake->full;
+}
+
+void intake_discard(Intake *intake) {
+    g_atomic_int_inc(&intake->generation);
+    for (guint i = 0; i < intake->lanes->len; i++)
+        intake_flush(intake->lanes->pdata[i]);
+}
+
+gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
+                          GError **error) {
+    struct lane *lane = intake->lanes->pdata[intake->lane_of[camera]];
+    const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
+    const char *name = intake->setup.devices->geometry.cameras[camera].name;
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(intake->setup.conf, exposures);
+    gsize n_pixels = (gsize)format->width * format->height;
+    for (int i = 0; i < n; i++) {
+        g_autofree float *pixels =
+            intake_read_dark(intake->setup.directory, shot, name, format, exposures[i], error);
+        if (!pixels)
+            return FALSE;
+        double sum = 0;
+        for (gsize p = 0; p < n_pixels; p++)
+            sum += pixels[p];
+        intake_darks_set(&lane->darks, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
+    }
+    return TRUE;
+}

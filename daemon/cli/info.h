@@ -1,6 +1,0 @@
-#pragma once
-
-#include "command/record.h"
-
-/* Reports the contents of a session directory. */
-gboolean info_session(const char *directory, Record *to, GError **error);

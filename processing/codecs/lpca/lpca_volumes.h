@@ -1,0 +1,21 @@
+/* A local PCA as the 3D textures from which Schneider 2004 §6 draws it. Each table is a block of n
+ * × n × (n² + 1) samples over a grid of directions (lpca_resample.h), indexed by the view (s_v,
+ * t_v) and then by the light t_l · n + s_l. The last light is a uniform sky. Pure functions, any
+ * thread. */
+#pragma once
+
+#include "lpca.h"
+
+/* Returns the eigen-BRDFs of a local PCA, sampled on a grid of n_grid, without weights and as
+ * LPCA_RGB. A local PCA that is already on a grid keeps its grid. Values of all kinds of files are
+ * converted to float. Free the result with lpca_free(). */
+struct lpca *lpca_volumes_on_grid(const struct lpca *lpca, int n_grid, GError **error);
+
+/* Computes one block. values is a table of a local PCA on a grid of n: n² views × n² lights × 3.
+ * ret is the block of (n² + 1) × n² × 3. The weights of the samples in the uniform sky follow the
+ * trapezoidal rule, because equal areas of the map are equal solid angles. */
+void lpca_volumes_block(int n, const float *values, float *ret);
+
+/* Converts values to signed bytes, which a graphics card reads as −1 … 1 (Schneider 2004 §6.3).
+ * Returns the scale by which the weights must be multiplied. */
+float lpca_volumes_quantise(const float *values, gsize n, gint8 *ret_steps);

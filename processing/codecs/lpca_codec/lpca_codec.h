@@ -1,7 +1,0 @@
-/* Local PCA as a codec. */
-#pragma once
-
-#include "codec/codec.h"
-#include "lpca/lpca.h"
-
-extern const struct codec lpca_codec;

@@ -1,0 +1,53 @@
+/*
+ * Exports a material in the formats of other programs: its mean BRDF as RGL's .bsdf or MERL's
+ * .binary, one of its views as a PTM or for Relight. Files appear complete or not at all. Any
+ * thread; a session may be captured and processed meanwhile.
+ */
+#pragma once
+
+#include "abrdf.h"
+#include "formats/brdf/brdf.h"
+
+struct export_brdf_options {
+    enum brdf_kind kind; /* BRDF_RGL or BRDF_MERL */
+    /* the texels over which the mean is taken; zeros mean all texels */
+    struct import_region region;
+    gboolean isotropic; /* for BRDF_RGL: the mean over rotations about the normal */
+};
+
+struct export_brdf_result {
+    int n_views, n_lights, width, height; /* of the region */
+    gint64 holes;
+    int filled; /* see struct abrdf_info */
+    double error, lowest_deg;
+    double spread; /* for BRDF_MERL, see struct merl_result; otherwise −1 */
+};
+
+/* material is a session, or a file of “mesorig compress”. Progress stages are "read" and
+ * "export". */
+gboolean export_brdf(const char *material, const char *file,
+                     const struct export_brdf_options *options, const struct work *work,
+                     struct export_brdf_result *ret, GError **error);
+
+enum export_rti_kind { EXPORT_PTM, EXPORT_RELIGHT };
+
+struct export_rti_options {
+    enum export_rti_kind kind;
+    gboolean rgb; /* six terms for each colour; otherwise one brightness and a colour (LRGB) */
+    int view;     /* index; −1 means the view nearest to the normal */
+    /* replaces the files of an existing folder; otherwise an existing folder is an error */
+    gboolean replace;
+};
+
+struct export_rti_result {
+    int width, height, n_lights;
+    int view;
+    double theta_deg;      /* of the view */
+    double error;          /* RMS, sRGB, see struct rti_fit_result */
+    gint64 clipped, holes; /* numbers of values */
+};
+
+/* Needs the memory of one view. The progress stage is "read". */
+gboolean export_rti(const char *session, const char *output,
+                    const struct export_rti_options *options, const struct work *work,
+                    struct export_rti_result *ret, GError **error);

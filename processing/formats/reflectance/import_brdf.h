@@ -1,0 +1,26 @@
+/* Makes sessions from files of measured BRDFs and of RTI. Like the sessions of import.h, they have
+ * a BTF and eigen-maps as products, and their value "imported" names the file. Any thread. */
+#pragma once
+
+#include "formats/brdf/brdf.h"
+#include "formats/import.h"
+
+struct import_brdf_wish {
+    enum brdf_kind kind;
+    struct brdf_coding coding; /* for UTIA's files */
+    int texels;                /* number of equal texels in each dimension; 0 means 1 */
+    double texel_mm;           /* 0 means 1 */
+    /* a table for btf_directions_read(); NULL means UTIA's own 241 directions for UTIA's files,
+     * otherwise the 81 of the papers, for views and lights */
+    const char *directions;
+};
+
+/* Imports a file. The values are B = π f_r cos θ_l at the directions. */
+gboolean import_brdf(const char *path, const char *file, const struct import_brdf_wish *wish,
+                     const struct work *work, struct import_result *ret, GError **error);
+
+/* Imports a .ptm or .rti (rti.h) under the lights of a table, or the 81 of the papers. f is sRGB,
+ * and is converted to linear. */
+gboolean import_ptm(const char *path, const char *file, const char *directions,
+                    const struct import_wish *wish, const struct work *work,
+                    struct import_result *ret, GError **error);

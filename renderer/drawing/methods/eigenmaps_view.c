@@ -1,0 +1,307 @@
+#include "eigenmaps_view.h"
+
+#include "drawing/gl/direction_table.h"
+#include "drawing/gl/gpu.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#define VIEW_TABLE 256
+#define HALF_MAX   65504.0f
+#define FINE_BYTES                                                                                 \
+    ((gsize)128 << 20) /* limit for refined textures; see eigenmaps_view_put_layer() */
+#define ANISOTROPY 4.0f
+
+struct EigenmapsView {
+    int n_terms, n_layers; /* n_layers: layers per term */
+    gboolean refined;      /* level 0 has twice the resolution of the material */
+    guint maps, view_weights;
+    float *means; /* R, G, B of each layer */
+    struct direction_textures lights;
+};
+
+static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error) {
+    const struct btf_layout *layout = &maps->layout;
+    const gsize n_views = layout->views.n, needed = (gsize)maps->n_terms * (layout->lights.n + 2);
+    GLint layers = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (n_views < 1 || layout->lights.n < 1 || maps->n_terms < 1 || btf_layout_texels(layout) < 1) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+        return FALSE;
+    }
+    if (needed > (gsize)layers) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d terms of %zu lights need %zu layers, %s has %d; compress the material with "
+                    "%zu terms or fewer",
+                    maps->n_terms, layout->lights.n, needed, gpu_renderer(), layers,
+                    MAX(1, (gsize)layers / (layout->lights.n + 2)));
+        return FALSE;
+    }
+    if (!method_check_size(layout, error))
+        return FALSE;
+    for (gsize k = 0; k < (gsize)maps->n_terms * n_views; k++)
+        if (!isfinite(maps->weights[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "the weight of term %zu for view %zu is not a finite number", k / n_views,
+                        k % n_views);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+/* Doubles the samples along one axis of a repeating texture, by Catmull–Rom interpolation at the
+ * offsets ±¼. */
+static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
+    static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
+    for (int k = 0; k < n; k++)
+        for (int half = 0; half < 2; half++)
+            for (int c = 0; c < 3; c++) {
+                float sum = 0.0f;
+                for (int tap = 0; tap < 4; tap++) {
+                    int at = half ? k + tap - 1 : k + 1 - tap;
+                    sum += weights[tap] * from[step * ((at + 2 * n) % n) + c];
+                }
+                to[to_step * (2 * k + half) + c] = sum;
+            }
+}
+
+/* Uploads a layer. A mip level with twice the resolution of the material makes bilinear filtering
+ * about as sharp as bicubic filtering, without more fetches. */
+static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
+                                     int layer, float *texels) {
+    const gsize w = maps->layout.width, h = maps->layout.height;
+    double sums[3] = {0};
+    for (gsize k = 0; k < 3 * w * h; k++) {
+        texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
+        sums[k % 3] += texels[k];
+    }
+    for (int c = 0; c < 3; c++)
+        view->means[3 * layer + c] = (float)(sums[c] / (double)(w * h));
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, (int)w, (int)h, 1,
+                    GL_RGB, GL_FLOAT, texels);
+    if (!view->refined)
+        return;
+    g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
+    for (gsize j = 0; j < h; j++)
+        eigenmaps_view_refine(texels + 3 * w * j, (int)w, 3, wide + 6 * w * j, 3);
+    for (gsize i = 0; i < 2 * w; i++)
+        eigenmaps_view_refine(wide + 3 * i, (int)h, 6 * w, fine + 3 * i, 6 * w);
+    for (gsize k = 0; k < 4 * 3 * w * h; k++)
+        fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, (int)(2 * w), (int)(2 * h), 1, GL_RGB,
+                    GL_FLOAT, fine);
+}
+
+/* Allocates both levels if the finer one fits into FINE_BYTES and the card. */
+static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
+    int layers = view->n_terms * view->n_layers;
+    gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    view->refined =
+        fine <= FINE_BYTES && 2 * MAX(maps->layout.width, maps->layout.height) <= (gsize)size;
+    int scale = view->refined ? 2 : 1;
+    view->maps =
+        gpu_texture(GL_RGBA16F, scale * maps->layout.width, scale * maps->layout.height, layers);
+    if (view->refined)
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, 1, GL_RGBA16F, maps->layout.width, maps->layout.height,
+                     layers, 0, GL_RGB, GL_FLOAT, NULL);
+}
+
+/* Uploads one layer that is a mix of lights. */
+static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct eigenmaps *maps,
+                                         int term, gsize layer, const float *shares, float *texels,
+                                         GError **error) {
+    const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
+    memset(texels, 0, sizeof(float) * n);
+    for (gsize light = 0; light < maps->layout.lights.n; light++) {
+        const float *map = maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
+        for (gsize k = 0; shares[light] != 0.0f && k < n; k++) {
+            if (!isfinite(map[k])) {
+                g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                            "term %d, light %zu, texel (%zu, %zu) is not a finite number", term,
+                            light, k / 3 % width, k / 3 / width);
+                return FALSE;
+            }
+            texels[k] += shares[light] * map[k];
+        }
+    }
+    eigenmaps_view_put_layer(view, maps, (int)layer, texels);
+    return TRUE;
+}
+
+/* Uploads the mip level that has one texel. If a side is not a power of two, drivers compute that
+ * texel from only a part of the texels. */
+static void eigenmaps_view_put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
+    const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
+                    view->n_terms * view->n_layers, GL_RGB, GL_FLOAT, view->means);
+}
+
+static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eigenmaps *maps,
+                                           const float *pole, const float *ambient,
+                                           GError **error) {
+    g_autofree float *texels = g_new(float, 3 * btf_layout_texels(&maps->layout));
+    g_autofree float *one = g_new0(float, maps->layout.lights.n);
+    eigenmaps_view_make_maps(view, maps);
+    if (!gpu_check("the material's texture", error)) {
+        g_prefix_error(error, "%zu × %zu texels in %d layers: ", maps->layout.width,
+                       maps->layout.height, view->n_terms * view->n_layers);
+        return FALSE;
+    }
+    for (int term = 0; term < view->n_terms; term++) {
+        int base = term * view->n_layers;
+        for (gsize light = 0; light < maps->layout.lights.n; light++) {
+            one[light] = 1.0f;
+            if (!eigenmaps_view_mix_layer(view, maps, term, base + light, one, texels, error))
+                return FALSE;
+            one[light] = 0.0f;
+        }
+        if (!eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels,
+                                      error) ||
+            !eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient,
+                                      texels, error))
+            return FALSE;
+    }
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    eigenmaps_view_put_means(view, maps);
+    /* Software renderers take many times as long with it. Supersampling gives the same quality
+     * there. */
+    gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
+    if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
+        GLfloat most = 1.0f;
+        glGetFloatv(GL_MAX_TEXTURE_MAX_ANISOTROPY_EXT, &most);
+        glTexParameterf(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_ANISOTROPY_EXT, MIN(most, ANISOTROPY));
+    }
+    return gpu_check("the material's texture", error);
+}
+
+static float eigenmaps_view_weight_at(const struct eigenmaps *maps, const Directions *views,
+                                      int term, const struct direction_weights *at) {
+    const float *w = maps->weights + (gsize)term * maps->layout.views.n;
+    double sum = 0.0;
+    int n;
+    const int *members = directions_pole(views, &n);
+    for (int k = 0; k < 4; k++)
+        if ((gsize)at->index[k] < maps->layout.views.n)
+            sum += at->weight[k] * w[at->index[k]];
+        else
+            for (int m = 0; m < n; m++)
+                sum += at->weight[k] * w[members[m]] / n;
+    return sum;
+}
+
+/* The outermost samples of the table lie on the horizon, so filtering needs no values beyond it. */
+static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenmaps *maps,
+                                        Directions *views) {
+    int n_pages = (maps->n_terms + 3) / 4;
+    gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
+    g_autofree float *table = g_new0(float, n_pages *page);
+    for (int j = 0; j < VIEW_TABLE; j++)
+        for (int i = 0; i < VIEW_TABLE; i++) {
+            struct direction_weights w;
+            directions_weights(views,
+                               directions_from_square(-1.0 + 2.0 * i / (VIEW_TABLE - 1),
+                                                      -1.0 + 2.0 * j / (VIEW_TABLE - 1)),
+                               &w);
+            for (int term = 0; term < maps->n_terms; term++)
+                table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
+                    eigenmaps_view_weight_at(maps, views, term, &w);
+        }
+    view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
+                    GL_FLOAT, table);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+}
+
+EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
+    if (!eigenmaps_view_check(maps, error))
+        return NULL;
+    g_autoptr(Directions) views = method_directions(&maps->layout.views, "views", FALSE, error);
+    if (!views)
+        return NULL;
+    g_autoptr(Directions) lights = method_directions(&maps->layout.lights, "lights", FALSE, error);
+    if (!lights)
+        return NULL;
+    g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
+    g_autofree float *pole = g_new0(float, maps->layout.lights.n);
+    g_autofree float *ambient = g_new0(float, maps->layout.lights.n);
+    view->n_terms = maps->n_terms;
+    view->n_layers = maps->layout.lights.n + 2;
+    view->means = g_new0(float, 3 * (gsize)view->n_terms * (gsize)view->n_layers);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    direction_table_pole_shares(lights, pole, maps->layout.lights.n);
+    directions_sky(lights, ambient);
+    view->lights = direction_table_new(lights, TRUE);
+    eigenmaps_view_upload_views(view, maps, views);
+    if (!eigenmaps_view_upload_maps(view, maps, pole, ambient, error))
+        return NULL;
+    return g_steal_pointer(&view);
+}
+
+void eigenmaps_view_free(EigenmapsView *view) {
+    if (view == NULL)
+        return;
+    const GLuint textures[] = {view->maps, view->view_weights};
+    direction_textures_clear(&view->lights);
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    g_free(view->means);
+    g_free(view);
+}
+
+static void eigenmaps_view_bind_all(gpointer material, guint program,
+                                    const struct method_style *style) {
+    const EigenmapsView *view = material;
+    gpu_bind_texture(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
+    direction_textures_bind(&view->lights, program, "light", 2);
+    gpu_bind_texture(program, "maps", 0, GL_TEXTURE_2D_ARRAY, view->maps);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL,
+                    style->nearest && view->refined ? 1 : 0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
+                    style->nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER,
+                    style->nearest ? GL_NEAREST : GL_LINEAR);
+    glUniform1i(glGetUniformLocation(program, "n_terms"), view->n_terms);
+    glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
+}
+
+static gint64 eigenmaps_view_bytes(gconstpointer material) {
+    const EigenmapsView *view = material;
+    return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->maps) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->view_weights) +
+           direction_textures_bytes(&view->lights);
+}
+
+static gboolean eigenmaps_view_texels(gconstpointer material, int ret[2]) {
+    const EigenmapsView *view = material;
+    gpu_texture_size(GL_TEXTURE_2D_ARRAY, view->maps, view->refined ? 1 : 0, ret);
+    return TRUE;
+}
+
+static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
+    struct eigenmaps *maps = eigenmaps_read(path, error);
+    EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
+    eigenmaps_free(maps);
+    return view;
+}
+
+static const char *const shader_names[] = {"directions.glsl", "eigenmaps.glsl", NULL};
+
+const struct method method_eigenmaps = {
+    .name = "eigenmaps",
+    .title = "eigen-maps",
+    .product = "eigenmaps.exr",
+    .made_by = "mesorig process",
+    .shaders = shader_names,
+    .open = eigenmaps_view_open_file,
+    .free = (GDestroyNotify)eigenmaps_view_free,
+    .bytes = eigenmaps_view_bytes,
+    .texels = eigenmaps_view_texels,
+    .bind = eigenmaps_view_bind_all,
+};

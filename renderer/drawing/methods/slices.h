@@ -1,0 +1,54 @@
+/*
+ * The models of each texel (hsh_view.h, lobes_view.h) on the graphics card. One array texture of
+ * halves holds their values: each slice (one per view, or a single one for all views) has n_pages
+ * layers of four values. Another holds the reflectance of each view under an even sky. A third
+ * texture is the table of views.
+ */
+#pragma once
+
+#include "btf/btf_layout.h"
+#include "drawing/gl/direction_table.h"
+
+#define SLICES_PAGE      4 /* values of a texel in a layer */
+#define SLICES_MAX_PAGES 16
+
+/* A model, or a mip level of it. */
+struct slices_level {
+    const struct btf_layout *layout;
+    const float *values; /* n_slices × texels × n_values */
+    gsize n_values;
+    gconstpointer model;
+};
+
+/* Reflectance under an even sky in a view, (1/π) ∫ BTF dω: texels × SLICES_PAGE, of which the first
+ * three are R, G, B and the last is 0. */
+typedef void (*SlicesSky)(gconstpointer model, gsize view, float *ret_layer);
+
+struct slices {
+    /* Set by the caller. */
+    const char *what; /* for messages: "hemispherical harmonics" */
+    int n_levels, n_pages, n_slices;
+    int value_at[SLICES_MAX_PAGES][SLICES_PAGE]; /* which value of a texel; −1: none */
+    /* Set by slices_upload(). */
+    int width, height;            /* texels of level 0 */
+    guint values, ambients, pole; /* textures */
+    struct direction_textures views;
+};
+
+/* Checks that the card can hold the slices, and that all values of the level are finite. advice:
+ * how to make them smaller. */
+gboolean slices_check_size(const struct slices *slices, const struct btf_layout *layout,
+                           const char *advice, GError **error);
+gboolean slices_check_values(const struct slices *slices, const struct slices_level *level,
+                             GError **error);
+
+/* If there are fewer levels (n) than n_levels, the card makes the others as means. */
+gboolean slices_upload(struct slices *slices, const struct slices_level *levels, int n,
+                       SlicesSky sky, GError **error);
+void slices_clear(struct slices *slices);
+
+/* For struct method's bytes and bind; bind takes the texture units 0 … 3 and those after them that
+ * direction_textures_bind() needs. */
+gint64 slices_bytes(const struct slices *slices);
+gboolean slices_texels(const struct slices *slices, int ret[2]);
+void slices_bind(const struct slices *slices, guint program);

@@ -1,0 +1,324 @@
+#include "mdf_texture.h"
+
+#include "drawing/gl/direction_table.h"
+#include "drawing/gl/gpu.h"
+#include "mdf_codecs/mdf_tabulated.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+struct MdfTexture {
+    /* For views, one layer each, and one for the pole. For factors, four maps per layer. */
+    guint depths;
+    struct direction_textures views; /* directions of views; 0 for factors */
+    /* W_1 … W_c by direction, four per layer, and W_0 in the last layer. */
+    guint factors;
+    int n_terms;               /* c, see mdf_factors.h; 0 for views */
+    double scale_mm, least_mm; /* depth of a view = least_mm + scale_mm · value */
+    double width_mm, height_mm, deepest_mm;
+    int width, height, n_views;
+    float *theta_deg, *phi_deg; /* n_views elements */
+    guint volume;               /* 0 before it is first used */
+    int n_rings;
+    float rings[MDF_VOLUME_RINGS]
+               /* Θ in rad, centre of the first slice, number of slices, φ of the first slice in
+                * turns. */
+               [4];
+};
+
+static gboolean mdf_texture_check(int width, int height, int n_layers, GError **error) {
+    GLint layers = 0, size = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (n_layers <= layers && width <= size && height <= size)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "an MDF of %d × %d texels in %d layers is too large: %s supports %d texels in each "
+                "direction in %d layers; process the material with fewer texels or views",
+                width, height, n_layers, gpu_renderer(), size, layers);
+    return FALSE;
+}
+
+/* Returns the number of layers of an MDF in factors. The channels of one layer hold four maps. */
+static int n_map_layers(int n_terms) {
+    return mdf_factors_layers(n_terms);
+}
+
+/* Returns the depths at the pole, the mean of the topmost ring of views: height × width. */
+static float *pole_view(const struct mdf_table *t, const Directions *directions) {
+    gsize n = (gsize)t->width * t->height;
+    g_autofree float *shares = g_new0(float, t->n_views);
+    float *mean = g_new0(float, n);
+    direction_table_pole_shares(directions, shares, t->n_views);
+    for (int k = 0; k < t->n_views; k++)
+        for (gsize i = 0; shares[k] > 0.0f && i < n; i++)
+            mean[i] += t->depth_mm[k * n + i] * shares[k];
+    return mean;
+}
+
+static void upload_views(MdfTexture *texture, const struct mdf_table *t,
+                         const Directions *directions) {
+    g_autofree float *mean = pole_view(t, directions);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R16F, t->width, t->height, t->n_views + 1, 0, GL_RED,
+                 GL_FLOAT, NULL);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, t->width, t->height, t->n_views, GL_RED,
+                    GL_FLOAT, t->depth_mm);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, t->n_views, t->width, t->height, 1, GL_RED,
+                    GL_FLOAT, mean);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    texture->scale_mm = 1.0;
+}
+
+/* Computes the next mip level in place: the mean of each 2 × 2 texels. */
+static void halve(float *depth, int w, int h) {
+    int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
+    for (int j = 0; j < to_h; j++)
+        for (int i = 0; i < to_w; i++) {
+            float sum = 0.0f;
+            for (int k = 0; k < 4; k++)
+                sum += depth[(gsize)MIN(2 * j + k / 2, h - 1) * w + MIN(2 * i + k % 2, w - 1)];
+            depth[(gsize)j * to_w + i] = 0.25f * sum;
+        }
+}
+
+/* Uploads blocks. glGenerateMipmap() does not accept compressed formats, so each mip level is
+ * averaged and encoded here. */
+static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
+                          const struct mdf_blocks *blocks, const Directions *directions) {
+    gsize n = (gsize)t->width * t->height;
+    double least = blocks->least_mm, deepest = blocks->deepest_mm;
+    g_autofree float *mean = pole_view(t, directions), *views = g_new(float, n *(t->n_views + 1));
+    memcpy(views, t->depth_mm, sizeof(float) * n * t->n_views);
+    memcpy(views + n * t->n_views, mean, sizeof(float) * n);
+    int w = t->width, h = t->height, level = 0;
+    for (;; level++) {
+        gsize size = mdf_blocks_bytes(w, h);
+        g_autofree guint8 *bytes = g_new(guint8, size * (t->n_views + 1));
+        for (int k = 0; k <= t->n_views; k++)
+            mdf_blocks_encode(views + n * k, w, h, least, deepest, bytes + size * k);
+        if (level == 0)
+            memcpy(bytes, blocks->blocks, size * blocks->n_views);
+        glCompressedTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_COMPRESSED_RED_RGTC1, w, h,
+                               t->n_views + 1, 0, size * (t->n_views + 1), bytes);
+        if (w == 1 && h == 1)
+            break;
+        for (int k = 0; k <= t->n_views; k++)
+            halve(views + n * k, w, h);
+        w = MAX(w / 2, 1);
+        h = MAX(h / 2, 1);
+    }
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, level);
+    texture->least_mm = least;
+    texture->scale_mm = deepest - least;
+}
+
+static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
+    gsize n = (gsize)f->width * f->height;
+    g_autofree guint8 *texels = g_new(guint8, MDF_TABULATED_MAPS * n);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_map_layers(f->n_terms), 0,
+                 GL_RGBA, GL_UNSIGNED_BYTE, NULL);
+    for (int layer = 0; layer < n_map_layers(f->n_terms); layer++) {
+        for (gsize k = 0; k < MDF_TABULATED_MAPS * n; k++) {
+            gsize term = (gsize)layer * MDF_TABULATED_MAPS + k % MDF_TABULATED_MAPS;
+            texels[k] = term < (gsize)f->n_terms ? f->maps[term * n + k / MDF_TABULATED_MAPS] : 0;
+        }
+        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, f->width, f->height, 1, GL_RGBA,
+                        GL_UNSIGNED_BYTE, texels);
+    }
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    texture->n_terms = f->n_terms;
+}
+
+static void upload_factors(MdfTexture *texture, const struct mdf_factors *f,
+                           const Directions *views) {
+    const int size = MDF_TABULATED_SIZE, layers = n_map_layers(f->n_terms) + 1;
+    g_autofree float *table = mdf_factors_tabulate(f, views);
+    texture->factors = gpu_texture(GL_RGBA16F, size, size, layers);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, size, size, layers, GL_RGBA, GL_FLOAT, table);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+}
+
+/* The values that all three forms of an MDF have in common. */
+struct extent_mm {
+    int width, height, n_views;
+    double texel_mm, deepest_mm;
+    const float *theta_deg, *phi_deg;
+};
+
+MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
+    const struct mdf_table *t = source->table;
+    const struct mdf_factors *f = source->factors;
+    const struct extent_mm e =
+        f != NULL ? (struct extent_mm){f->width,      f->height,    f->n_views, f->texel_mm,
+                                       f->deepest_mm, f->theta_deg, f->phi_deg}
+                  : (struct extent_mm){t->width,      t->height,    t->n_views, t->texel_mm,
+                                       t->deepest_mm, t->theta_deg, t->phi_deg};
+    if (!mdf_texture_check(e.width, e.height, f != NULL ? n_map_layers(f->n_terms) : e.n_views + 1,
+                           error))
+        return NULL;
+    g_autoptr(Directions) directions = directions_new(e.theta_deg, e.phi_deg, e.n_views, error);
+    if (directions == NULL) {
+        g_prefix_error(error, "views of the MDF: ");
+        return NULL;
+    }
+    g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
+    texture->views.target = GL_TEXTURE_2D; /* also if its textures are 0 because of factors */
+    texture->width_mm = e.width * e.texel_mm;
+    texture->height_mm = e.height * e.texel_mm;
+    texture->deepest_mm = e.deepest_mm;
+    texture->width = e.width;
+    texture->height = e.height;
+    texture->n_views = e.n_views;
+    texture->theta_deg = g_memdup2(e.theta_deg, sizeof(float) * e.n_views);
+    texture->phi_deg = g_memdup2(e.phi_deg, sizeof(float) * e.n_views);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glGenTextures(1, &texture->depths);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    if (f != NULL) {
+        mdf_texture_upload_maps(texture, f);
+        upload_factors(texture, f, directions);
+    } else {
+        if (source->blocks != NULL)
+            upload_blocks(texture, t, source->blocks, directions);
+        else
+            upload_views(texture, t, directions);
+        texture->views = direction_table_new(directions, FALSE);
+    }
+    return gpu_check("uploading the MDF", error) ? g_steal_pointer(&texture) : NULL;
+}
+
+void mdf_texture_free(MdfTexture *texture) {
+    if (texture == NULL)
+        return;
+    glDeleteTextures(1, &texture->depths);
+    glDeleteTextures(1, &texture->factors);
+    glDeleteTextures(1, &texture->volume);
+    g_free(texture->theta_deg);
+    g_free(texture->phi_deg);
+    direction_textures_clear(&texture->views);
+    g_free(texture);
+}
+
+gboolean mdf_texture_is_maps(const MdfTexture *texture) {
+    return texture->factors != 0;
+}
+
+gint64 mdf_texture_bytes(const MdfTexture *texture) {
+    return texture == NULL ? 0
+                           : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
+                                 gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
+                                 gpu_texture_bytes(GL_TEXTURE_3D, texture->volume) +
+                                 direction_textures_bytes(&texture->views);
+}
+
+/* Returns the number after the last of the successive views that have the same θ. */
+static int ring_end(const MdfTexture *texture, int first) {
+    int end = first + 1;
+    while (end < texture->n_views &&
+           fabsf(texture->theta_deg[end] - texture->theta_deg[first]) < 0.1f)
+        end++;
+    return end;
+}
+
+static gboolean ring_is_even(const MdfTexture *texture, int first, int end) {
+    for (int k = first; k < end; k++) {
+        double turn = (texture->phi_deg[k] - texture->phi_deg[first]) / 360.0;
+        double off = turn - (double)(k - first) / (end - first);
+        if (fabs(off - rint(off)) > 1e-4)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Finds the rings. Returns FALSE if the views are not on rings that are ordered from above to
+ * below. */
+static gboolean find_rings(MdfTexture *texture) {
+    texture->n_rings = 0;
+    for (int first = 0, end, slice = 0; first < texture->n_views; first = end) {
+        end = ring_end(texture, first);
+        int ring = texture->n_rings++;
+        if (ring == MDF_VOLUME_RINGS || !ring_is_even(texture, first, end) ||
+            (ring > 0 && texture->theta_deg[first] < texture->theta_deg[first - 1]))
+            return FALSE;
+        float *to = texture->rings[ring];
+        to[0] = texture->theta_deg[first] * (float)(G_PI / 180.0);
+        to[1] = (float)slice + 0.5f;
+        to[2] = (float)(end - first);
+        to[3] = texture->phi_deg[first] / 360.0f;
+        slice += end - first + 1;
+    }
+    return TRUE;
+}
+
+static void mdf_texture_upload_volume(MdfTexture *texture) {
+    gsize n = (gsize)texture->width * texture->height;
+    int slices = texture->n_views + texture->n_rings, slice = 0;
+    g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* includes the pole */
+    g_autofree guint8 *bytes = g_new(guint8, n * slices);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glGetTexImage(GL_TEXTURE_2D_ARRAY, 0, GL_RED, GL_FLOAT, values);
+    const double scale = texture->deepest_mm > 0.0 ? 255.0 / texture->deepest_mm : 0.0;
+    for (int ring = 0, first = 0; ring < texture->n_rings; ring++) {
+        int count = (int)texture->rings[ring][2];
+        for (int k = 0; k <= count; k++, slice++)
+            for (gsize i = 0; i < n; i++) {
+                double mm =
+                    texture->least_mm + texture->scale_mm * values[n * (first + k % count) + i];
+                bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
+            }
+        first += count;
+    }
+    glGenTextures(1, &texture->volume);
+    glBindTexture(GL_TEXTURE_3D, texture->volume);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexImage3D(GL_TEXTURE_3D, 0, GL_R8, texture->width, texture->height, slices, 0, GL_RED,
+                 GL_UNSIGNED_BYTE, bytes);
+}
+
+gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
+    GLint most = 0;
+    if (texture->volume != 0)
+        return TRUE;
+    if (mdf_texture_is_maps(texture) || !find_rings(texture)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "distances can be in a volume only if their views are on at most %d rings, and "
+                    "if they are not in factors: leave --mdf-volume out",
+                    MDF_VOLUME_RINGS);
+        return FALSE;
+    }
+    glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &most);
+    int longest = MAX(MAX(texture->width, texture->height), texture->n_views + texture->n_rings);
+    if (longest > most) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "distances of %d × %d texels in %d views do not fit into a volume: %s supports "
+                    "%d in each direction; leave --mdf-volume out",
+                    texture->width, texture->height, texture->n_views, gpu_renderer(), most);
+        return FALSE;
+    }
+    mdf_texture_upload_volume(texture);
+    return gpu_check("uploading the MDF as a volume", error);
+}
+
+void mdf_texture_bind(const MdfTexture *texture, guint program) {
+    if (glGetUniformLocation(program, "mdf_volume") >= 0) {
+        gpu_bind_texture(program, "mdf_volume", MDF_TEXTURE_UNIT, GL_TEXTURE_3D, texture->volume);
+        glUniform1i(glGetUniformLocation(program, "mdf_rings"), texture->n_rings);
+        glUniform4fv(glGetUniformLocation(program, "mdf_ring"), texture->n_rings,
+                     texture->rings[0]);
+    } else
+        gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY,
+                         texture->depths);
+    direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
+    gpu_bind_texture(program, "mdf_factors", MDF_FACTORS_UNIT, GL_TEXTURE_2D_ARRAY,
+                     texture->factors);
+    glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->least_mm, texture->scale_mm);
+    glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_map_layers(texture->n_terms));
+    glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
+    glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);
+}

@@ -1,0 +1,290 @@
+#include "visibility.h"
+
+#include "drawing/gl/gpu.h"
+
+#include <epoxy/gl.h>
+
+#define FACE_BYTES   16
+#define HEADER_BYTES 16 /* header of the buffer of lists: their number */
+
+#define VARIANTS (4 * PLACES_KINDS) /* number of variants of the programs */
+
+enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
+
+struct Visibility {
+    /* For MDFs of views, of maps (bit 0), in a volume (bit 1), and of each kind of places. All but
+     * the first are compiled on demand. ADD and FIND exist only with OpenGL 4.3. */
+    guint all_programs[VARIANTS][N_PROGRAMS];
+    guint query;
+    struct gpu_target back[2], seen;
+    guint stencil; /* stencil of seen: the layer in which a pixel was found */
+    guint first, first_framebuffer, faces;
+    int first_width, first_height;
+    guint32 room; /* number of faces for which the buffer has space */
+};
+
+static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
+                                         const struct places_source *places, GError **error) {
+    g_autofree char *of_places = places_constants(places, FALSE);
+    g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s%s", maps,
+                                                 volume ? "#define MDF_VOLUME 1\n" : "", of_places);
+    static const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    const char *names[8] = {"mesh.vert",       "frame.glsl",  "places.glsl",
+                            "directions.glsl", "relief.glsl", "peel_back.frag"};
+    if ((programs[BACK] = gpu_program(constants, names, error)) == 0)
+        return FALSE;
+    names[5] = "peel_front.frag";
+    if ((programs[FRONT] = gpu_program(constants, names, error)) == 0)
+        return FALSE;
+    names[5] = "list_nodes.glsl";
+    names[6] = "list_add.frag";
+    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, names, error)) != 0 &&
+                             (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
+}
+
+Visibility *visibility_new(GError **error) {
+    g_autoptr(Visibility) v = g_new0(Visibility, 1);
+    const struct places_source repeated = {NULL, NULL};
+    if (!visibility_make_programs(v->all_programs[0], FALSE, FALSE, &repeated, error))
+        return NULL;
+    glGenQueries(1, &v->query);
+    return g_steal_pointer(&v);
+}
+
+void visibility_free(Visibility *v) {
+    if (v == NULL)
+        return;
+    for (int k = 0; k < VARIANTS * N_PROGRAMS; k++)
+        glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
+    glDeleteQueries(1, &v->query);
+    gpu_target_clear(&v->back[0]);
+    gpu_target_clear(&v->back[1]);
+    gpu_target_clear(&v->seen);
+    glDeleteTextures(1, &v->stencil);
+    glDeleteTextures(1, &v->first);
+    glDeleteFramebuffers(1, &v->first_framebuffer);
+    glDeleteBuffers(1, &v->faces);
+    g_free(v);
+}
+
+void visibility_set_sight(guint program, const struct visibility_scene *s) {
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, s->projection);
+    glUniform4fv(glGetUniformLocation(program, "sight"), 1, s->sight);
+    glUniform1f(glGetUniformLocation(program, "reach"), s->reach);
+    glUniform1i(glGetUniformLocation(program, "straight"), s->options.straight);
+}
+
+static int part_variant(const struct visibility_part *part) {
+    return (mdf_texture_is_maps(part->mdf) ? 1 : 0) + (part->volume ? 2 : 0) +
+           4 * (int)places_kind_of(&part->places);
+}
+
+/* A drawing pass. textures are those of VISIBILITY_UNIT and of the next unit, with their names;
+ * they may be NULL. */
+struct pass {
+    int program; /* BACK, FRONT or ADD */
+    const char *names[2];
+    guint textures[2];
+};
+
+static void draw_parts(const Visibility *v, const struct visibility_scene *s,
+                       const struct pass *pass) {
+    glBindVertexArray(s->array);
+    for (int k = 0; k < s->n_parts; k++) {
+        const struct visibility_part *part = &s->parts[k];
+        const guint program = v->all_programs[part_variant(part)][pass->program];
+        glUseProgram(program);
+        visibility_set_sight(program, s);
+        mdf_texture_bind(part->mdf, program);
+        glUniform2fv(glGetUniformLocation(program, "tiles"), 1, part->tiles);
+        places_bind(&part->places, part->tiles, program);
+        for (int t = 0; t < 2; t++)
+            if (pass->names[t] != NULL)
+                gpu_bind_texture(program, pass->names[t], VISIBILITY_UNIT + t, GL_TEXTURE_2D,
+                                 pass->textures[t]);
+        if (pass->program == ADD)
+            glUniform1ui(glGetUniformLocation(program, "room"), v->room);
+        glDrawElements(GL_TRIANGLES, (GLsizei)part->n_indices, GL_UNSIGNED_INT,
+                       (const char *)NULL + sizeof(guint32) * (gsize)part->first_index);
+    }
+    glBindVertexArray(0);
+}
+
+static void draw_culled(const Visibility *v, const struct visibility_scene *s, GLenum culled,
+                        const struct pass *pass) {
+    glEnable(GL_CULL_FACE);
+    glCullFace(culled);
+    draw_parts(v, s, pass);
+    glDisable(GL_CULL_FACE);
+}
+
+static void visibility_clear(guint framebuffer, GLbitfield what) {
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+    glDepthMask(GL_TRUE);
+    glClear(what);
+}
+
+/* Returns whether there are still faces to peel at pixels without a visible surface. */
+static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
+    GLuint any = 0;
+    visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    const struct pass pass = {
+        BACK, {"before", "seen"}, {v->back[~layer & 1].colour, v->seen.colour}};
+    glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
+    draw_culled(v, s, GL_FRONT, &pass);
+    glEndQuery(GL_ANY_SAMPLES_PASSED);
+    glGetQueryObjectuiv(v->query, GL_QUERY_RESULT, &any);
+    return any != 0;
+}
+
+/* Draws front faces. The stencil buffer keeps the layer in which a pixel was found, and masks it
+ * for all later layers. */
+static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
+    visibility_clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
+    glEnable(GL_STENCIL_TEST);
+    glStencilMask(0xff);
+    glStencilFunc(GL_LEQUAL, layer, 0xff);
+    glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+    const struct pass pass = {
+        FRONT, {"before", "back"}, {v->back[~layer & 1].colour, v->back[layer & 1].colour}};
+    draw_culled(v, s, GL_BACK, &pass);
+    glDisable(GL_STENCIL_TEST);
+}
+
+static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **error) {
+    for (int k = 0; k < 2; k++)
+        if (!gpu_target_resize(&v->back[k], s->width, s->height, GL_RGBA32F, TRUE, error))
+            return FALSE;
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);
+    glStencilMask(0xff);
+    glClearStencil(0xff);
+    visibility_clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    visibility_clear(v->back[1].framebuffer, GL_COLOR_BUFFER_BIT);
+    gboolean more = TRUE;
+    for (int layer = 0; more && layer < s->options.layers; layer++) {
+        more = peel_back(v, s, layer);
+        peel_front(v, s, layer);
+    }
+    return TRUE;
+}
+
+/* Allocates the buffer. Returns FALSE if the card has no memory for so many faces; the buffer is
+ * then deleted. */
+static gboolean visibility_make_room(Visibility *v, guint32 faces) {
+    if (v->faces == 0)
+        glGenBuffers(1, &v->faces);
+    v->room = faces;
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
+    glBufferData(GL_SHADER_STORAGE_BUFFER, HEADER_BYTES + FACE_BYTES * (gsize)faces, NULL,
+                 GL_DYNAMIC_COPY);
+    if (gpu_check("allocating lists of faces", NULL))
+        return TRUE;
+    glDeleteBuffers(1, &v->faces);
+    v->faces = v->room = 0;
+    return FALSE;
+}
+
+/* Returns the number of faces. Faces beyond v->room are missing from the lists. */
+static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
+    const GLuint none[4] = {0, 0, 0, 0};
+    guint32 n_faces = 0;
+    glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+    glClearBufferuiv(GL_COLOR, 0, none);
+    glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
+    glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof none, none);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, v->faces);
+    glBindImageTexture(0, v->first, 0, GL_FALSE, 0, GL_READ_WRITE, GL_R32UI);
+    glDisable(GL_DEPTH_TEST);
+    draw_parts(v, s, &(struct pass){.program = ADD});
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT |
+                    GL_BUFFER_UPDATE_BARRIER_BIT | GL_FRAMEBUFFER_BARRIER_BIT);
+    glGetBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof n_faces, &n_faces);
+    return n_faces;
+}
+
+static gboolean visibility_fits(guint32 faces) {
+    GLint64 most = 0;
+    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
+    return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
+}
+
+/* Finds the surface by lists. Returns FALSE without an error if the lists do not fit on the card;
+ * the faces are then peeled instead. */
+static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
+    guint32 start = (guint32)s->width * s->height, n_faces;
+    if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
+        glDeleteTextures(1, &v->first);
+        if (v->first_framebuffer == 0)
+            glGenFramebuffers(1, &v->first_framebuffer);
+        v->first = gpu_texture(GL_R32UI, s->width, s->height, 0);
+        v->first_width = s->width;
+        v->first_height = s->height;
+        glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
+        if (!gpu_check("making lists of faces", error))
+            return FALSE;
+    }
+    if (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start)))
+        return FALSE;
+    while ((n_faces = add_faces(v, s)) > v->room)
+        if (!visibility_fits(n_faces + n_faces / 4) ||
+            !visibility_make_room(v, n_faces + n_faces / 4))
+            return FALSE;
+    const guint find = v->all_programs[0][FIND]; /* the same program in all variants */
+    glUseProgram(find);
+    glUniform1i(glGetUniformLocation(find, "layers"), s->options.layers);
+    glUniform1i(glGetUniformLocation(find, "straight"), s->options.straight);
+    gpu_fill_screen();
+    return gpu_check("finding silhouettes in lists", error);
+}
+
+static gboolean visibility_need(Visibility *v, const struct visibility_part *part, GError **error) {
+    guint *programs = v->all_programs[part_variant(part)];
+    if (programs[BACK] != 0 || visibility_make_programs(programs, mdf_texture_is_maps(part->mdf),
+                                                        part->volume, &part->places, error))
+        return TRUE;
+    glDeleteProgram(programs[BACK]);
+    programs[BACK] = 0;
+    return FALSE;
+}
+
+gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint *ret_texture,
+                         GError **error) {
+    g_autoptr(GError) local = NULL;
+    gboolean lists = s->options.way != VISIBILITY_PEEL && gpu_has_43();
+    if (s->options.way == VISIBILITY_LISTS && !lists) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "silhouettes by lists need OpenGL 4.3, which %s does not have; without "
+                    "“=lists” they are peeled",
+                    gpu_renderer());
+        return FALSE;
+    }
+    for (int k = 0; k < s->n_parts; k++)
+        if (!visibility_need(v, &s->parts[k], error))
+            return FALSE;
+    if (v->seen.framebuffer == 0 || v->seen.width != s->width || v->seen.height != s->height) {
+        if (!gpu_target_resize(&v->seen, s->width, s->height, GL_RGBA32F, FALSE, error))
+            return FALSE;
+        glDeleteTextures(1, &v->stencil);
+        v->stencil = gpu_texture(GL_DEPTH24_STENCIL8, s->width, s->height, 0);
+        glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D,
+                               v->stencil, 0);
+        if (!gpu_check("allocating silhouettes", error))
+            return FALSE;
+    }
+    glViewport(0, 0, s->width, s->height);
+    glDisable(GL_BLEND);
+    gboolean found = lists && visibility_list(v, s, &local);
+    if (local != NULL) {
+        g_propagate_error(error, g_steal_pointer(&local));
+        return FALSE;
+    }
+    *ret_texture = v->seen.colour;
+    return found || (peel(v, s, error) && gpu_check("peeling silhouettes", error));
+}

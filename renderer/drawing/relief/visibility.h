@@ -1,0 +1,77 @@
+/*
+ * The visible part of a mesh at each pixel, for a material with structure. A ray may enter the mesh
+ * near its contour and leave it again without meeting the structure. It then sees the surface
+ * behind it (Wang et al. 2005 §4.1).
+ *
+ * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure.
+ * A ray that only leaves sees nothing. A scene may have several meshes, which must not intersect,
+ * and several materials. It is searched as a whole.
+ */
+#pragma once
+
+#include "drawing/gl/places.h"
+#include "mdf_texture.h"
+
+enum visibility_way {
+    /* Lists if OpenGL 4.3 is available, otherwise peeling; the pictures are the same. */
+    VISIBILITY_AUTO,
+    VISIBILITY_PEEL, /* Wang et al. 2005 fig. 7: the mesh is drawn twice per layer */
+    /* The mesh is drawn once, and all its faces are kept in a list for each pixel. Needs OpenGL
+     * 4.3. */
+    VISIBILITY_LISTS,
+};
+
+#define VISIBILITY_MAX_LAYERS 32
+#define VISIBILITY_UNIT                                                                            \
+    11 /* unit of the resulting texture in shaders that read it; the next one is also used */
+
+struct visibility_options {
+    enum visibility_way way;
+    /* Largest number of tested pairs of front and back faces behind each other. */
+    int layers;
+    gboolean straight; /* Wang et al. 2005 as printed: the mesh is taken as flat under each ray */
+    /* Distances are in volumes, as in that paper; each part says whether it has one. */
+    gboolean volume;
+};
+
+#define VISIBILITY_MAX_PARTS 64
+
+/* The indices of one material. */
+struct visibility_part {
+    const MdfTexture *mdf;
+    /* Places of the MDF's depths, which are the same as those of the values. */
+    struct places_source places;
+    float tiles[2];
+    guint first_index, n_indices;
+    gboolean volume; /* the volume exists, by mdf_texture_make_volume() */
+    int material;    /* see relief_set_mdf() */
+};
+
+struct visibility_scene {
+    guint array;
+    struct visibility_part parts[VISIBILITY_MAX_PARTS];
+    int n_parts;
+    float projection[16];
+    /* [3] = 1: position of the eye; [3] = 0: unit vector towards an eye infinitely far away */
+    float sight[4];
+    float reach; /* for such an eye: a length larger than any in the scene */
+    int width, height;
+    struct visibility_options options;
+};
+
+typedef struct Visibility Visibility; /* belongs to the thread of the GL context */
+
+Visibility *visibility_new(GError **error);
+void visibility_free(Visibility *visibility); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Visibility, visibility_free)
+
+/* Finds the visible surface. *ret_texture is RGBA32F of width × height with the distance from the
+ * eye to the mesh (for a distant eye: from a plane at the distance reach), from there along the ray
+ * to the structure, from there to the base of the structure or the far side of the mesh, and 1. All
+ * four are 0 where nothing is seen. The texture belongs to the object and is valid until the next
+ * call. */
+gboolean visibility_find(Visibility *visibility, const struct visibility_scene *scene,
+                         guint *ret_texture, GError **error);
+
+/* Sets the uniforms of relief.glsl in a program in use, except those of the MDF and the tiles. */
+void visibility_set_sight(guint program, const struct visibility_scene *scene);

@@ -1,0 +1,71 @@
+/*
+ * A whole rig of virtual devices that speak the real protocols, on the loopback interface. For each
+ * device of a simulated rig it has one that a real driver can open. Axes are Modbus RTU drives on
+ * pseudo-terminals. Lamps, lasers and interlocks are Modbus TCP boards of relays and inputs.
+ * Cameras are GigE Vision cameras. Alternatively, devices are on USB buses that umockdev emulates.
+ * Axes are then Pololu Tics, lamps and lasers are connected to HID relay boards, and cameras are
+ * V4L2 or USB3 Vision cameras. All devices act on the world of that rig or look at it, so a lamp
+ * that a relay switches is seen by the cameras.
+ *
+ * Devices run in separate threads. The main loop, which must run, transfers their motion and light
+ * to the world. Each frame does so as well before it is rendered.
+ */
+#pragma once
+
+#include "virtual/cameras/gige.h"
+#include "virtual/modbus.h"
+
+#include "base/config.h"
+
+typedef struct VirtualRig VirtualRig;
+
+struct virtual_rig_device {
+    char *section; /* of the rig file: "camera cam15" */
+    char *driver;  /* driver that opens it */
+    char *where;   /* its address: "127.77.4.9", "/dev/pts/5 unit 1" */
+};
+
+/* Makes a rig. path is a rig file whose drivers are all simulated. usb has the names of the devices
+ * that are to be on USB, or "all"; NULL means none. u3v has, in the same form, the cameras that are
+ * to be USB3 Vision cameras; they need not be in usb. If either names a device, the process must
+ * have begun with testbed_enter(). Errors say what is wrong with the file. */
+VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
+                            GError **error);
+void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
+
+/* Returns the rig file for the real drivers. Geometry, speeds and names are those of the simulated
+ * rig. The rig owns the string. */
+const char *virtual_rig_text(const VirtualRig *rig);
+
+/* Returns the environment variable that a program needs to see the rig's USB devices, as
+ * "NAME=value". Returns NULL if the rig has none. Free it with g_free(). */
+char *virtual_rig_environment(const VirtualRig *rig);
+
+/* Returns an array of *ret_n devices. The rig owns it. */
+const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
+
+/* Sets the faults of all cameras from now on. */
+void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults);
+
+/* Sets the faults of all Modbus devices from now on. */
+void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
+
+/* Disconnects a device, or connects it again. name is the name of its section, "cam30" or "camera
+ * cam30". A Modbus board is disconnected for all sections that share it. Of the devices on USB,
+ * only USB3 Vision cameras can be disconnected. */
+gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, GError **error);
+
+/* Changes the sample: the devices act on the world of this file from now on. Its cameras, lamps and
+ * lasers must have the names and sensors of the present world. A rig with devices on USB other than
+ * USB3 Vision cameras cannot change its world. */
+gboolean virtual_rig_set_world(VirtualRig *rig, const char *path, GError **error);
+
+/* Interrupts the power of a GigE Vision camera for down_ms. name is the name of its section. */
+void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
+
+/* The number of lights that shine and of axes that move now. */
+struct virtual_rig_state {
+    int n_lit, n_moving;
+};
+void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret);

@@ -1,0 +1,98 @@
+/* Shared by the parts of a virtual rig. rig.c has the GigE Vision and USB3 Vision cameras and the
+ * Modbus devices. rig_usb.c has the V4L2 cameras and the other USB devices. */
+#pragma once
+
+#include "rig.h"
+#include "virtual/cameras/u3v.h"
+#include "virtual/cameras/v4l2.h"
+#include "virtual/usb_relays.h"
+#include "virtual/usb_tic.h"
+#include "virtual/world_link.h"
+#include "world/world_private.h"
+
+#include "drivers/device.h"
+
+#define MAX_COILS   VIRTUAL_MODBUS_BITS
+#define MAX_DEVICES 64
+#define MAX_USB     9 /* number of Tics and relay boards: the ports of the virtual bus */
+
+struct drive {
+    VirtualModbus *device;
+    struct world_part part;
+    gboolean wraps;
+    double home_deg, error_deg;
+    int error_seed;
+    double was_deg; /* position at was_us, in rig.c; was_us is 0 before the first */
+    gint64 was_us;
+};
+
+struct board { /* board of relays and inputs */
+    VirtualModbus *device;
+    struct world_part parts[MAX_COILS]; /* parts by coil */
+    gboolean on[MAX_COILS];
+    int n_coils, n_inputs;
+};
+
+struct vision_camera { /* camera on the network or on USB */
+    VirtualRig *rig;
+    const char *name; /* name of its section */
+    int camera;
+    VirtualGige *gige;
+    VirtualU3v *u3v;
+};
+
+struct VirtualRig {
+    Config *config;
+    char **usb; /* names of the devices on USB */
+    char **u3v; /* names of the USB3 Vision cameras */
+    World *world;
+    GString *text;
+    GArray *devices; /* of struct virtual_rig_device */
+    struct drive drives[MAX_DEVICES];
+    struct board boards[MAX_DEVICES];
+    struct vision_camera cameras[WORLD_MAX_CAMERAS];
+    VirtualTic *tics[MAX_USB];
+    /* Switches: one for all lasers, which is one of relays. */
+    VirtualRelays *relays[MAX_USB], *switches;
+    VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
+    int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
+    struct virtual_camera_faults camera_faults; /* faults of the cameras that are plugged in */
+    struct board *power;                        /* board that all lasers and interlocks share */
+    GMutex coupling;
+    guint timer;
+};
+
+/* Returns the number in the section, or the option's default. Returns 0 if there is none. */
+double rig_number(const struct config_section *section, const struct driver_info *driver,
+                  const char *key);
+const char *rig_part(const struct config_section *section);
+gboolean rig_wraps(const struct config_section *section);
+void rig_set_error(GError **error, const struct config_section *section, const char *what);
+
+/* Returns the world that a section names. It must be the world of the other sections. The rig owns
+ * it. */
+World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
+/* Returns the names of the lamps that a bank switches, in order. Free them with g_strfreev(). */
+char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
+/* Name for world_part_find(); g_free(). */
+char *rig_axis_part(const struct config_section *section);
+
+/* Copies the section without the keys that only the simulated driver accepts. */
+void rig_copy_section(VirtualRig *rig, const struct config_section *section,
+                      const struct driver_info *from, const struct driver_info *to);
+void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
+                     const struct driver_info *to); /* the same for an axis */
+
+/* Adds a device to the list. Takes ownership of where. */
+void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
+                     char *where);
+
+gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section);
+gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section);
+gboolean rig_check_usb(const VirtualRig *rig, GError **error);
+gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_video(VirtualRig *rig, const struct config_section *section, GError **error);
+void rig_add_usb_state(const VirtualRig *rig, struct virtual_rig_state *to);
+void rig_free_usb(VirtualRig *rig);
