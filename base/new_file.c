@@ -8,10 +8,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define END       ".part"
-#define DIGITS    8
-#define MOST_NAME 200 /* bytes of the final name that are used in the name of the .part file */
-#define TRIES     100
+#define END      ".part"
+#define DIGITS   8
+#define MAX_NAME 200 /* bytes of the final name that are used in the name of the .part file */
+#define TRIES    100
 
 /* Opens the folder of relative, or relative itself if all is TRUE. Returns −1 and sets errno on
  * failure. */
@@ -49,7 +49,7 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
                               g_strdup(slash ? slash + 1 : relative), NULL};
     for (int i = 0; file->folder >= 0 && file->fd < 0 && i < TRIES; i++) {
         g_free(file->beside);
-        file->beside = g_strdup_printf("%.*s.%08x" END, MOST_NAME, file->name, g_random_int());
+        file->beside = g_strdup_printf("%.*s.%08x" END, MAX_NAME, file->name, g_random_int());
         file->fd = openat(file->folder, file->beside,
                           O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
         if (file->fd < 0 && errno != EEXIST)

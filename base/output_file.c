@@ -18,7 +18,7 @@
 #define LOOKED_AT                                                                                  \
     ((gsize)1 << 20) /* bytes at a file's begin and end in which its kind is sought                \
                       */
-#define MOST_MARK ((goffset)1 << 30) /* a larger file is not marked */
+#define MAX_MARK  ((goffset)1 << 30) /* a larger file is not marked */
 #define TRIES     100
 #define PNG_HEAD  33 /* signature and IHDR */
 #define EXR_MAGIC "v/1\x01"
@@ -335,7 +335,7 @@ static GByteArray *output_file_marked(const guint8 *bytes, gsize n, const char *
 
 static gboolean output_file_add_kind(const struct OutputFile *file, GError **error) {
     struct stat status;
-    if (!file->kind || stat(file->written, &status) != 0 || status.st_size > MOST_MARK)
+    if (!file->kind || stat(file->written, &status) != 0 || status.st_size > MAX_MARK)
         return TRUE;
     g_autoptr(GMappedFile) mapped = g_mapped_file_new(file->written, FALSE, error);
     if (!mapped)

@@ -17,8 +17,8 @@
 #define ANY_PX         1e6  /* no bound */
 #define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
 /* Least correlation of a board that was found. */
-#define LEAST_FIT 0.45
-#define STEP_MM   0.01 /* step of numerical derivatives */
+#define MIN_FIT 0.45
+#define STEP_MM 0.01 /* step of numerical derivatives */
 /* The local correction of the homography is a weighted linear fit to the detector's points. REACH:
  * radius in which points count, in squares. RIDGE: damping of the fit's slope, as a share of the
  * sum of weights. FEWEST: least sum of weights for a correction. */
@@ -589,7 +589,7 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
             shift[1] = dy;
         }
     g_free(points.x);
-    if (*ret_fit < LEAST_FIT)
+    if (*ret_fit < MIN_FIT)
         return NULL;
     guess_all(board, project, data, shift, guesses);
     return corner_fit_all(picture, board, guesses);

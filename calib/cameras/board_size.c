@@ -11,31 +11,31 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_EXAMINED 8    /* pictures */
-#define AGREE         2    /* pictures that must show the other size of a board of squares; */
-#define AGREE_GRIDS   3    /* of a grid of markers or circles, whose last row no edge ends; */
-#define AGREE_MORE    2    /* and so many more for each picture that shows a third size */
-#define MOST_PX       1000 /* longer side of the pictures that are examined */
-#define MARKERS_PX    2000 /* the same for markers, whose cells are small */
-#define LARGE         1.5  /* of this: a vain search of such a picture takes seconds */
+#define MAX_EXAMINED 8    /* pictures */
+#define AGREE        2    /* pictures that must show the other size of a board of squares; */
+#define AGREE_GRIDS  3    /* of a grid of markers or circles, whose last row no edge ends; */
+#define AGREE_MORE   2    /* and so many more for each picture that shows a third size */
+#define MAX_PX       1000 /* longer side of the pictures that are examined */
+#define MARKERS_PX   2000 /* the same for markers, whose cells are small */
+#define LARGE        1.5  /* of this: a vain search of such a picture takes seconds */
 
-#define OUTSIDE     0.2  /* squares from the edge of a board of squares to a place outside it */
-#define NEAR_EDGE   0.6  /* of a circle's radius: such a place within the next circle */
-#define NEAR        1.1  /* squares around it, in which the print's black and white are compared */
-#define EDGE_REACH  0.35 /* squares inside and outside of an edge, in which it is looked for */
-#define EDGE_STEPS  35
-#define EDGE_OFF    0.08 /* squares from its place */
-#define STEPS       8    /* points of the print in a square */
-#define LEAST       0.5  /* of the print's contrast in the whole board, that is needed there */
-#define WHITE       0.6  /* from the local black to the local white: light */
-#define MOST_WHITE  1.6  /* the same: not lighter than that */
-#define CLOSED      0.9  /* share of the places on each side that must be light */
-#define CONTINUED   0.85 /* share of those on a side that are dark where the board goes on */
-#define LEAST_SPOTS 8    /* markers that show a size */
-#define AGREEING    0.9  /* share of the visible markers that lie as on a board of a size */
-#define ALONE       0.7  /* of it: share at any other number of columns */
-#define TOLERANCE   0.12 /* of a marker's side */
-#define ANY_PX      1e6  /* no bound */
+#define OUTSIDE    0.2  /* squares from the edge of a board of squares to a place outside it */
+#define NEAR_EDGE  0.6  /* of a circle's radius: such a place within the next circle */
+#define NEAR       1.1  /* squares around it, in which the print's black and white are compared */
+#define EDGE_REACH 0.35 /* squares inside and outside of an edge, in which it is looked for */
+#define EDGE_STEPS 35
+#define EDGE_OFF   0.08 /* squares from its place */
+#define STEPS      8    /* points of the print in a square */
+#define LEAST      0.5  /* of the print's contrast in the whole board, that is needed there */
+#define WHITE      0.6  /* from the local black to the local white: light */
+#define MAX_WHITE  1.6  /* the same: not lighter than that */
+#define CLOSED     0.9  /* share of the places on each side that must be light */
+#define CONTINUED  0.85 /* share of those on a side that are dark where the board goes on */
+#define MIN_SPOTS  8    /* markers that show a size */
+#define AGREEING   0.9  /* share of the visible markers that lie as on a board of a size */
+#define ALONE      0.7  /* of it: share at any other number of columns */
+#define TOLERANCE  0.12 /* of a marker's side */
+#define ANY_PX     1e6  /* no bound */
 
 /* Places beside a board where the next column or row would be dark. */
 struct outside {
@@ -196,7 +196,7 @@ static int margin_at(const struct picture *picture, const struct board *board,
         return 0;
     if (!place->is_edge) {
         const double level = level_at(picture, project, data, place->x, place->y, black, contrast);
-        return level > WHITE && level < MOST_WHITE ? 1 : level < 1 - WHITE ? -1 : 0;
+        return level > WHITE && level < MAX_WHITE ? 1 : level < 1 - WHITE ? -1 : 0;
     }
     for (int k = 0; k < EDGE_STEPS; k++) {
         const double u = ((k + 0.5) / EDGE_STEPS * 2 - 1) * EDGE_REACH * s;
@@ -377,7 +377,7 @@ static int count_on_plane(const struct board *board, const GArray *found, double
                       m->corners_px[1][1] - m->corners_px[0][1]);
     }
     *ret_rows = 0;
-    if (known < LEAST_SPOTS ||
+    if (known < MIN_SPOTS ||
         !vision_homography(from, to, 4 * known, MAX(2, TOLERANCE * side / known), ret_h, good))
         return 0;
     for (int i = 0; i < known; i++) {
@@ -398,7 +398,7 @@ static enum end measure_markers(const struct picture *picture, struct board *boa
     struct board best = *board;
     int most = 0, second = 0, rows;
     double h[9];
-    if (!found || found->len < LEAST_SPOTS)
+    if (!found || found->len < MIN_SPOTS)
         return GOES_ON;
     for (int k = 0; k < 2 * BOARD_MAX_SQUARES; k++) {
         struct board tried = *board;
@@ -423,8 +423,8 @@ static enum end measure_markers(const struct picture *picture, struct board *boa
                                                       : GOES_ON;
 }
 
-static int most_px(const struct board *board) {
-    return board->marker_mm > 0 ? MARKERS_PX : MOST_PX;
+static int max_px(const struct board *board) {
+    return board->marker_mm > 0 ? MARKERS_PX : MAX_PX;
 }
 
 /* Means over factor × factor pixels, so that the longer side has at most that many. */
@@ -451,7 +451,7 @@ static gboolean is_exchangeable(const struct board *board) {
 /* GOES_ON: nothing is known. OPEN: the board is at least as large. */
 static enum end measure(const struct picture *picture, const struct board *given, int *ret_columns,
                         int *ret_rows) {
-    g_autoptr(Picture) small = reduce(picture, most_px(given));
+    g_autoptr(Picture) small = reduce(picture, max_px(given));
     struct board board = *given;
     const enum end end = (board.marker_mm > 0   ? measure_markers
                           : board.circle_mm > 0 ? measure_circles
@@ -533,7 +533,7 @@ static gboolean add_sighting(struct board_census *census, const char *name, int 
     gboolean ok = TRUE;
     g_mutex_lock(&census->lock);
     census->examined++;
-    census->settled |= census->examined >= MOST_EXAMINED ||
+    census->settled |= census->examined >= MAX_EXAMINED ||
                        (columns == census->given.columns && rows == census->given.rows);
     if (columns > 0 && !census->settled) {
         const struct sighting seen = {g_strdup(name), columns, rows};
@@ -589,7 +589,7 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
         columns = rows = 0;
     /* A picture may show two boards. */
     if (columns > 0 && !searched && (columns != given->columns || rows != given->rows)) {
-        g_autoptr(Picture) small = reduce(picture, most_px(given));
+        g_autoptr(Picture) small = reduce(picture, max_px(given));
         g_autoptr(GArray) corners = board_find(small, given, FALSE, NULL);
         if (corners && !goes_on(given, small, corners)) {
             columns = given->columns;
@@ -602,7 +602,7 @@ static gboolean examine(struct board_census *census, const struct picture *pictu
 gboolean board_census_before(struct board_census *census, const struct picture *picture,
                              gboolean *ret_more, GError **error) {
     const gboolean large =
-        census->given.marker_mm == 0 && MAX(picture->width, picture->height) > LARGE * MOST_PX;
+        census->given.marker_mm == 0 && MAX(picture->width, picture->height) > LARGE * MAX_PX;
     *ret_more = FALSE;
     if (!large || is_settled(census))
         return TRUE;

@@ -13,9 +13,9 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_LEFT  1e-6  /* least share of a residual that remains after the fit */
-#define LEAST_RCOND 1e-15 /* least reciprocal condition number of JᵀJ with unit diagonal */
-#define MOST_OWN                                                                                   \
+#define MIN_LEFT  1e-6  /* least share of a residual that remains after the fit */
+#define MIN_RCOND 1e-15 /* least reciprocal condition number of JᵀJ with unit diagonal */
+#define MAX_OWN                                                                                    \
     (BUNDLE_CAMERA + 6 + 1 + 3 +                                                                   \
      BUNDLE_WOBBLE) /* columns of a picture: camera, lay, angle, bend, */
                     /* wobble */
@@ -42,15 +42,14 @@ static gboolean factorise(const struct bundle_linear *linear, struct factor *ret
             g[(gsize)i * (gsize)n + (gsize)k] *= ret->scale[i] * ret->scale[k];
     const double norm = LAPACKE_dlansy(LAPACK_COL_MAJOR, '1', 'L', n, g, n);
     return LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, g, n) == 0 &&
-           LAPACKE_dpocon(LAPACK_COL_MAJOR, 'L', n, g, n, norm, &rcond) == 0 &&
-           rcond >= LEAST_RCOND;
+           LAPACKE_dpocon(LAPACK_COL_MAJOR, 'L', n, g, n, norm, &rcond) == 0 && rcond >= MIN_RCOND;
 }
 
 /* Some columns of G⁻¹ as Q (n × k) and R (k × k, upper, row by row). */
 static gboolean columns_of_inverse(const struct factor *factor, const int *columns, int k,
                                    double *ret_q, double *ret_r) {
     const int n = factor->n;
-    double tau[MOST_OWN];
+    double tau[MAX_OWN];
     memset(ret_q, 0, sizeof *ret_q * (gsize)n * (gsize)k);
     for (int i = 0; i < k; i++)
         ret_q[(gsize)i * (gsize)n + (gsize)columns[i]] = 1;
@@ -68,17 +67,17 @@ static gboolean columns_of_inverse(const struct factor *factor, const int *colum
 static gboolean picture_score(const struct factor *factor, const struct bundle_linear *linear,
                               const GArray *rows, double *ret_y) {
     const int n = factor->n;
-    int columns[MOST_OWN], k = 0;
-    double r[MOST_OWN * MOST_OWN], v[MOST_OWN * MOST_OWN] = {0}, l[MOST_OWN];
-    double towards[MOST_OWN] = {0}, along[MOST_OWN] = {0};
+    int columns[MAX_OWN], k = 0;
+    double r[MAX_OWN * MAX_OWN], v[MAX_OWN * MAX_OWN] = {0}, l[MAX_OWN];
+    double towards[MAX_OWN] = {0}, along[MAX_OWN] = {0};
     g_autofree int *local = g_new(int, n + 1);
-    g_autofree double *q = g_new(double, (gsize)n *MOST_OWN);
+    g_autofree double *q = g_new(double, (gsize)n *MAX_OWN);
     memset(local, -1, sizeof *local * (gsize)n);
     for (guint i = 0; i < rows->len; i++) {
         const int row = g_array_index(rows, int, i);
         for (int a = linear->rows[row]; a < linear->rows[row + 1]; a++) {
             int *at = &local[linear->columns[a]];
-            if (*at < 0 && k == MOST_OWN)
+            if (*at < 0 && k == MAX_OWN)
                 return FALSE;
             if (*at < 0)
                 columns[ *at = k++] = linear->columns[a];
@@ -88,7 +87,7 @@ static gboolean picture_score(const struct factor *factor, const struct bundle_l
         return FALSE;
     for (guint i = 0; i < rows->len; i++) { /* BᵀB and Bᵀr, a row of B at a time */
         const int row = g_array_index(rows, int, i);
-        double b[MOST_OWN] = {0};
+        double b[MAX_OWN] = {0};
         for (int a = linear->rows[row]; a < linear->rows[row + 1]; a++) {
             const int at = local[linear->columns[a]];
             const double value = linear->values[a] * factor->scale[linear->columns[a]];
@@ -107,7 +106,7 @@ static gboolean picture_score(const struct factor *factor, const struct bundle_l
         double sum = 0;
         for (int a = 0; a < k; a++)
             sum += v[i * k + a] * towards[a];
-        for (int a = 0; a < k && 1 - l[i] > LEAST_LEFT; a++)
+        for (int a = 0; a < k && 1 - l[i] > MIN_LEFT; a++)
             along[a] += v[i * k + a] * sum / sqrt(1 - l[i]);
     }
     for (int i = 0; i < n; i++) {

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LEAST_Z     1e-6 /* least z of a point in front of the camera */
-#define LEAST_BELOW 1e-3 /* least denominator; beyond the pole of a lens the image is mirrored */
+#define MIN_Z     1e-6 /* least z of a point in front of the camera */
+#define MIN_BELOW 1e-3 /* least denominator; beyond the pole of a lens the image is mirrored */
 
 static struct mat3 product(const double a[9], const struct mat3 *b) {
     struct mat3 ret;
@@ -56,7 +56,7 @@ static gboolean fisheye(const double *c, struct vec3 q, double uv[2], double j[2
             j[i][1] = i == 1 ? 1 / q.z : 0;
             j[i][2] = -uv[i] / q.z;
         }
-        return q.z > LEAST_Z;
+        return q.z > MIN_Z;
     }
     const double theta = atan2(a, q.z), s = theta * theta, r2 = a * a + q.z * q.z;
     const double d = theta * (1 + s * (c[4] + s * (c[5] + s * (c[6] + s * c[9]))));
@@ -103,7 +103,7 @@ static gboolean polynomial(enum rig_lens lens, const double *c, struct vec3 q, d
         k[i][3] = i == 0 ? 2 * x * y : s + 2 * y * y;
         k[i][4] = i == 0 ? s + 2 * x * x : 2 * x * y;
     }
-    return q.z > LEAST_Z && below > LEAST_BELOW;
+    return q.z > MIN_Z && below > MIN_BELOW;
 }
 
 /* Rows of a, times v. */

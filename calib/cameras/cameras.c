@@ -14,8 +14,8 @@
 #define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
 #define NEAR_PX         3   /* search radius once the geometry is known */
 #define FAR             0.2 /* the same before it is known, as a share of the picture's width */
-#define LEAST_CORNERS   6   /* in a usable picture */
-#define LEAST_PICTURES  3   /* of a camera, to refine it */
+#define MIN_CORNERS     6   /* in a usable picture */
+#define MIN_PICTURES    3   /* of a camera, to refine it */
 #define SIZE_PICTURES   8   /* that are examined for another size of the board */
 #define HALF_TURN_DEG   10  /* an x axis this near to half a turn from 0 points the wrong way */
 
@@ -166,7 +166,7 @@ static gboolean search_near(struct cameras_work *work, int i, double reach_px, G
         return FALSE;
     GArray *corners =
         board_find_near(picture, &work->task->board, cameras_project, &at, reach_px, &fit);
-    if (corners && corners->len >= LEAST_CORNERS) {
+    if (corners && corners->len >= MIN_CORNERS) {
         g_clear_pointer(&seen->corners, g_array_unref);
         seen->corners = corners;
         return TRUE;
@@ -238,7 +238,7 @@ int cameras_pictures_of(const struct cameras_work *work, int camera) {
 static void fix_unknown(struct cameras_work *work) {
     struct bundle_camera *cameras = work->bundle.cameras;
     for (int c = 0; c < work->bundle.n_cameras; c++) {
-        const gboolean unknown = cameras_pictures_of(work, c) < LEAST_PICTURES;
+        const gboolean unknown = cameras_pictures_of(work, c) < MIN_PICTURES;
         if (!work->free_boards)
             cameras[c].fixed_pose = unknown;
         cameras[c].fixed_lens = unknown;
@@ -259,7 +259,7 @@ gboolean cameras_solve(struct cameras_work *work, GError **error) {
 static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)
-        unknown[c] = cameras_pictures_of(work, c) < LEAST_PICTURES;
+        unknown[c] = cameras_pictures_of(work, c) < MIN_PICTURES;
     g_autofree double *reach_px = g_new(double, work->task->n_pictures);
     for (int pass = 0; pass < 2; pass++) {
         for (int i = 0; i < work->task->n_pictures; i++) {

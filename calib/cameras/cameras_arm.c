@@ -4,9 +4,9 @@
 
 #include <string.h>
 
-#define RAD(deg)      ((deg) * (G_PI / 180))
-#define MOST_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
-#define MOST_LEAN_DEG 20 /* largest angle between the axis and that of the rig file */
+#define RAD(deg)     ((deg) * (G_PI / 180))
+#define MAX_OFF_DEG  1  /* largest RMS deviation of the stops from a rotation about one axis */
+#define MAX_LEAN_DEG 20 /* largest angle between the axis and that of the rig file */
 
 /* Returns the calibrated stop of the same camera with the nearest angle; −1 if there is none. */
 static int nearest_stop(const struct rig *rig, guint32 known, int camera) {
@@ -57,7 +57,7 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
     *ret_known = rig_swing_fit(rig, known, &work->nominal, ret);
     if (!*ret_known)
         return TRUE;
-    if (ret->angle_rms_rad > RAD(MOST_OFF_DEG))
+    if (ret->angle_rms_rad > RAD(MAX_OFF_DEG))
         return cameras_refuse(
             error, CAMERAS_ERROR_FIT,
             "the stops of the camera arm do not turn about one axis by the angles of the rig file: "
@@ -66,7 +66,7 @@ gboolean cameras_fit_arm(const struct cameras_work *work, gboolean *ret_known,
             ret->angle_rms_rad * 180 / G_PI);
     const double off_deg =
         acos(CLAMP(vec3_dot(ret->swing.axis, work->nominal.arm.axis), -1, 1)) * 180 / G_PI;
-    return off_deg < MOST_LEAN_DEG ||
+    return off_deg < MAX_LEAN_DEG ||
            cameras_refuse(
                error, CAMERAS_ERROR_FIT,
                "the camera arm turns about an axis that is %.0f° from that of the rig file: "

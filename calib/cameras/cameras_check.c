@@ -4,15 +4,15 @@
 
 #include <string.h>
 
-#define DEG(rad)       ((rad) * (180 / G_PI))
-#define LEAST_STOPS    3
-#define LEAST_TURN_DEG 60
-#define FLAT_DEG       2
-#define LEAST_TILT_DEG 5
-#define LEAST_PICTURES 3
-#define MOST_SCALE     0.04 /* largest common scale error of the distances against the rig file */
-#define MOST_RMS_PX    1.0
-#define MOST_DISTANCE  0.02 /* largest relative standard error of a camera's distance */
+#define DEG(rad)     ((rad) * (180 / G_PI))
+#define MIN_STOPS    3
+#define MIN_TURN_DEG 60
+#define FLAT_DEG     2
+#define MIN_TILT_DEG 5
+#define MIN_PICTURES 3
+#define MAX_SCALE    0.04 /* largest common scale error of the distances against the rig file */
+#define MAX_RMS_PX   1.0
+#define MAX_DISTANCE 0.02 /* largest relative standard error of a camera's distance */
 
 double cameras_tilt_rad(const struct bundle_lay *lay) {
     return acos(CLAMP(fabs(lay->rotation[8]), 0, 1));
@@ -37,13 +37,13 @@ gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
         range_deg = MAX(range_deg, most - least);
         stops = MAX(stops, n);
     }
-    if (stops >= LEAST_STOPS && range_deg >= LEAST_TURN_DEG)
+    if (stops >= MIN_STOPS && range_deg >= MIN_TURN_DEG)
         return TRUE;
     return cameras_refuse(
         error, CAMERAS_ERROR_PICTURES,
         "the turntable's axis cannot be found from %d angle(s) over %g°: turn the "
         "board to at least %d angles over %d° or more",
-        stops, work->bundle.n_stops ? range_deg : 0.0, LEAST_STOPS, LEAST_TURN_DEG);
+        stops, work->bundle.n_stops ? range_deg : 0.0, MIN_STOPS, MIN_TURN_DEG);
 }
 
 static const char *first_reason(const struct cameras_work *work, int camera) {
@@ -64,7 +64,7 @@ static int n_set_aside(const struct cameras_work *work, int camera) {
 static gboolean check_photographs(const struct cameras_work *work, GError **error) {
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
-    return (used >= LEAST_PICTURES && 2 * used >= all) ||
+    return (used >= MIN_PICTURES && 2 * used >= all) ||
            cameras_refuse(
                error, CAMERAS_ERROR_PICTURES,
                "only %d of %d photographs agree on one lens, but at least half of them "
@@ -72,8 +72,7 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                "board was not found in %d, and %d contradict the others; for example, %s; take out "
                "photographs of another board, camera, zoom or focus, or give "
                "more",
-               used, all, LEAST_PICTURES, all - used - contradict, contradict,
-               first_reason(work, 0));
+               used, all, MIN_PICTURES, all - used - contradict, contradict, first_reason(work, 0));
 }
 
 /* On the turntable a tilted board faces away from some cameras: pictures that show it count. */
@@ -102,7 +101,7 @@ static gboolean check_lays(const struct cameras_work *work, GError **error) {
         least = MIN(least, DEG(cameras_tilt_rad(&work->bundle.lays[l])));
         most = MAX(most, DEG(cameras_tilt_rad(&work->bundle.lays[l])));
     }
-    if (most < LEAST_TILT_DEG)
+    if (most < MIN_TILT_DEG)
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "all boards are parallel (at most %.1f° from flat), so that no camera "
@@ -127,7 +126,7 @@ gboolean cameras_is_predicted(const struct cameras_work *work, int camera) {
             return FALSE;
     for (int c = 0; c < rig->n_cameras; c++)
         others += rig_camera_unit(rig, c) == rig_camera_unit(rig, camera) &&
-                  cameras_pictures_of(work, c) >= LEAST_PICTURES;
+                  cameras_pictures_of(work, c) >= MIN_PICTURES;
     return others >= 2;
 }
 
@@ -137,12 +136,12 @@ gboolean cameras_check_pictures(const struct cameras_work *work, GError **error)
         const int good = cameras_pictures_of(work, c);
         for (int i = 0; i < work->task->n_pictures; i++)
             all += work->seen[i].camera == c;
-        if (good < LEAST_PICTURES && !cameras_is_predicted(work, c))
+        if (good < MIN_PICTURES && !cameras_is_predicted(work, c))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
                 "camera %s: the board was found in %d of its %d pictures, and at least %d "
                 "are needed; for one, %s",
-                work->nominal.cameras[c].name, good, all, LEAST_PICTURES, first_reason(work, c));
+                work->nominal.cameras[c].name, good, all, MIN_PICTURES, first_reason(work, c));
     }
     return check_lays(work, error);
 }
@@ -169,7 +168,7 @@ static gboolean check_scale(const struct cameras_work *work, GError **error) {
         squares += ratio * ratio / n;
     }
     const double spread = sqrt(MAX(squares - sum * sum, 0));
-    if (n == 0 || fabs(sum - 1) < MOST_SCALE || 3 * spread > fabs(sum - 1))
+    if (n == 0 || fabs(sum - 1) < MAX_SCALE || 3 * spread > fabs(sum - 1))
         return TRUE;
     return cameras_refuse(
         error, CAMERAS_ERROR_FIT,
@@ -197,13 +196,13 @@ static gboolean check_lens(const struct cameras_work *work, GError **error) {
             if (work->seen[a].corners && work->seen[b].corners)
                 most = MAX(most, DEG(acos(CLAMP(cosine, -1, 1))));
         }
-    if (most < LEAST_TILT_DEG)
+    if (most < MIN_TILT_DEG)
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "all boards are parallel, to %.1f°: hold the board at different tilts "
             "before the camera, up to 45°",
             most);
-    return focal < MOST_DISTANCE ||
+    return focal < MAX_DISTANCE ||
            cameras_refuse(error, CAMERAS_ERROR_PICTURES,
                           "the photographs determine the focal length only to %.2g %%: take more "
                           "of them, with larger tilts",
@@ -224,7 +223,7 @@ static double rms_px(const struct cameras_work *work) {
 }
 
 gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
-    if (rms_px(work) > MOST_RMS_PX)
+    if (rms_px(work) > MAX_RMS_PX)
         return cameras_refuse(error, CAMERAS_ERROR_FIT,
                               "corners are %.2f px from where they should be (RMS): the board is "
                               "bent, it or a camera moved on the turntable, or it is not the one "
@@ -235,7 +234,7 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const struct bundle_camera *camera = &work->bundle.cameras[c];
         const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
-        if (!(distance < MOST_DISTANCE))
+        if (!(distance < MAX_DISTANCE))
             return cameras_refuse(
                 error, CAMERAS_ERROR_PICTURES,
                 "camera %s: the pictures do not determine its position (its distance only to %.2g "

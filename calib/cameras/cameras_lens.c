@@ -7,7 +7,7 @@
 #define FOLDS       5
 #define WIDE_SIGMA  1    /* prior standard deviation of k1 … k6 of rational and fisheye lenses */
 #define ROBUST      3    /* times the noise: threshold of Huber's loss */
-#define MOST_LOSS   4.5  /* times the noise: larger residuals count as this one */
+#define MAX_LOSS    4.5  /* times the noise: larger residuals count as this one */
 #define SIGNIFICANT 2    /* standard errors of the summed differences of losses; of a bend 1 */
 #define BENT        0.02 /* prior sigma of a bend at half the longer side, over that length */
 
@@ -74,7 +74,7 @@ static gboolean predict(const struct trial *trial, int fold, double noise, doubl
     for (int i = 0; ok && i < b.n_observations; i++) {
         const double r = cameras_residual(&b, &b.observations[i], d) / noise;
         if (!b.observations[i].rejected)
-            loss[b.observations[i].picture] += MIN(r * r, MOST_LOSS * MOST_LOSS);
+            loss[b.observations[i].picture] += MIN(r * r, MAX_LOSS * MAX_LOSS);
     }
     free_bundle(&b);
     return ok;

@@ -10,7 +10,7 @@
 #define SUSPICIOUS_PX 2.0 /* typical residual of the first fit from which mistakes are tried */
 #define EXPLAINED_PX  1.0 /* and with which one explains the boards, if the residual falls */
 #define BETTER        5.0 /* by this factor */
-#define MOST_PAIRED   8   /* with more cameras only neighbours in the rig file are exchanged */
+#define MAX_PAIRED    8   /* with more cameras only neighbours in the rig file are exchanged */
 #define REFINED       3   /* mistakes that are refined, those that start best */
 #define EXCHANGED     5.0 /* nearer to another camera's place than to its own by this factor */
 
@@ -50,7 +50,7 @@ static GArray *all_mistakes(const struct cameras_work *work) {
         g_array_append_val(all, mistake);
     }
     for (int a = 0; a < n; a++)
-        for (int b = a + 1; b < (n > MOST_PAIRED ? MIN(a + 2, n) : n); b++) {
+        for (int b = a + 1; b < (n > MAX_PAIRED ? MIN(a + 2, n) : n); b++) {
             struct mistake mistake = mistake_of(1);
             mistake.cameras[a] = b;
             mistake.cameras[b] = a;
@@ -175,17 +175,17 @@ gboolean cameras_find_mistake(struct cameras_work *work, gboolean fitted, GError
         mistake->start_px = start_px(work, mistake);
     }
     g_array_sort(mistakes, by_start);
-    double least_px = G_MAXDOUBLE;
+    double min_px = G_MAXDOUBLE;
     for (guint i = 0; i < MIN(mistakes->len, REFINED); i++) {
         const struct mistake *mistake = &g_array_index(mistakes, struct mistake, i);
         const double px = refined_px(work, mistake);
-        if (px >= least_px)
+        if (px >= min_px)
             continue;
-        least_px = px;
+        min_px = px;
         best = *mistake;
     }
-    if (least_px < EXPLAINED_PX && least_px < as_noted_px / BETTER) {
-        tell_mistake(&work->nominal, &best, as_noted_px, least_px, error);
+    if (min_px < EXPLAINED_PX && min_px < as_noted_px / BETTER) {
+        tell_mistake(&work->nominal, &best, as_noted_px, min_px, error);
         return TRUE;
     }
     work->unexplained_px = fitted ? as_noted_px : 0;

@@ -12,7 +12,7 @@
 #define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
 #define TYPICAL         20     /* weight of the camera's noise in that of a picture, in residuals */
 #define SIGNIFICANT     4      /* standard deviations of χ²'s decrease by chance */
-#define MOST_REJECTED   0.4    /* share of rejected corners from which the picture is rejected */
+#define MAX_REJECTED    0.4    /* share of rejected corners from which the picture is rejected */
 
 /* |W (projected − seen)|, W being the inverse square root of the corner's covariance. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
@@ -192,7 +192,7 @@ static void drop_pictures(struct cameras_work *work) {
     }
     for (int i = 0; i < n; i++) {
         struct seen *seen = &work->seen[i];
-        if (!seen->corners || rejected[i] <= MOST_REJECTED * all[i])
+        if (!seen->corners || rejected[i] <= MAX_REJECTED * all[i])
             continue;
         g_autofree char *why = g_strdup_printf(
             "%d of its %d corners are not where all other pictures say they must be; %s",
@@ -249,7 +249,7 @@ static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
         rejected += b->observations[i].rejected;
         all++;
     }
-    return rejected <= MOST_REJECTED * all;
+    return rejected <= MAX_REJECTED * all;
 }
 
 /* Tries rejected pictures again with the present geometry. */

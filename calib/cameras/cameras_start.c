@@ -6,8 +6,8 @@
 
 #include <string.h>
 
-#define MOST_CANDIDATES 40
-#define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
+#define MAX_CANDIDATES 40
+#define MIN_SIGMA_PX   0.01 /* lower bound of a corner's standard deviation */
 
 void cameras_start(struct cameras_work *work) {
     for (int i = 0; i < work->nominal.n_cameras; i++) {
@@ -104,7 +104,7 @@ gboolean cameras_start_lay(struct cameras_work *work, int lay) {
     struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
     double least = G_MAXDOUBLE;
     int tried = 0;
-    for (int i = 0; i < work->task->n_pictures && tried < MOST_CANDIDATES; i++) {
+    for (int i = 0; i < work->task->n_pictures && tried < MAX_CANDIDATES; i++) {
         const struct seen *seen = &work->seen[i];
         if (seen->lay != lay || !seen->corners || seen->corners->len < 6 ||
             !lay_by_picture(work, seen, to))
@@ -230,9 +230,9 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
 /* W = L⁻¹ of the Cholesky factor of the covariance L Lᵀ, with a lower bound of the standard
  * deviation on the diagonal. */
 static void whiten(const struct corner *corner, double ret[2][2]) {
-    const double a = corner->covariance_px2[0][0] + LEAST_SIGMA_PX * LEAST_SIGMA_PX;
+    const double a = corner->covariance_px2[0][0] + MIN_SIGMA_PX * MIN_SIGMA_PX;
     const double b = corner->covariance_px2[0][1];
-    const double c = corner->covariance_px2[1][1] + LEAST_SIGMA_PX * LEAST_SIGMA_PX;
+    const double c = corner->covariance_px2[1][1] + MIN_SIGMA_PX * MIN_SIGMA_PX;
     const double l = sqrt(a), m = b / l, n = sqrt(MAX(c - m * m, 1e-12));
     ret[0][0] = 1 / l;
     ret[0][1] = 0;

@@ -3,14 +3,14 @@
 
 #include <string.h>
 
-#define MOST_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by nominal cameras */
+#define MAX_TILT_RAD (5 * (G_PI / 180)) /* largest tilt of a flat board, by nominal cameras */
 
 gboolean cameras_level(struct cameras_work *work, GError **error) {
     struct bundle_lay *flat = &work->bundle.lays[0];
     for (int l = 1; l < work->bundle.n_lays; l++)
         if (cameras_tilt_rad(&work->bundle.lays[l]) < cameras_tilt_rad(flat))
             flat = &work->bundle.lays[l];
-    if (cameras_tilt_rad(flat) > MOST_TILT_RAD)
+    if (cameras_tilt_rad(flat) > MAX_TILT_RAD)
         return cameras_refuse(
             error, CAMERAS_ERROR_PICTURES,
             "no board lies flat: by the rig file the flattest is tilted by %.1f°. Without a "

@@ -9,16 +9,16 @@
 
 enum { AT_X, AT_Y, L_XX, L_YX, L_YY, LEVEL, CONTRAST, GRADIENT_X, GRADIENT_Y, BLUR, N };
 
-#define MOST_PIXELS 6000
-#define MIN_PIXELS  40
-#define EDGE_PX     7   /* largest distance of the pixels used from the expected edge, */
-#define BETWEEN     0.4 /* but at most this share of the gap between two circles */
-#define MOST_CALLS  (60 * (N + 1))
-#define TOLERANCE   1e-7
+#define MAX_PIXELS 6000
+#define MIN_PIXELS 40
+#define EDGE_PX    7   /* largest distance of the pixels used from the expected edge, */
+#define BETWEEN    0.4 /* but at most this share of the gap between two circles */
+#define MAX_CALLS  (60 * (N + 1))
+#define TOLERANCE  1e-7
 
 struct pixels {
     int n;
-    double x[MOST_PIXELS], y[MOST_PIXELS], value[MOST_PIXELS]; /* position relative to the guess */
+    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
 };
 
 /* Residual of each pixel, for cminpack. */
@@ -69,7 +69,7 @@ static gboolean circle_gather(const struct picture *picture, const struct board 
             if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
                 continue;
             const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
-            if (!isfinite(value) || to->n == MOST_PIXELS)
+            if (!isfinite(value) || to->n == MAX_PIXELS)
                 continue;
             to->x[to->n] = dx;
             to->y[to->n] = dy;
@@ -99,8 +99,8 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
     const int n = pixels->n;
     g_autofree double *off = g_new(double, 2 * n), *jacobian = g_new(double, n *N);
     const int info =
-        lmdif(residuals, pixels, n, N, p, off, TOLERANCE, TOLERANCE, 0, MOST_CALLS, 0, diag, 1, 1,
-              0, &calls, jacobian, n, pivot, qtf, wa[0], wa[1], wa[2], off + n);
+        lmdif(residuals, pixels, n, N, p, off, TOLERANCE, TOLERANCE, 0, MAX_CALLS, 0, diag, 1, 1, 0,
+              &calls, jacobian, n, pivot, qtf, wa[0], wa[1], wa[2], off + n);
     double squares = 0;
     for (int i = 0; i < n; i++)
         squares += off[i] * off[i];
@@ -118,9 +118,9 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
         for (int b = 0; b < 2; b++)
             ret->covariance_px2[a][b] = variance * jacobian[a * n + b];
     const double(*c)[2] = ret->covariance_px2;
-    return ret->blur_px < CORNER_MOST_BLUR_PX &&
-           moved * board->circle_mm / 2 < CORNER_MOST_MOVED * board->square_mm &&
-           ret->contrast > CORNER_LEAST_CONTRAST * sqrt(variance) && c[0][0] > 0 && c[1][1] > 0 &&
+    return ret->blur_px < CORNER_MAX_BLUR_PX &&
+           moved * board->circle_mm / 2 < CORNER_MAX_MOVED * board->square_mm &&
+           ret->contrast > CORNER_MIN_CONTRAST * sqrt(variance) && c[0][0] > 0 && c[1][1] > 0 &&
            c[0][0] * c[1][1] > c[0][1] * c[1][0] &&
-           c[0][0] + c[1][1] < CORNER_MOST_ERROR_PX * CORNER_MOST_ERROR_PX;
+           c[0][0] + c[1][1] < CORNER_MAX_ERROR_PX * CORNER_MAX_ERROR_PX;
 }

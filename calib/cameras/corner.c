@@ -14,14 +14,14 @@
  * contrast varies. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
-#define MAX_PIXELS    1600
-#define MIN_PIXELS    30
-#define REACH_PX      11   /* window around the corner, at most */
-#define REACH         0.44 /* window relative to a square */
-#define GUARD_PX      0.9  /* distance from edges that do not belong to the corner */
-#define NEAR_PX       0.25
-#define STEPS         30
-#define LEAST_BLUR_PX 0.2 /* the pixel's own width blurs more than that */
+#define MAX_PIXELS  1600
+#define MIN_PIXELS  30
+#define REACH_PX    11   /* window around the corner, at most */
+#define REACH       0.44 /* window relative to a square */
+#define GUARD_PX    0.9  /* distance from edges that do not belong to the corner */
+#define NEAR_PX     0.25
+#define STEPS       30
+#define MIN_BLUR_PX 0.2 /* the pixel's own width blurs more than that */
 
 struct pixels {
     int n;
@@ -186,8 +186,8 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
         const gboolean solved = LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, step, N) == 0;
         for (int k = 0; k < N; k++)
             next[k] = p[k] + step[k];
-        next[BLUR] = MAX(next[BLUR], LEAST_BLUR_PX);
-        const gboolean good = solved && next[BLUR] < 2 * CORNER_MOST_BLUR_PX && next[CONTRAST] > 0;
+        next[BLUR] = MAX(next[BLUR], MIN_BLUR_PX);
+        const gboolean good = solved && next[BLUR] < 2 * CORNER_MAX_BLUR_PX && next[CONTRAST] > 0;
         const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
         if (!(then < *ret_total)) {
             damping = MAX(damping, 1e-4) * 10;
@@ -263,12 +263,12 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         .contrast = p[CONTRAST]};
     const double moved_mm = MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
                                 fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y]));
-    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < CORNER_MOST_BLUR_PX &&
-           moved_mm / board->square_mm < CORNER_MOST_MOVED &&
-           p[CONTRAST] > CORNER_LEAST_CONTRAST * sqrt(variance) &&
+    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < CORNER_MAX_BLUR_PX &&
+           moved_mm / board->square_mm < CORNER_MAX_MOVED &&
+           p[CONTRAST] > CORNER_MIN_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
            ret->covariance_px2[0][0] + ret->covariance_px2[1][1] <
-               CORNER_MOST_ERROR_PX * CORNER_MOST_ERROR_PX;
+               CORNER_MAX_ERROR_PX * CORNER_MAX_ERROR_PX;
 }
 
 /* The pixels are selected around the guess. If the corner is far from it, the fit is repeated

@@ -35,10 +35,10 @@ struct corner {
     double contrast; /* half the step between black and white, in units of the picture */
 };
 
-#define CORNER_MOST_BLUR_PX   4
-#define CORNER_MOST_ERROR_PX  0.35
-#define CORNER_LEAST_CONTRAST 3    /* in standard deviations of the residuals */
-#define CORNER_MOST_MOVED     0.35 /* from the guess, in squares */
+#define CORNER_MAX_BLUR_PX  4
+#define CORNER_MAX_ERROR_PX 0.35
+#define CORNER_MIN_CONTRAST 3    /* in standard deviations of the residuals */
+#define CORNER_MAX_MOVED    0.35 /* from the guess, in squares */
 
 /* FALSE: there is no such corner near the guess, or too little of it is visible. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,

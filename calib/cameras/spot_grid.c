@@ -8,12 +8,12 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_SPOTS 1600 /* 40 × 40 */
-#define SEEDS      8    /* spots that are tried as a beginning */
-#define NEAR       0.25 /* of a step: largest deviation of a spot from its predicted place */
-#define LEAST_TURN 0.35 /* least sine of the angle between the two steps */
-#define LEAST      3    /* circles in a row and in a column */
-#define REACH      2    /* largest number of the integer maps */
+#define MAX_SPOTS 1600 /* 40 × 40 */
+#define SEEDS     8    /* spots that are tried as a beginning */
+#define NEAR      0.25 /* of a step: largest deviation of a spot from its predicted place */
+#define MIN_TURN  0.35 /* least sine of the angle between the two steps */
+#define LEAST     3    /* circles in a row and in a column */
+#define REACH     2    /* largest number of the integer maps */
 
 struct node {
     int a, b; /* coordinates */
@@ -49,8 +49,7 @@ static gboolean first_steps(const struct lattice *lattice, int seed, double ret[
             const double d[2] = {lattice->xy[2 * i] - from[0], lattice->xy[2 * i + 1] - from[1]};
             const double far = hypot(d[0], d[1]);
             if (i == seed || far >= length[k] ||
-                (k == 1 &&
-                 fabs(d[0] * ret[0][1] - d[1] * ret[0][0]) < LEAST_TURN * far * length[0]))
+                (k == 1 && fabs(d[0] * ret[0][1] - d[1] * ret[0][0]) < MIN_TURN * far * length[0]))
                 continue;
             length[k] = far;
             memcpy(ret[k], d, sizeof d);
@@ -138,7 +137,7 @@ static gboolean fills(const struct lattice *lattice, const int m[4], gboolean st
 
 GArray *spot_grid_find(const GArray *spots, gboolean staggered, int *ret_columns, int *ret_rows) {
     const int n = (int)spots->len / 2, all = 2 * REACH + 1;
-    if (n < LEAST * LEAST || n > MOST_SPOTS)
+    if (n < LEAST * LEAST || n > MAX_SPOTS)
         return NULL;
     g_autofree struct node *nodes = g_new0(struct node, n);
     g_autofree int *spot = g_new(int, n);

@@ -9,17 +9,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOFT_ROUNDS  5 /* rounds with soft (Cauchy-like) weights, then */
-#define HARD_ROUNDS  3 /* rounds with outliers rejected */
-#define SOFT         2.5
-#define SINGULAR     1e-12 /* relative pivot of the scaled normal equations, at least */
-#define CONVERGED    1e-10
-#define STEPS        60
-#define DIFFERENCE   1.5e-8 /* √ε of a double: step of forward differences */
-#define MOST_DAMPING 1e8
+#define SOFT_ROUNDS 5 /* rounds with soft (Cauchy-like) weights, then */
+#define HARD_ROUNDS 3 /* rounds with outliers rejected */
+#define SOFT        2.5
+#define SINGULAR    1e-12 /* relative pivot of the scaled normal equations, at least */
+#define CONVERGED   1e-10
+#define STEPS       60
+#define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences */
+#define MAX_DAMPING 1e8
 /* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
  * residuals are rounding errors; with a scale as small as theirs, priors would have no weight. */
-#define LEAST_SIGMA 1e-3
+#define MIN_SIGMA 1e-3
 
 struct work {
     const struct fit *fit;
@@ -114,7 +114,7 @@ static void fit_do_solve(const struct work *work, double *x) {
         differentiate(work, x);
         fit_normal_equations(work, x, h, g);
         double then = G_MAXDOUBLE;
-        while (damping < MOST_DAMPING) {
+        while (damping < MAX_DAMPING) {
             /* One damped step (h + damping · diag h) dx = g. */
             g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
             g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
@@ -167,7 +167,7 @@ static void fit_weigh(struct work *work, gboolean hard) {
         sizes[i] = fit_size_of(fit, work->f, i);
     qsort(sizes, (gsize)fit->n_observations, sizeof *sizes, fit_compare);
     const double median = sizes[fit->n_observations / 2];
-    work->sigma = MAX(median / (fit->dimension == 1 ? 0.6745 : 1.1774), LEAST_SIGMA);
+    work->sigma = MAX(median / (fit->dimension == 1 ? 0.6745 : 1.1774), MIN_SIGMA);
     for (int i = 0; i < fit->n_observations; i++) {
         double times = fit_size_of(fit, work->f, i) / work->sigma;
         work->weights[i] =
@@ -230,7 +230,7 @@ static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
         const double freedom = ret->n_used * fit->dimension - sum;
         ret->degrees_of_freedom = (int)floor(freedom);
         ret->sigma = freedom > 0 ? sqrt(squares / freedom) : 0;
-        work->sigma = MAX(ret->sigma, LEAST_SIGMA);
+        work->sigma = MAX(ret->sigma, MIN_SIGMA);
     }
     if (ret->degrees_of_freedom <= 0 && ret->undetermined < 0)
         ret->undetermined = 0;

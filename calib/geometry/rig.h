@@ -26,16 +26,16 @@
 #include "base/vec.h"
 #include "lens.h"
 
-#define RIG_MAX_CAMERAS    31 /* stops counted; bit 31 of a set of cameras has other uses */
-#define RIG_MAX_LAMPS      128
-#define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
-#define RIG_MOST_RESPONSE  1e12
-#define RIG_MOST_INTENSITY 1e6 /* W/sr */
-#define RIG_MOST_STRETCH   0.5 /* largest relative stretch of a sweep, in both directions */
-#define RIG_MOST_BEND      1.0 /* rad: largest bend of a laser's sheet, in both directions */
-#define RIG_MAX_LASERS     16
-#define RIG_MAX_FIDUCIALS  16
-#define RIG_NAME           32
+#define RIG_MAX_CAMERAS   31 /* stops counted; bit 31 of a set of cameras has other uses */
+#define RIG_MAX_LAMPS     128
+#define RIG_MIN_RESPONSE  1e-6 /* DN/s per W/(sr m²), as in a rig file */
+#define RIG_MAX_RESPONSE  1e12
+#define RIG_MAX_INTENSITY 1e6 /* W/sr */
+#define RIG_MAX_STRETCH   0.5 /* largest relative stretch of a sweep, in both directions */
+#define RIG_MAX_BEND      1.0 /* rad: largest bend of a laser's sheet, in both directions */
+#define RIG_MAX_LASERS    16
+#define RIG_MAX_FIDUCIALS 16
+#define RIG_NAME          32
 
 struct rig_camera {
     char name[RIG_NAME];
@@ -94,8 +94,8 @@ struct rig_laser {
     struct vec3 normal; /* unit, at s = 0, perpendicular to axis; at s = 0 the sheet goes through
                            the origin (nominally) */
     double stretch;     /* relative excess of the true over the commanded sweep angle, within ±
-                           RIG_MOST_STRETCH */
-    double bend_rad;    /* 0: the sheet is a plane; within ± RIG_MOST_BEND */
+                           RIG_MAX_STRETCH */
+    double bend_rad;    /* 0: the sheet is a plane; within ± RIG_MAX_BEND */
     int fixed;
 };
 
@@ -116,7 +116,7 @@ struct rig_swing {
 };
 
 #define RIG_WOBBLE_HARMONICS 4
-#define RIG_MOST_WOBBLE_RAD  0.02 /* of each coefficient */
+#define RIG_MAX_WOBBLE_RAD   0.02 /* of each coefficient */
 
 /* The wobble of the turntable's bearing: its axis is tilted by a rotation vector (x, y, 0) that is
  * a function of the turntable's angle τ, and the sample's point p is at W(τ) Rz(τ) p. Of harmonic k

@@ -32,7 +32,7 @@ static const struct field rig_fields[] = {
     {"probe_centre_mm", offsetof(struct rig, probe.centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE,
      TRUE, TRUE},
     {"turntable_wobble_rad", offsetof(struct rig, wobble.rad), 4 * RIG_WOBBLE_HARMONICS, FALSE,
-     -RIG_MOST_WOBBLE_RAD, RIG_MOST_WOBBLE_RAD, TRUE, TRUE},
+     -RIG_MAX_WOBBLE_RAD, RIG_MAX_WOBBLE_RAD, TRUE, TRUE},
     {NULL},
 };
 
@@ -56,7 +56,7 @@ static const struct field camera_fields[] = {
     {"rotation", CAMERA(rotation), 9, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},
-    {"response", CAMERA(response), 1, FALSE, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE},
+    {"response", CAMERA(response), 1, FALSE, RIG_MIN_RESPONSE, RIG_MAX_RESPONSE},
     {"on_arm", CAMERA(on_arm), 1, TRUE, 0, 1, TRUE, TRUE},
     {"arm_deg", CAMERA(arm_deg), 1, FALSE, -360, 360, TRUE, TRUE},
     {"stop", CAMERA(stop), 1, TRUE, 0, RIG_MAX_CAMERAS - 1, TRUE, TRUE},
@@ -68,7 +68,7 @@ static const struct field lamp_fields[] = {
     {"position_mm", LAMP(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
-    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MOST_INTENSITY},
+    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MAX_INTENSITY},
     {"fixed", LAMP(fixed), 1, TRUE, 0, 1, TRUE},
     {"on_probe", LAMP(on_probe), 1, TRUE, 0, 1, TRUE, TRUE},
     {"probe_deg", LAMP(probe_deg), 1, FALSE, -360, 360, TRUE, TRUE},
@@ -81,8 +81,8 @@ static const struct field laser_fields[] = {
     {"position_mm", LASER(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
-    {"stretch", LASER(stretch), 1, FALSE, -RIG_MOST_STRETCH, RIG_MOST_STRETCH, TRUE},
-    {"bend_rad", LASER(bend_rad), 1, FALSE, -RIG_MOST_BEND, RIG_MOST_BEND, TRUE, TRUE},
+    {"stretch", LASER(stretch), 1, FALSE, -RIG_MAX_STRETCH, RIG_MAX_STRETCH, TRUE},
+    {"bend_rad", LASER(bend_rad), 1, FALSE, -RIG_MAX_BEND, RIG_MAX_BEND, TRUE, TRUE},
     {"fixed", LASER(fixed), 1, TRUE, 0, 1, TRUE},
     {NULL},
 };

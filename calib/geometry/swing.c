@@ -3,8 +3,8 @@
 #include <lapacke.h>
 #include <string.h>
 
-#define RAD(deg)        ((deg) * (G_PI / 180))
-#define LEAST_APART_RAD RAD(1)
+#define RAD(deg)      ((deg) * (G_PI / 180))
+#define MIN_APART_RAD RAD(1)
 
 /* Rodrigues' formula: v cos β + (a × v) sin β + a (a·v) (1 − cos β). */
 struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
@@ -64,7 +64,7 @@ static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) 
         const struct rig_camera *a = &rig->cameras[*j], *b = &rig->cameras[*k];
         if (a->on_arm && b->on_arm && rig_camera_unit(rig, *j) == rig_camera_unit(rig, *k) &&
             known >> *j & 1 && known >> *k & 1 &&
-            fabs(RAD(b->arm_deg - a->arm_deg)) >= LEAST_APART_RAD)
+            fabs(RAD(b->arm_deg - a->arm_deg)) >= MIN_APART_RAD)
             return TRUE;
     }
 }

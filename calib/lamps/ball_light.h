@@ -33,7 +33,7 @@ gboolean ball_light_mean_direction(const struct ball_camera *camera,
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px);
 
-#define BALL_LIGHT_MOST 16
+#define BALL_LIGHT_MAX 16
 
 struct ball_ray { /* the direction of the light at one ball, in units of the balls' (equal) radius
                    */
@@ -48,11 +48,11 @@ struct ball_light {
     gboolean placed; /* the rays determine the position of the light, not only its direction */
     struct vec3 place, place_error; /* in radii; standard deviations */
     double miss;                    /* RMS distance of the rays from it */
-    gboolean left_out[BALL_LIGHT_MOST];
-    double off_rad[BALL_LIGHT_MOST]; /* angle of each ray from the result */
+    gboolean left_out[BALL_LIGHT_MAX];
+    double off_rad[BALL_LIGHT_MAX]; /* angle of each ray from the result */
 };
 
-/* The light that 1 … BALL_LIGHT_MOST rays agree on: a position, or a direction if it is too far
+/* The light that 1 … BALL_LIGHT_MAX rays agree on: a position, or a direction if it is too far
  * away. Rays that contradict the majority are left out. FALSE: there is no majority; off_rad is
  * then the angle to the nearest other ray. */
 gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret);

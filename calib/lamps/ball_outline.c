@@ -25,7 +25,7 @@
 #define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
 #define ROUNDS      5    /* rounds of fitting with outlier rejection */
 #define FLOOR_PX    0.1  /* lower bound of the standard deviation */
-#define MOST_STEPS  4096
+#define MAX_STEPS   4096
 
 struct edges {
     double x[RAYS * EDGES], y[RAYS * EDGES];
@@ -41,7 +41,7 @@ struct BallEdges {
 };
 
 BallEdges *ball_edges_new(const struct ball_outline *given) {
-    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
+    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MAX_STEPS);
     if (given->radius_px < SMALLEST_PX || n <= 4 * REACH)
         return NULL;
     BallEdges *edges = g_new0(BallEdges, 1);

@@ -21,12 +21,12 @@
 #define SMALL_PX         0.25 /* over the number of pixels: the same of a small spot, by their grid, */
 #define SMALL_CLIPPED_PX 2.0 /* and of a small clipped one */
 #define SPECK            4   /* smaller spots are dust or hot pixels, unless FAR_ABOVE the rest; */
-#define LEAST_PIXELS     2   /* one pixel always is */
+#define MIN_PIXELS       2   /* one pixel always is */
 #define STREAK           4.0 /* aspect ratio from which a spot is a hair or a scratch, */
 #define CORE             0.8 /* unless its part above this share of the peak is round: a brushed ball */
 #define COMPARABLE       0.3 /* share of the best spot's energy from which another may be the lamp, */
 #define LOWER            0.67 /* unless both its energy and its height are below this share */
-#define MOST_SPOTS       256  /* number of spots that are examined, brightest first */
+#define MAX_SPOTS        256  /* number of spots that are examined, brightest first */
 #define SLANT            0.3 /* least cosine of the normal: below, a highlight is too near to the rim */
 #define SPOT_SHARE       0.2 /* largest area of a spot, in areas of the ball's picture */
 
@@ -139,12 +139,12 @@ static void grow(struct window *w, int peak, double share, struct spot *spot) {
 
 /* Grows a spot above the least share of its peak with which it is neither too large nor reaches
  * the border of the circle; if there is none, above EDGE. */
-static void grow_least(struct window *w, int peak, double most_px, struct spot *spot) {
+static void grow_least(struct window *w, int peak, double max_px, struct spot *spot) {
     const int tries = (int)G_N_ELEMENTS(shares);
     for (int i = 0; i <= tries; i++) {
         spot->share = shares[i % tries];
         grow(w, peak, spot->share, spot);
-        spot->large = spot->pixels > most_px;
+        spot->large = spot->pixels > max_px;
         if ((!spot->large && !spot->cut) || i == tries)
             return;
         for (; w->n_members > spot->first; w->n_members--)
@@ -227,15 +227,15 @@ static gboolean highlights_stays(const struct window *w, const struct spot *spot
 
 /* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
  * is dropped. */
-static GArray *find_spots(struct window *w, const struct highlight_mean *mean, double most_px) {
+static GArray *find_spots(struct window *w, const struct highlight_mean *mean, double max_px) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
     int peak;
-    while (label <= MOST_SPOTS && (peak = brightest(w)) >= 0) {
+    while (label <= MAX_SPOTS && (peak = brightest(w)) >= 0) {
         struct spot spot = {.label = label++, .height = w->values[peak] - w->level};
         if (!(spot.height > w->floor))
             break;
-        grow_least(w, peak, most_px, &spot);
+        grow_least(w, peak, max_px, &spot);
         if (spot.halo || !(spot.height > (float)ABOVE_REST * height_of_rest(w, &spot)))
             continue;
         for (int k = 0; k < spot.pixels; k++)
@@ -263,7 +263,7 @@ static gboolean any_stays(const GArray *spots) {
  * brighter than the rest, and other photographs must show that it does not stay. */
 static gboolean may_be_lamp(const struct window *w, const struct spot *spot,
                             const struct highlight_mean *mean) {
-    if (spot->streak || spot->stays || spot->large || spot->pixels < LEAST_PIXELS)
+    if (spot->streak || spot->stays || spot->large || spot->pixels < MIN_PIXELS)
         return FALSE;
     return spot->pixels >= SPECK ||
            (mean && mean->n >= 3 &&
@@ -334,12 +334,12 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
 }
 
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
-                     double y_px, double radius_px, double most_px, struct highlight *ret) {
+                     double y_px, double radius_px, double max_px, struct highlight *ret) {
     struct window window = {.picture = picture};
     if (!highlights_cut(&window, x_px, y_px, radius_px))
         return g_strdup("is not wholly in the picture");
     background(&window);
-    g_autoptr(GArray) spots = find_spots(&window, mean, most_px);
+    g_autoptr(GArray) spots = find_spots(&window, mean, max_px);
     char *why;
     const struct spot *spot = highlights_choose(&window, spots, mean, &why);
     if (spot) {
@@ -435,9 +435,9 @@ static void highlights_measure_ball(const struct rig *rig, const struct lamp_tar
         !outline_of(camera, centre, MIN(reach_mm, radius) + 0.25 * radius, &reach) ||
         !lamp_highlight_px(camera, centre, radius, lamp_mm, &x, &y))
         return;
-    double most_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
+    double max_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
     g_autofree char *why =
-        highlight_find(from->picture, NULL, x, y, reach.radius_px, most_px, &found);
+        highlight_find(from->picture, NULL, x, y, reach.radius_px, max_px, &found);
     if (!why && found.saturated) /* a rig can expose less; a photograph may have to do */
         why = g_strdup("is saturated where it shows the lamp; expose less");
     if (why) {

@@ -37,7 +37,7 @@ struct highlight_mean {
 /* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
  * largest energy, of its border only if it is saturated. Specks and streaks do not count, nor do
  * spots that the other photographs in mean show as well, if there are two or more of them (mean may
- * be NULL): dust, windows, lamps of the room. most_px: larger spots are not mirror images of a
+ * be NULL): dust, windows, lamps of the room. max_px: larger spots are not mirror images of a
  * lamp. Returns NULL, or the reason why there is none, g_free(). */
 char *highlight_find(const struct picture *picture, const struct highlight_mean *mean, double x_px,
-                     double y_px, double radius_px, double most_px, struct highlight *ret);
+                     double y_px, double radius_px, double max_px, struct highlight *ret);

@@ -14,9 +14,9 @@
 G_DEFINE_QUARK(lamps_error, lamps_error)
 
 #define REJECT          4.5
-#define LEAST_SIGHTS    6                 /* least number of sights that locate a lamp */
-#define LEAST_ARC       (60 * G_PI / 180) /* least range of arc angles that determines the axis */
-#define MOST_LAMP_MM    10.0              /* largest standard error of a lamp's position */
+#define MIN_SIGHTS      6                 /* least number of sights that locate a lamp */
+#define MIN_ARC         (60 * G_PI / 180) /* least range of arc angles that determines the axis */
+#define MAX_LAMP_MM     10.0              /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
 /* A lamp that is nearer to another's place than to its own by this factor is exchanged. */
 #define EXCHANGED 5.0
@@ -216,7 +216,7 @@ static gboolean lamps_refuse_few(const char *what, const char *name, int n, GErr
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                 "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
                 "more pictures of it",
-                what, name, n, LEAST_SIGHTS);
+                what, name, n, MIN_SIGHTS);
     return FALSE;
 }
 
@@ -275,11 +275,11 @@ static gboolean lamps_lay_out(struct problem *problem, GError **error) {
                     "the exposure");
         return FALSE;
     }
-    problem->fit_arc = spread_rad(problem) >= LEAST_ARC;
+    problem->fit_arc = spread_rad(problem) >= MIN_ARC;
     problem->n_parameters = problem->fit_arc ? 4 : 0;
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
         problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
-        if (lamps[i] > 0 && lamps[i] < LEAST_SIGHTS)
+        if (lamps[i] > 0 && lamps[i] < MIN_SIGHTS)
             return lamps_refuse_few("lamp", problem->rig->lamps[i].name, lamps[i], error);
         problem->n_parameters += lamps[i] ? 3 : 0;
     }
@@ -462,10 +462,10 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
         if (!ret->seen[i])
             continue;
         const char *name = problem->rig->lamps[i].name;
-        if (ret->sights[i] < LEAST_SIGHTS)
+        if (ret->sights[i] < MIN_SIGHTS)
             return lamps_refuse_few("lamp", name, ret->sights[i], error);
         double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
-        if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
+        if (spread > 0 && spread < MAX_LAMP_MM && fit->undetermined < 0)
             continue;
         /* The errors contain the residuals, and sights that do not fit are missing: where that is
          * so, no other arrangement of the target helps. */

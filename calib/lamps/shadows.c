@@ -7,14 +7,14 @@
 #include <math.h>
 #include <string.h>
 
-#define LIT            0.8 /* share of the maximum from which a pixel counts as lit */
-#define PATTERN        0.5 /* share of the plate's level; the printed pattern of a plate is brighter */
-#define LEAST_CONTRAST 0.35 /* least contrast of a shadow */
-#define MOST_RESIDUAL  0.12 /* largest RMS residual of the shape, over the lit level */
-#define LEAST_PIXELS   30
-#define MOST_HIDDEN    0.35 /* largest share of hidden pixels around the shadow's end */
-#define BODY_LAMP      0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
-#define FLOOR_PX       0.01 /* model error of the shape, added to each sight's error */
+#define LIT          0.8 /* share of the maximum from which a pixel counts as lit */
+#define PATTERN      0.5 /* share of the plate's level; the printed pattern of a plate is brighter */
+#define MIN_CONTRAST 0.35 /* least contrast of a shadow */
+#define MAX_RESIDUAL 0.12 /* largest RMS residual of the shape, over the lit level */
+#define MIN_PIXELS   30
+#define MAX_HIDDEN   0.35 /* largest share of hidden pixels around the shadow's end */
+#define BODY_LAMP    0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
+#define FLOOR_PX     0.01 /* model error of the shape, added to each sight's error */
 
 /* Intersects each pixel's ray e + t r with the plate: t = (z_plate − e_z) / r_z. */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
@@ -236,16 +236,16 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
     const char *why = NULL;
-    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS)
+    if (w->hidden > MAX_HIDDEN * w->near_end || w->pixels->len < MIN_PIXELS)
         why = "hides the end of its shadow from the camera, or another shadow overlaps it";
     else if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) ||
              !shadow_fit_shape(w, 0, &f))
         why = "has no shadow where it should end";
-    else if (f.p[2] - f.p[3] < LEAST_CONTRAST * f.p[2] ||
+    else if (f.p[2] - f.p[3] < MIN_CONTRAST * f.p[2] ||
              hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y) >
                  (near ? 1.0 : 2.5) * w->streak.to_mm)
         why = "has no clear shadow where it should end";
-    else if (f.rms > (near ? 1 : 2) * MOST_RESIDUAL * f.p[2])
+    else if (f.rms > (near ? 1 : 2) * MAX_RESIDUAL * f.p[2])
         why = "throws a shadow that is not that of a round post";
     if (why && rejected)
         g_ptr_array_add(rejected,

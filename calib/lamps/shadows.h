@@ -42,7 +42,7 @@ gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *tar
 double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,
                      double reach_mm, double reach_rad);
 /* shadows_locate() succeeds with this score. */
-#define SHADOWS_LEAST_SCORE 0.5
+#define SHADOWS_MIN_SCORE 0.5
 
 /* Appends struct lamp_sight; and for each shadow that was not found, a text with the picture and
  * the reason. near: posts and lamps have been adjusted before, so that the shadows are close to

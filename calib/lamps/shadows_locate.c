@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define MOST_SHOTS 40 /* pictures that are used */
+#define MAX_SHOTS 40 /* pictures that are used */
 
 /* Pose of the plate relative to the nominal one. */
 struct plate_pose {
@@ -109,7 +109,7 @@ static double find_pose(ShadowView *const *views, int n, const struct lamp_targe
     /* Steps of a post's radius: one of them always hits a shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
     *ret = (struct plate_pose){0, 0, 0};
-    return shadows_locate_search(views, n, target, reach, 1 + *ret_shots / MOST_SHOTS, ret);
+    return shadows_locate_search(views, n, target, reach, 1 + *ret_shots / MAX_SHOTS, ret);
 }
 
 double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,
@@ -124,7 +124,7 @@ gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *tar
     struct plate_pose pose;
     int shots;
     const double score = find_pose(views, n, target, reach_mm, reach_rad, &pose, &shots);
-    if (score < SHADOWS_LEAST_SCORE) {
+    if (score < SHADOWS_MIN_SCORE) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s and %d other picture(s): the posts' shadows are not where the target's "
                     "description has them, within %g mm and %.3g° (only %.0f %% of them are dark); "

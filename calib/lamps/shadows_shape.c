@@ -8,7 +8,7 @@
 #define PART_PX2   (0.25 / 12) /* variance of a quarter of a pixel */
 #define LENS_PX2   0.05        /* prior of the lens's blur */
 #define LENS_ERROR 0.1         /* and its standard deviation */
-#define MOST_PX2   4
+#define MAX_PX2    4
 #define STEPS      25
 #define N          SHADOW_SHAPE
 
@@ -163,7 +163,7 @@ gboolean shadow_fit_shape(const struct window *w, double blur_mm, struct shape_f
         f->p[1] += scale * x[1];
         f->p[2] += x[2];
         f->p[3] += x[3];
-        f->p[4] = CLAMP(f->p[4] + x[4], 0, MOST_PX2);
+        f->p[4] = CLAMP(f->p[4] + x[4], 0, MAX_PX2);
     }
     double meat[N][N] = {{0}};
     double sum = shadows_shape_normal_equations(w, f->p, blur_mm, a, x, meat);

@@ -16,18 +16,18 @@
 
 G_DEFINE_QUARK(laser_error, laser_error)
 
-#define POINT_MM      0.02 /* standard deviation of a point across the sheet */
-#define REJECT        5.0
-#define LEAST_POINTS  60  /* least points of a laser on each of two heights */
-#define LEAST_HEIGHTS 2.0 /* mm: least difference of the heights */
-#define STEP_POINTS   12  /* least points of a step on each height, to report its sheet */
+#define POINT_MM    0.02 /* standard deviation of a point across the sheet */
+#define REJECT      5.0
+#define MIN_POINTS  60  /* least points of a laser on each of two heights */
+#define MIN_HEIGHTS 2.0 /* mm: least difference of the heights */
+#define STEP_POINTS 12  /* least points of a step on each height, to report its sheet */
 
 /* A laser that is nearer to another's place than to its own by this factor is exchanged. */
 #define EXCHANGED 5.0
 
 #define MISFIT_MM      0.03 /* from this RMS on, the heights of the planes are checked */
 #define WORST          0.05 /* share of the points that may be far from every sheet */
-#define MOST_OFF_MM    0.3 /* bound of the distance that a point contributes, also a rejected one */
+#define MAX_OFF_MM     0.3 /* bound of the distance that a point contributes, also a rejected one */
 #define HEIGHT_BETTER  3.0 /* factor by which another height must lower the RMS */
 #define HEIGHT_ERRORS  5.0 /* least difference of the heights, in standard errors */
 #define HEIGHT_POINTS  2000 /* points of each laser that are used for this check */
@@ -168,18 +168,18 @@ static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_
         any |= l.n > 0;
         if (l.n == 0)
             continue;
-        if (l.high_mm - l.low_mm < LEAST_HEIGHTS)
+        if (l.high_mm - l.low_mm < MIN_HEIGHTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
                         "%s: laser %s is seen on planes of one height only, %.3f mm, which does "
                         "not determine the angle of its sheet; sweep a second plane, at least %g "
                         "mm higher or lower; heights are in millimetres",
-                        sweep_names[l.sweep], name, l.low_mm, LEAST_HEIGHTS);
-        else if (MIN(l.n_low, l.n_high) < LEAST_POINTS)
+                        sweep_names[l.sweep], name, l.low_mm, MIN_HEIGHTS);
+        else if (MIN(l.n_low, l.n_high) < MIN_POINTS)
             g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                         "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are "
                         "needed on each plane: is it bright enough, and the plane in view?",
                         sweep_names[l.sweep], name, l.n_low, l.low_mm, l.n_high, l.high_mm,
-                        LEAST_POINTS);
+                        MIN_POINTS);
         else
             continue;
         return FALSE;
@@ -500,7 +500,7 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
         if (problem->at[i] < 0)
             continue;
         const double turn = 1 + laser->stretch + x[problem->at[i] + STRETCH];
-        if (fabs(turn - 1) <= RIG_MOST_STRETCH)
+        if (fabs(turn - 1) <= RIG_MAX_STRETCH)
             continue;
         if (turn < 0)
             g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
@@ -515,7 +515,7 @@ static gboolean laser_check_stretch(const struct problem *problem, const double 
                         "%g° too much or too little can be calibrated; correct steps_per_deg of "
                         "its sweep axis in the rig file, or for imported pictures sweep_deg in the "
                         "table, and capture or import again",
-                        laser->name, turn, RIG_MOST_STRETCH);
+                        laser->name, turn, RIG_MAX_STRETCH);
         return FALSE;
     }
     return TRUE;
@@ -547,7 +547,7 @@ static gboolean laser_check_places(const struct problem *problem, const double *
 }
 
 /* Adjusts all parameters. ret_mm: RMS distance of all points but the worst WORST, each at most
- * MOST_OFF_MM. */
+ * MAX_OFF_MM. */
 static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc, double *x,
                             struct fit_result *ret, double *ret_mm, double *ret_height_error_mm) {
     struct drive *const drive = &problem->swing;
@@ -578,7 +578,7 @@ static gboolean laser_solve(struct problem *problem, const struct laser_arc *arc
         off_mm[i] = fabs(ret->residuals[i]) * problem->points[i].sigma_mm;
     qsort(off_mm, (gsize)problem->n, sizeof *off_mm, fit_compare);
     for (int i = 0; i < n; i++)
-        sum += pow(MIN(off_mm[i], MOST_OFF_MM), 2);
+        sum += pow(MIN(off_mm[i], MAX_OFF_MM), 2);
     *ret_mm = sqrt(sum / MAX(n, 1));
     *ret_height_error_mm = isnan(problem->plane_mm) ? 0 : fit_error(&fit, ret, problem->height_at);
     return TRUE;
@@ -627,7 +627,7 @@ static double laser_with_height(struct problem *problem, const struct laser_arc 
     gboolean tells = fabs(*ret_by_mm) > HEIGHT_ERRORS * *ret_error_mm;
     for (int i = 0; i < problem->n && tells; i++) /* if two planes coincide, any height fits */
         tells = problem->points[i].point_mm.z == plane_mm ||
-                fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= LEAST_HEIGHTS;
+                fabs(plane_mm + *ret_by_mm - problem->points[i].point_mm.z) >= MIN_HEIGHTS;
     fit_result_clear(&fitted);
     return tells ? rms_mm : INFINITY;
 }
@@ -764,7 +764,7 @@ static double laser_noise_frames(const struct laser_plate_sweep *sweep, int widt
                                 (double)sweep->peak[i + by];
             g_array_append_val(off, bend);
         }
-    if (off->len < LEAST_POINTS)
+    if (off->len < MIN_POINTS)
         return NAN;
     return robust_spread((const double *)(gpointer)off->data, (int)off->len, 0) / sqrt(6);
 }

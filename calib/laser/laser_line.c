@@ -12,26 +12,26 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SIGMA_PX 0.02 /* of a corner */
-#define REJECT         4.0  /* standard deviations */
-#define LEAST_CORNERS  6
-#define MOST_GRID      1200 /* samples in a row or column of the board */
-#define CELLS          12   /* parts of the board in a row and column, for the background */
-#define BRIGHT         6.0  /* times the noise: a sample that votes */
-#define MOST_VOTES     4000 /* the brightest samples */
-#define TRIES          2000 /* lines */
-#define WITHIN_PX      2.0  /* of a line: samples that vote for it */
-#define LEAST_SHARE    0.35 /* of a line's places on white print, that must be bright */
-#define LEAST_DOTS     20
-#define HALF_PX        12  /* longest half of a profile */
-#define WIDE           3.0 /* standard deviations of the line: half of a profile */
-#define FIRST_HALF_PX  5   /* half of the profiles that show its width */
-#define LEAST_HALF_PX  2
-#define LEAST_WIDTH_PX 0.3
-#define STEPS          20
-#define LEAST_SIGNAL   5.0 /* of a line's width over the error of its middle */
-#define CLEAR_PX       1.2 /* a profile's distance from an edge of the print */
-#define FEWEST         8   /* samples of a part of the board, for its background */
+#define MIN_SIGMA_PX  0.02 /* of a corner */
+#define REJECT        4.0  /* standard deviations */
+#define MIN_CORNERS   6
+#define MAX_GRID      1200 /* samples in a row or column of the board */
+#define CELLS         12   /* parts of the board in a row and column, for the background */
+#define BRIGHT        6.0  /* times the noise: a sample that votes */
+#define MAX_VOTES     4000 /* the brightest samples */
+#define TRIES         2000 /* lines */
+#define WITHIN_PX     2.0  /* of a line: samples that vote for it */
+#define MIN_SHARE     0.35 /* of a line's places on white print, that must be bright */
+#define MIN_DOTS      20
+#define HALF_PX       12  /* longest half of a profile */
+#define WIDE          3.0 /* standard deviations of the line: half of a profile */
+#define FIRST_HALF_PX 5   /* half of the profiles that show its width */
+#define MIN_HALF_PX   2
+#define MIN_WIDTH_PX  0.3
+#define STEPS         20
+#define MIN_SIGNAL    5.0 /* of a line's width over the error of its middle */
+#define CLEAR_PX      1.2 /* a profile's distance from an edge of the print */
+#define FEWEST        8   /* samples of a part of the board, for its background */
 
 static GArray *refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
@@ -99,8 +99,8 @@ static void pose_residuals(const double *p, double *ret, gconstpointer data) {
         if (!rig_project(&problem->camera, in_camera(&pose, mm), &px[0], &px[1]))
             continue;
         const double(*c)[2] = corner->covariance_px2;
-        const double l = sqrt(c[0][0] + LEAST_SIGMA_PX * LEAST_SIGMA_PX), m = c[0][1] / l;
-        const double n = sqrt(MAX(c[1][1] + LEAST_SIGMA_PX * LEAST_SIGMA_PX - m * m, 1e-12));
+        const double l = sqrt(c[0][0] + MIN_SIGMA_PX * MIN_SIGMA_PX), m = c[0][1] / l;
+        const double n = sqrt(MAX(c[1][1] + MIN_SIGMA_PX * MIN_SIGMA_PX - m * m, 1e-12));
         const double dx = px[0] - corner->x_px, dy = px[1] - corner->y_px;
         ret[2 * i] = dx / l;
         ret[2 * i + 1] = (dy - m / l * dx) / n;
@@ -132,7 +132,7 @@ gboolean laser_pose_fit(const struct rig_camera *camera, const struct board *boa
     struct pose_problem problem = {.camera = at_origin(camera), .board = board, .corners = corners};
     double p[6] = {0};
     struct fit_result found;
-    if (corners->len < LEAST_CORNERS)
+    if (corners->len < MIN_CORNERS)
         return FALSE;
     if (start)
         problem.start = *start;
@@ -267,7 +267,7 @@ static int cell_of(const struct board *board, const double mm[2], gboolean white
 static GArray *gather(const struct look *look) {
     double size[2];
     board_size_mm(look->board, size);
-    const double step = MAX(look->mm_a_px, MAX(size[0], size[1]) / MOST_GRID);
+    const double step = MAX(look->mm_a_px, MAX(size[0], size[1]) / MAX_GRID);
     const int nx = (int)(size[0] / step), ny = (int)(size[1] / step);
     g_autofree double *at = g_new(double, 2 * nx * ny + 2);
     g_autofree float *printed = g_new(float, nx *ny + 1);
@@ -477,7 +477,7 @@ static gboolean fit_profile(const struct profile *profile, double half, double n
         memcpy(next, p, sizeof next);
         for (int k = 0; k < free; k++)
             next[k] += d[k];
-        next[WIDTH] = CLAMP(next[WIDTH], LEAST_WIDTH_PX, half);
+        next[WIDTH] = CLAMP(next[WIDTH], MIN_WIDTH_PX, half);
         const double then =
             fabs(next[MIDDLE]) < half ? profile_sum(profile, next, free, next_h, next_g) : INFINITY;
         if (!(then < sum)) {
@@ -502,7 +502,7 @@ static gboolean fit_profile(const struct profile *profile, double half, double n
     /* Two samples a pixel share its noise; speckle adds to it. */
     const double variance = MAX(noise * noise, sum / MAX(profile->n - free, 1));
     *ret_sigma = sqrt(2 * variance * MAX(inverse[MIDDLE], 0));
-    return p[HEIGHT] > 0 && *ret_sigma < p[WIDTH] / LEAST_SIGNAL;
+    return p[HEIGHT] > 0 && *ret_sigma < p[WIDTH] / MIN_SIGNAL;
 }
 
 /* Dots along the line, a pixel apart. width: of the line, or 0 to find it; ret_width: the median.
@@ -564,24 +564,24 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
         if (g_array_index(samples, struct sample, i).value > BRIGHT * look.noise)
             g_array_append_val(votes, g_array_index(samples, struct sample, i));
     g_array_sort(votes, by_value);
-    g_array_set_size(votes, MIN(votes->len, MOST_VOTES));
+    g_array_set_size(votes, MIN(votes->len, MAX_VOTES));
     const double within_mm = WITHIN_PX * look.mm_a_px;
-    if (votes->len < LEAST_DOTS || !vote(votes, within_mm, &line))
+    if (votes->len < MIN_DOTS || !vote(votes, within_mm, &line))
         return refuse(error,
                       "no line on the board is %g times brighter than the noise; let the laser be "
                       "the brightest light on it, or give photographs without it (--dark-images)",
                       BRIGHT);
     const double share = share_of(samples, &line, within_mm, BRIGHT * look.noise);
-    if (share < LEAST_SHARE)
+    if (share < MIN_SHARE)
         return refuse(error,
                       "what is bright on the board is no line across it: it covers %.0f %% of the "
                       "white print on its way",
                       100 * share);
     g_autoptr(GArray) first = dots_along(&look, &line, FIRST_HALF_PX, 0, &width);
-    const double half = CLAMP(WIDE * width, LEAST_HALF_PX, HALF_PX);
+    const double half = CLAMP(WIDE * width, MIN_HALF_PX, HALF_PX);
     GArray *dots =
         first->len ? dots_along(&look, &line, half, width, &width) : g_steal_pointer(&first);
-    if (dots->len >= LEAST_DOTS)
+    if (dots->len >= MIN_DOTS)
         return dots;
     const guint n = dots->len;
     g_array_unref(dots);
@@ -589,5 +589,5 @@ GArray *laser_line_find(const struct picture *strength, const struct picture *re
                   "the laser's line is clear at %u places away from the print's edges; %d are "
                   "needed: turn the board so that the line crosses the squares askew, or take a "
                   "board with larger squares",
-                  n, LEAST_DOTS);
+                  n, MIN_DOTS);
 }

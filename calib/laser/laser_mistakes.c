@@ -10,10 +10,10 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_RAD   (0.05 * G_PI / 180) /* a smaller spread is no sign of a mistake */
-#define BETTER      5.0 /* factor by which undoing a mistake must lower the spread */
-#define MOST_PLANES 16
-#define DEG         (180 / G_PI)
+#define MIN_RAD    (0.05 * G_PI / 180) /* a smaller spread is no sign of a mistake */
+#define BETTER     5.0                 /* factor by which undoing a mistake must lower the spread */
+#define MAX_PLANES 16
+#define DEG        (180 / G_PI)
 
 enum kind { NONE, ARC_REVERSED, ARC_RADIANS, LASERS_SWAPPED, PLANES_SWAPPED };
 
@@ -23,8 +23,8 @@ struct mistake {
 };
 
 struct planes {
-    double z_mm[MOST_PLANES];
-    int sweep[MOST_PLANES]; /* one of its sweeps */
+    double z_mm[MAX_PLANES];
+    int sweep[MAX_PLANES]; /* one of its sweeps */
     int n;
 };
 
@@ -34,7 +34,7 @@ static void find_planes(const struct laser_point *points, int n, struct planes *
         int k = 0;
         while (k < ret->n && ret->z_mm[k] != points[i].point_mm.z)
             k++;
-        if (k == ret->n && k < MOST_PLANES) {
+        if (k == ret->n && k < MAX_PLANES) {
             ret->z_mm[k] = points[i].point_mm.z;
             ret->sweep[ret->n++] = points[i].sweep;
         }
@@ -89,7 +89,7 @@ static double spread_rad(const struct rig *rig, const struct laser_point *points
         const double det = line->n * line->cc - line->c * line->c;
         line->b = det > 0 ? (line->n * line->cs - line->c * line->s) / det : 1;
         line->a = line->n > 0 ? (line->s - line->b * line->c) / line->n : 0;
-        if (mistake->kind != NONE && fabs(line->b - 1) > RIG_MOST_STRETCH)
+        if (mistake->kind != NONE && fabs(line->b - 1) > RIG_MAX_STRETCH)
             return INFINITY;
     }
     for (int i = 0; i < n; i++)
@@ -141,7 +141,7 @@ gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *p
     double least;
     find_planes(points, n, &planes);
     const double is = n > 0 ? spread_rad(rig, points, n, &planes, &none) : 0;
-    if (!(is > LEAST_RAD))
+    if (!(is > MIN_RAD))
         return TRUE;
     g_autoptr(GArray) mistakes = g_array_new(FALSE, FALSE, sizeof(struct mistake));
     for (enum kind kind = ARC_REVERSED; kind <= PLANES_SWAPPED; kind++) {

@@ -11,17 +11,17 @@
 
 G_DEFINE_QUARK(laser_plane_error, laser_plane_error)
 
-#define BLOCKS         16 /* pieces of a line, between which its scatter is measured */
-#define LEAST_DOTS     12
-#define DOT_PX         0.03 /* error of a dot that is not noise */
-#define SCATTER        4.0  /* robust standard deviations: dots beyond do not count */
-#define ROUNDS         5
-#define REJECT         20.0 /* χ² of a photograph of two degrees of freedom, in units of the median's */
-#define LEAST_SPREAD   0.02 /* of the lines' length: they do not lie on one line */
-#define MOST_TILT_DEG  1.0  /* standard error of a plane that is determined */
-#define LEAST_SIGMA_MM 1e-6
-#define POSE_STEP      1e-5 /* rad, and mm · 100, of numerical derivatives */
-#define DEG            (180 / G_PI)
+#define BLOCKS       16 /* pieces of a line, between which its scatter is measured */
+#define MIN_DOTS     12
+#define DOT_PX       0.03 /* error of a dot that is not noise */
+#define SCATTER      4.0  /* robust standard deviations: dots beyond do not count */
+#define ROUNDS       5
+#define REJECT       20.0 /* χ² of a photograph of two degrees of freedom, in units of the median's */
+#define MIN_SPREAD   0.02 /* of the lines' length: they do not lie on one line */
+#define MAX_TILT_DEG 1.0  /* standard error of a plane that is determined */
+#define MIN_SIGMA_MM 1e-6
+#define POSE_STEP    1e-5 /* rad, and mm · 100, of numerical derivatives */
+#define DEG          (180 / G_PI)
 
 struct view { /* a photograph by one camera's parameters */
     struct laser_pose pose;
@@ -101,14 +101,14 @@ static gboolean fit_line(const GArray *dots, const double *mm, struct view *ret)
                 add_point(&moments, mm + (gsize)2 * (gsize)i, weight[i]);
                 left++;
             }
-        if (left < LEAST_DOTS)
+        if (left < MIN_DOTS)
             return FALSE;
         half = line_of(&moments, middle, along);
         for (int i = 0; i < n; i++) {
             off[i] = (mm[2 * i + 1] - middle[1]) * along[0] - (mm[2 * i] - middle[0]) * along[1];
             sorted[i] = fabs(off[i]) * sqrt(weight[i]);
         }
-        const double sigma = MAX(1.4826 * median_of(sorted, n), LEAST_SIGMA_MM);
+        const double sigma = MAX(1.4826 * median_of(sorted, n), MIN_SIGMA_MM);
         for (int i = 0; i < n; i++)
             used[i] = fabs(off[i]) * sqrt(weight[i]) < SCATTER * sigma;
     }
@@ -239,7 +239,7 @@ static void distances_covariance(const struct rig_camera *camera, const struct v
                 for (int q = 0; q < 6; q++)
                     ret[a][b] += j[a][p] * view->pose.covariance[p][q] * j[b][q];
     for (int k = 0; k < 2; k++)
-        ret[k][k] += LEAST_SIGMA_MM * LEAST_SIGMA_MM;
+        ret[k][k] += MIN_SIGMA_MM * MIN_SIGMA_MM;
 }
 
 struct weights { /* V⁻¹ of each view, kept while the camera's parameters are varied */
@@ -339,7 +339,7 @@ static void first_plane(const struct rig_camera *camera, const struct view *view
             for (int i = 0; i < n; i++)
                 others[i] = i != a && i != b;
             frame_of(views, others, n, &frame, &spread, &length);
-            if (spread < LEAST_SPREAD * length)
+            if (spread < MIN_SPREAD * length)
                 continue;
             const struct rig_plane plane = {frame.normal, vec3_dot(frame.normal, frame.point)};
             weigh(camera, views, n, plane.normal, weights, &expected);
@@ -364,7 +364,7 @@ static gboolean fit_plane(const struct rig_camera *camera, const struct view *vi
         weigh(camera, views, n, plane->normal, weights, ret_expected_mm);
         const double median = MAX(all_chi2(views, weights, n, plane, chi2), 1);
         for (int i = 0; i < n; i++)
-            weights->out[i] = n > LASER_PLANE_LEAST && chi2[i] > REJECT * lenient[round] * median;
+            weights->out[i] = n > LASER_PLANE_MIN && chi2[i] > REJECT * lenient[round] * median;
         frame_of(views, weights->out, n, ret_frame, &spread, &length);
         /* About the plane so far. */
         const double away = vec3_dot(plane->normal, ret_frame->point) - plane->offset_mm;
@@ -525,11 +525,11 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     to->off_mm = g_new0(double, n + 1);
     to->left_out = g_new0(gboolean, n + 1);
     struct weights weights = {inverse, to->left_out};
-    if (n < LASER_PLANE_LEAST) {
+    if (n < LASER_PLANE_MIN) {
         refuse(error, LASER_PLANE_ERROR_PICTURES,
                "%d photographs show board and line; at least %d are needed, with the board at "
                "different distances and tilts",
-               n, LASER_PLANE_LEAST);
+               n, LASER_PLANE_MIN);
         return NULL;
     }
     for (int i = 0; i < n; i++)
@@ -539,7 +539,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
             return NULL;
         }
     frame_of(views, to->left_out, n, &frame, &to->spread_mm, &length);
-    if (to->spread_mm < LEAST_SPREAD * length) {
+    if (to->spread_mm < MIN_SPREAD * length) {
         refuse_degenerate(to, n, error);
         return NULL;
     }
@@ -556,7 +556,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
         to->dots += to->left_out[i] ? 0 : (int)photographs[i].dots->len;
         squares += to->left_out[i] ? 0 : r[0] * r[0] + r[1] * r[1];
     }
-    if (to->used < LASER_PLANE_LEAST || 2 * to->used <= n) {
+    if (to->used < LASER_PLANE_MIN || 2 * to->used <= n) {
         refuse(error, LASER_PLANE_ERROR_PICTURES,
                "the lines of only %d of %d photographs lie in one plane: laser and camera must not "
                "move relative to each other between them",
@@ -571,7 +571,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
     /* frame stays that of the parameters. */
     struct frame scratch;
     frame_of(views, to->left_out, n, &scratch, &to->spread_mm, &length);
-    if (to->spread_mm < LEAST_SPREAD * length) {
+    if (to->spread_mm < MIN_SPREAD * length) {
         refuse_degenerate(to, to->used, error);
         return NULL;
     }
@@ -602,7 +602,7 @@ struct laser_plane *laser_plane_fit(const struct rig_camera *camera,
         to->plane.offset_mm = -to->plane.offset_mm;
     }
     set_errors(to);
-    if (to->tilt_error_rad * DEG > MOST_TILT_DEG) {
+    if (to->tilt_error_rad * DEG > MAX_TILT_DEG) {
         refuse(
             error, LASER_PLANE_ERROR_DEGENERATE,
             "the photographs determine the laser's plane to ± %.1f° only; hold the board nearer, "

@@ -17,7 +17,7 @@
 #include "calibration/calibration.h"
 #include "laser_line.h"
 
-#define LASER_PLANE_LEAST 3 /* photographs */
+#define LASER_PLANE_MIN 3 /* photographs */
 
 #define LASER_PLANE_ERROR laser_plane_error_quark()
 GQuark laser_plane_error_quark(void);

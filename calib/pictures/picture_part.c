@@ -9,9 +9,9 @@
 
 #include "base/input_file.h"
 
-#define HEADER   29         /* bytes up to the method of interlacing */
-#define SAID     (4 << 20)  /* bytes in which a file says its tone curve */
-#define MOST_ROW (64 << 20) /* bytes */
+#define HEADER  29         /* bytes up to the method of interlacing */
+#define SAID    (4 << 20)  /* bytes in which a file says its tone curve */
+#define MAX_ROW (64 << 20) /* bytes */
 
 struct part_reading {
     FILE *file;
@@ -67,7 +67,7 @@ static gboolean decode_rows(png_structp png, png_infop info, struct part_reading
     reading->channels = png_get_channels(png, info);
     reading->bits = png_get_bit_depth(png, info);
     reading->pixel = (gsize)reading->channels * (gsize)reading->bits / 8;
-    if (row > MOST_ROW)
+    if (row > MAX_ROW)
         png_error(png, "its rows are too long");
     reading->row = g_malloc(row);
     reading->rows = g_try_malloc0_n((gsize)part->width * (gsize)part->height, reading->pixel);

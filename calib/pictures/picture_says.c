@@ -10,8 +10,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#define MOST_PROFILE (16 << 20)    /* bytes of an ICC profile */
-#define ADOBE_GAMMA  (563 / 256.0) /* Adobe RGB (1998) */
+#define MAX_PROFILE (16 << 20)    /* bytes of an ICC profile */
+#define ADOBE_GAMMA (563 / 256.0) /* Adobe RGB (1998) */
 
 enum {
     TAG_DATE = 306,
@@ -67,7 +67,7 @@ double picture_tone_light(const struct picture_tone *tone, double number) {
 static void read_profile(const guint8 *bytes, gsize length, struct picture_tone *ret) {
     char name[80] = "";
     cmsContext context = cmsCreateContext(NULL, NULL); /* prints nothing */
-    cmsHPROFILE profile = length <= MOST_PROFILE
+    cmsHPROFILE profile = length <= MAX_PROFILE
                               ? cmsOpenProfileFromMemTHR(context, bytes, (cmsUInt32Number)length)
                               : NULL;
     if (profile) {
@@ -161,7 +161,7 @@ static void read_jpeg(const guint8 *bytes, gsize length, struct picture_says *re
         const guint8 *data = bytes + at + 4;
         const gsize n = size - 2;
         if (marker == 0xe2 && n > sizeof icc + 2 && memcmp(data, icc, sizeof icc) == 0 &&
-            profile->len < MOST_PROFILE) /* pieces, in order */
+            profile->len < MAX_PROFILE) /* pieces, in order */
             g_byte_array_append(profile, data + sizeof icc + 2, (guint)(n - sizeof icc - 2));
         if (marker == 0xe1 && n > sizeof exif && memcmp(data, exif, sizeof exif) == 0)
             read_tiff(data + sizeof exif, n - sizeof exif, FALSE, ret);
@@ -180,7 +180,7 @@ static void read_iccp(const guint8 *data, gsize n, struct picture_tone *ret) {
     g_autoptr(GByteArray) profile = g_byte_array_new();
     guint8 piece[1 << 14];
     gsize used = 2;
-    while (profile->len < MOST_PROFILE) {
+    while (profile->len < MAX_PROFILE) {
         gsize read = 0, written = 0;
         const GConverterResult result = g_converter_convert(
             G_CONVERTER(inflate), end + used, (gsize)(data + n - end) - used, piece, sizeof piece,

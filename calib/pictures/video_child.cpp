@@ -10,8 +10,8 @@
 #include <cstring>
 #include <unistd.h>
 
-#define MOST_BYTES (256 << 20) /* limit of the memory for the frames that are kept */
-#define LEAST_KEPT 16u
+#define MAX_BYTES (256 << 20) /* limit of the memory for the frames that are kept */
+#define MIN_KEPT  16u
 
 namespace {
 
@@ -72,7 +72,7 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
         if (video->n_frames == 0) {
             video->width = grey.cols;
             video->height = grey.rows;
-            most = std::min(most, std::max((guint)(MOST_BYTES / grey.total()), LEAST_KEPT));
+            most = std::min(most, std::max((guint)(MAX_BYTES / grey.total()), MIN_KEPT));
         }
         if (grey.cols != video->width || grey.rows != video->height) {
             g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO,

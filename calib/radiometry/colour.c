@@ -7,9 +7,9 @@
 #include <string.h>
 
 #define FEW_PATCHES 6
-#define MOST_OFF    10.0 /* ΔE*ab, RMS */
+#define MAX_OFF     10.0 /* ΔE*ab, RMS */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-#define LEAST_PIVOT 1e-6 /* over the trace: below, the patches do not span all colours */
+#define MIN_PIVOT   1e-6 /* over the trace: below, the patches do not span all colours */
 
 G_DEFINE_QUARK(colour_error, colour_error)
 
@@ -57,7 +57,7 @@ static gboolean colour_invert(const struct colour_patch *patches, int n, double 
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, ret, 3) != 0)
         return FALSE;
     for (int a = 0; a < 3; a++)
-        if (ret[4 * a] * ret[4 * a] < LEAST_PIVOT * trace)
+        if (ret[4 * a] * ret[4 * a] < MIN_PIVOT * trace)
             return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, ret, 3);
     ret[1] = ret[3];
@@ -121,7 +121,7 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
         sum += off * off / n;
     }
     found.residual = sqrt(sum);
-    if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MOST_OFF)) {
+    if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MAX_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
                     "the patches differ from their values by %.1f ΔE on average: is it this chart, "
                     "and does it lie as the file says?",

@@ -23,8 +23,8 @@
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST 1.0 /* in radii: largest distance from the expected position */
 /* Bounds of a lamp's relative output; outside, the fiducial is in shadow or something else. */
-#define LEAST_OUTPUT 0.2
-#define MOST_OUTPUT  5
+#define MIN_OUTPUT 0.2
+#define MAX_OUTPUT 5
 
 /* Grid of nodes every few pixels: the point where the pixel's ray meets the plane of the
  * fiducial's face, and the expected value of white there. Values in between are interpolated,
@@ -334,7 +334,7 @@ static gboolean fiducials_follow(struct measuring *m, struct fiducial_seen *seen
         n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
             ? sqrt(variance / freedom / n)
             : (double)INFINITY;
-    return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
+    return isfinite(seen->error_px) && seen->output > MIN_OUTPUT && seen->output < MAX_OUTPUT;
 }
 
 int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,

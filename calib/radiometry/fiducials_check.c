@@ -6,10 +6,10 @@
 #include <lapacke.h>
 #include <string.h>
 
-#define STEP_RAD   1e-5
-#define CERTAIN    4.0 /* standard errors from which an angle is certain */
-#define MOST_TURNS (RIG_MAX_CAMERAS + 1)
-#define PRIOR_RAD  0.02 /* prior of any angle: bounds those that are hardly determined */
+#define STEP_RAD  1e-5
+#define CERTAIN   4.0 /* standard errors from which an angle is certain */
+#define MAX_TURNS (RIG_MAX_CAMERAS + 1)
+#define PRIOR_RAD 0.02 /* prior of any angle: bounds those that are hardly determined */
 
 /* A hypothesis: the turntable slipped, or one camera rotated. */
 struct cause {
@@ -124,7 +124,7 @@ static double fiducials_check_length_of(const struct explained *by, double *ret_
 /* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable has
  * slipped, all cameras show it, and the slip alone explains what they show. */
 static void find_causes(struct checking *check, double least_deg, struct fiducials_check *ret) {
-    gboolean taken[MOST_TURNS] = {FALSE};
+    gboolean taken[MAX_TURNS] = {FALSE};
     double error;
     for (int round = 0; round < check->rig->n_cameras + 1; round++) {
         struct explained best = {.gain = 0};

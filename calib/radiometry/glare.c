@@ -16,12 +16,12 @@
 #define CELL_PX    16
 #define FEW_PIXELS 16
 #define BORDER_MM  4 /* around the tile, besides twice its height: it throws light and shadow */
-#define MOST_ROWS  256
+#define MAX_ROWS   256
 #define DARK       0.25 /* of a picture's mean: a brighter surface is not dark */
 #define ALIKE      2.0  /* factor between a shot and its group's median: shadows, marks */
 #define FEW_SHOTS  4    /* of a group */
 #define OUTLIER    4.0  /* standard deviations */
-#define MOST_ERROR 0.002
+#define MAX_ERROR  0.002
 
 struct glare_sums {
     double n, signal, white, squares, triples;
@@ -51,7 +51,7 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
     const double border_mm = BORDER_MM + 2 * tile->top_mm;
     g_autofree struct glare_sums *sums = g_new0(struct glare_sums, CELLS * CELLS * 3);
     double all[3] = {0}, n_all[3] = {0}, variance = 0, mean = 0;
-    const int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
+    const int stride = 2 * MAX(c->height / (2 * MAX_ROWS), 1);
     for (int row = 0; row + 1 < c->height; row += stride)
         for (int i = 0; i < 2 * c->width; i++) {
             const int x = i % c->width, y = row + i / c->width;
@@ -233,7 +233,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     if (lamps > 1)
         *ret_error = MAX(*ret_error, sqrt(scatter / (lamps - 1) / pass.down));
     *ret_glare = g / (1 - g); /* M has the glare in it */
-    return *ret_error < MOST_ERROR && g < pass.darkest + 3 * *ret_error;
+    return *ret_error < MAX_ERROR && g < pass.darkest + 3 * *ret_error;
 }
 
 void radiometry_subtract_glare(const struct radiometry_camera *radiometry, const char *cfa,

@@ -9,7 +9,7 @@
 #define TILE         16         /* pixels along a side; smaller pictures have smaller tiles */
 #define SATURATED    0.98       /* of full scale */
 #define TRANSFER_TOP 0.7        /* EMVA 1288 §6.6: the slope is fitted up to 70 % of saturation */
-#define LEAST_RANGE  0.15       /* of full scale, which the brightest tile must reach */
+#define MIN_RANGE    0.15       /* of full scale, which the brightest tile must reach */
 #define ALIKE        0.05       /* largest relative difference of the means of a pair */
 #define ROUNDING     (1.0 / 12) /* DN²: variance of quantisation */
 
@@ -197,7 +197,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     double floor = 1, slope = 0.1, floor_error = 0, slope_error = 0, top = 0;
     for (guint i = 0; i < points->len; i++)
         top = MAX(top, g_array_index(points, struct tile, i).mean);
-    if (top < LEAST_RANGE * (full_scale(fit) - fit->to->black_dn)) {
+    if (top < MIN_RANGE * (full_scale(fit) - fit->to->black_dn)) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
                     "the brightest part that is not saturated is %.0f of %.0f DN: expose so that "
                     "some pictures are between a third and two thirds of full scale",

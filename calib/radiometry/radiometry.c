@@ -11,7 +11,7 @@ G_DEFINE_QUARK(radiometry_error, radiometry_error)
 #define CELL_PX    16  /* side of a cell, at least */
 #define FEW_PIXELS 16  /* of a colour, in a usable cell */
 #define BORDER_MM  2   /* border of the tile that is left out: it may be bevelled or soiled */
-#define MOST_ROWS  256 /* pairs of rows that are used; larger pictures are sampled */
+#define MAX_ROWS   256 /* pairs of rows that are used; larger pictures are sampled */
 
 static double half_diagonal(const struct rig_camera *camera) {
     return 0.5 * hypot(camera->width - 1, camera->height - 1);
@@ -168,7 +168,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
     m->eye = rig_camera_centre_mm(c);
     /* Whole rows, since neighbouring pixels measure the noise. */
-    int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
+    int stride = 2 * MAX(c->height / (2 * MAX_ROWS), 1);
     for (int y = 0; y + 1 < c->height; y += stride)
         for (int x = 0; x < 2 * c->width; x++)
             radiometry_add_pixel(m, x % c->width, y + x / c->width);

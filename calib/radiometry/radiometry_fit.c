@@ -6,19 +6,19 @@
 #include <lapacke.h>
 #include <string.h>
 
-#define STEPS           5
-#define GAUGE           1e8 /* weight of gauge constraints */
-#define EXPONENT_SD     1.0 /* priors of a lamp: */
-#define AIM_SD_RAD      0.035
-#define DRIFT_SD        0.05 /* of the drift between shots, which pictures determine much better */
-#define MOST_GAIN_ERROR 0.01
-#define OUTLIER         5.0 /* standard deviations */
-#define MOST_OUTLIERS   0.05
-#define MOST_RESIDUAL   0.03
-#define APART_RAD       (30 * G_PI / 180)
-#define STILL_RAD       (1 * G_PI / 180) /* arc angles that differ by less are one */
-#define MOST_FLAT_ERROR 0.05
-#define FEW_CELLS       30 /* of a camera */
+#define STEPS          5
+#define GAUGE          1e8 /* weight of gauge constraints */
+#define EXPONENT_SD    1.0 /* priors of a lamp: */
+#define AIM_SD_RAD     0.035
+#define DRIFT_SD       0.05 /* of the drift between shots, which pictures determine much better */
+#define MAX_GAIN_ERROR 0.01
+#define OUTLIER        5.0 /* standard deviations */
+#define MAX_OUTLIERS   0.05
+#define MAX_RESIDUAL   0.03
+#define APART_RAD      (30 * G_PI / 180)
+#define STILL_RAD      (1 * G_PI / 180) /* arc angles that differ by less are one */
+#define MAX_FLAT_ERROR 0.05
+#define FEW_CELLS      30 /* of a camera */
 
 /* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: where the tile did not
  * reach, they keep the flat field smooth, as lenses are. */
@@ -356,14 +356,14 @@ static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct 
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
         if (!fit->cameras[c].known)
             continue;
-        if (fit->cameras[c].response_error > MOST_GAIN_ERROR)
+        if (fit->cameras[c].response_error > MAX_GAIN_ERROR)
             g_set_error(
                 error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
                 "camera %s and others never see the tile in the same shot, so that lamps "
                 "that drift cannot be separated from cameras that differ: plan views of all "
                 "cameras that share turntable angles",
                 rig->cameras[c].name);
-        else if (!(worst < MOST_FLAT_ERROR))
+        else if (!(worst < MAX_FLAT_ERROR))
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
                         "the flat field of camera %s is known to %.0f %% only: take the tile at "
                         "more arc and turntable angles, or use a larger one",
@@ -512,7 +512,7 @@ static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GErr
     if (!radiometry_fit_solve(p, error))
         return FALSE;
     double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
-    if (ret->rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
+    if (ret->rejected <= MAX_OUTLIERS * p->n_cells && rms < MAX_RESIDUAL)
         return radiometry_fit_finish(p, ret, error);
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
                 "the pictures do not show a matt white tile under these lamps: %.1f %% off on "

@@ -5,8 +5,8 @@
 #include "calibrate_video.h"
 #include "cameras/cameras.h"
 
-#define MOST_PICTURES 20000
-#define KEPT_VECTORS  400 /* residuals of a camera, for the report */
+#define MAX_PICTURES 20000
+#define KEPT_VECTORS 400 /* residuals of a camera, for the report */
 
 static char *board_option, *images_option, *name_option, *corners_option, *lens_option;
 static gboolean azimuth_option;
@@ -96,7 +96,7 @@ static gboolean gather_photographs(struct job *job, GError **error) {
         g_file_test(images_option, G_FILE_TEST_EXISTS) &&
                 !g_file_test(images_option, G_FILE_TEST_IS_DIR)
             ? gather_video(job, error)
-            : calibrate_photographs(images_option, MOST_PICTURES, job->base.rejected, error);
+            : calibrate_photographs(images_option, MAX_PICTURES, job->base.rejected, error);
     if (!paths)
         return FALSE;
     for (guint i = 0; i < paths->len; i++) {

@@ -8,13 +8,13 @@
 #include <math.h>
 #include <string.h>
 
-#define ALL_POINTS   60000 /* of all sweeps; more do not improve the result */
-#define LEAST_POINTS 40    /* of each */
-#define MOST_POINTS  2000
-#define EDGE_MM      1.0 /* of the plate, that is not looked at */
-#define UNEVEN_MM    0.03
-#define UNEVEN_RAD   (0.02 * G_PI / 180)
-#define RAD(deg)     ((deg) * (G_PI / 180))
+#define ALL_POINTS 60000 /* of all sweeps; more do not improve the result */
+#define MIN_POINTS 40    /* of each */
+#define MAX_POINTS 2000
+#define EDGE_MM    1.0 /* of the plate, that is not looked at */
+#define UNEVEN_MM  0.03
+#define UNEVEN_RAD (0.02 * G_PI / 180)
+#define RAD(deg)   ((deg) * (G_PI / 180))
 
 static char *planes_option;
 static const GOptionEntry entries[] = {
@@ -128,7 +128,7 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
         .plane_mm = plate->height_mm,
         .radius_mm = plate->radius_mm,
         .peak = exr_part_plane(part, "peak"),
-        .most = CLAMP(ALL_POINTS / job->base.frames->len, LEAST_POINTS, MOST_POINTS),
+        .most = CLAMP(ALL_POINTS / job->base.frames->len, MIN_POINTS, MAX_POINTS),
     };
     /* The plate is level in the frame in which the turntable's axis is z. */
     const struct rig *rig = &job->base.calibration->rig;

@@ -301,10 +301,10 @@ static gboolean fit(struct job *job, GError **error) {
         const struct seen *seen = &g_array_index(job->seen, struct seen, i);
         photographs[i] = (struct laser_photograph){seen->path, seen->corners, seen->dots};
     }
-    if (n < LASER_PLANE_LEAST) {
+    if (n < LASER_PLANE_MIN) {
         g_set_error(error, LASER_PLANE_ERROR, LASER_PLANE_ERROR_PICTURES,
                     "%d of %u photographs show board and laser line; at least %d are needed%s%s", n,
-                    n + job->base.rejected->len, LASER_PLANE_LEAST,
+                    n + job->base.rejected->len, LASER_PLANE_MIN,
                     job->base.rejected->len ? "; for one, " : "",
                     job->base.rejected->len ? (char *)job->base.rejected->pdata[0] : "");
         return FALSE;

@@ -12,12 +12,12 @@
 #define ROUNDS       2   /* of measuring, each from the positions that the last one found */
 #define LOCATE_VIEWS 6   /* in which the plate is looked for */
 #define LOCATE_SHOTS 8   /* of each */
-#define MOST_A_LAMP  160 /* pictures: more of them improve the result little */
+#define MAX_A_LAMP   160 /* pictures: more of them improve the result little */
 #define REACH_MM     5.0 /* how far off the target may lie, and */
 #define REACH_RAD    (5 * G_PI / 180)
 #define DECISIVE     0.15 /* so much better agreement of the pictures shows a mistake */
 #define MISSES       4.0  /* so do so many times fewer misses */
-#define LEAST_USED   0.5  /* of all sights; with fewer a mistake is looked for */
+#define MIN_USED     0.5  /* of all sights; with fewer a mistake is looked for */
 #define DEGREES      (180 / G_PI)
 
 static char *target_option;
@@ -85,8 +85,8 @@ static void thin(struct job *job, GPtrArray *all) {
     for (guint i = 0; i < all->len; i++) {
         struct calibrate_frame *frame = all->pdata[i];
         int lamp = frame->lamp, k = seen[lamp]++;
-        if ((gint64)k * MOST_A_LAMP / n[lamp] != (gint64)(k - 1) * MOST_A_LAMP / n[lamp] ||
-            n[lamp] <= MOST_A_LAMP || k == 0) {
+        if ((gint64)k * MAX_A_LAMP / n[lamp] != (gint64)(k - 1) * MAX_A_LAMP / n[lamp] ||
+            n[lamp] <= MAX_A_LAMP || k == 0) {
             g_ptr_array_add(job->base.frames, frame);
             all->pdata[i] = NULL;
         }
@@ -250,7 +250,7 @@ static struct mistake mistake_of(double turntable, double arc) {
  * therefore, where there are many lamps, only lamps with neighbouring numbers are exchanged. With
  * balls no mistake of lamps is tried: balls show lamps wherever they are, and lamps_fit() tells
  * which are exchanged. */
-#define MOST_PAIRED 16
+#define MAX_PAIRED 16
 static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
     static const double factors[][2] = {{-1, 1},      {1, -1},      {-1, -1},
                                         {DEGREES, 1}, {1, DEGREES}, {DEGREES, DEGREES}};
@@ -260,7 +260,7 @@ static GArray *all_mistakes(enum lamp_target_kind kind, int n_lamps) {
         g_array_append_val(all, mistake);
     }
     for (int a = 0; a < n_lamps && kind == LAMP_POLES; a++)
-        for (int b = a + 1; b < (n_lamps > MOST_PAIRED ? MIN(a + 2, n_lamps) : n_lamps); b++) {
+        for (int b = a + 1; b < (n_lamps > MAX_PAIRED ? MIN(a + 2, n_lamps) : n_lamps); b++) {
             struct mistake mistake = mistake_of(1, 1);
             mistake.lamps[a] = b;
             mistake.lamps[b] = a;
@@ -363,7 +363,7 @@ static void tell_mistake(const struct job *job, const struct mistake *mistake, d
 /* Whether the better agreement cannot be chance: much more of what should be visible is seen, or
  * hardly anything of it is missed. */
 static gboolean decisive(double is, double would_be) {
-    return would_be >= SHADOWS_LEAST_SCORE &&
+    return would_be >= SHADOWS_MIN_SCORE &&
            (would_be > is + DECISIVE || 1 - would_be < (1 - is) / MISSES);
 }
 
@@ -442,7 +442,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
     const gboolean ok =
         (job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, &cause);
     const double sights = job->sights->len + base->rejected->len;
-    if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= LEAST_USED * sights
+    if (ok ? job->target.kind == LAMP_POLES || job->result.n_used >= MIN_USED * sights
            : !cause || cause->domain != LAMPS_ERROR || cause->code == LAMPS_ERROR_MISTAKE) {
         if (ok)
             cli_calibrate_lights_keep(job);

@@ -29,10 +29,10 @@ struct light {
 };
 
 struct job {
-    struct ball_outline given[BALL_LIGHT_MOST], balls[BALL_LIGHT_MOST];
-    double sigma_px[BALL_LIGHT_MOST];   /* of balls */
-    gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
-    BallEdges *edges[BALL_LIGHT_MOST];  /* NULL: the ball is too small */
+    struct ball_outline given[BALL_LIGHT_MAX], balls[BALL_LIGHT_MAX];
+    double sigma_px[BALL_LIGHT_MAX];   /* of balls */
+    gboolean outlined[BALL_LIGHT_MAX]; /* balls is from the pictures, not as given */
+    BallEdges *edges[BALL_LIGHT_MAX];  /* NULL: the ball is too small */
     int n_balls;
     GPtrArray *names; /* paths */
     Picture *mean;    /* of the square roots of light, of pictures that are not overexposed */
@@ -183,13 +183,13 @@ static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
 /* NULL, or why the lamp's highlight is not within the circle. energy: of the highlight on the ball.
  */
 static char *look_around(const struct job *job, const struct picture *picture,
-                         const struct ball_outline *ball, double most_px, double energy) {
+                         const struct ball_outline *ball, double max_px, double energy) {
     const struct highlight_mean mean = {job->mean, job->n_mean};
     struct highlight around;
     const double room = MIN(MIN(ball->x_px, picture->width - 1 - ball->x_px),
                             MIN(ball->y_px, picture->height - 1 - ball->y_px));
     g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
-                                          MIN(AROUND * ball->radius_px, room), most_px, &around);
+                                          MIN(AROUND * ball->radius_px, room), max_px, &around);
     if (why || on_a_ball(job, around.x_px, around.y_px) || around.energy < BRIGHTER * energy)
         return NULL;
     return g_strdup_printf(
@@ -202,15 +202,15 @@ static char *look_around(const struct job *job, const struct picture *picture,
 static char *cli_calibrate_photos_measure_ball(const struct job *job, const struct picture *picture,
                                                int i, struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
-    const double most_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
+    const double max_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
     const struct highlight_mean mean = {job->mean, job->n_mean};
     struct highlight found = {0};
     if (overexposed(job, picture, i))
         return g_strdup("is white over more than a lamp's highlight takes up; expose less");
     g_autofree char *why = highlight_find(picture, &mean, ball->x_px, ball->y_px,
-                                          INSIDE * ball->radius_px, most_px, &found);
+                                          INSIDE * ball->radius_px, max_px, &found);
     g_autofree char *outside =
-        job->outlined[i] ? NULL : look_around(job, picture, ball, most_px, found.energy);
+        job->outlined[i] ? NULL : look_around(job, picture, ball, max_px, found.energy);
     if (outside || why)
         return outside ? g_steal_pointer(&outside) : g_steal_pointer(&why);
     const struct ball_camera camera = {photos_focal_px, 0.5 * (picture->width - 1),
@@ -271,8 +271,8 @@ static void reject_unsure(struct job *job, const char *name, double sigma_rad) {
 /* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
 static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
                                              GError **error) {
-    struct ball_ray rays[BALL_LIGHT_MOST];
-    int balls[BALL_LIGHT_MOST], n = 0;
+    struct ball_ray rays[BALL_LIGHT_MAX];
+    int balls[BALL_LIGHT_MAX], n = 0;
     struct light light;
     for (int i = 0; i < job->n_balls; i++) {
         g_autofree char *why = cli_calibrate_photos_measure_ball(job, picture, i, &rays[n]);
@@ -403,7 +403,7 @@ int photos_calibrate(const struct call *call, GError **error) {
                          "no ball in the photographs is given: give --ball X,Y,R in pixels");
     for (char **text = photos_balls; *text; text++) {
         double v[3];
-        if (job.n_balls == BALL_LIGHT_MOST || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
+        if (job.n_balls == BALL_LIGHT_MAX || !calibrate_parse(*text, ",", 3, v) || !(v[2] >= 5))
             return cli_usage(call->command,
                              "--ball=%s: give X,Y,R in pixels, R at least 5; at most 16 of them",
                              *text);

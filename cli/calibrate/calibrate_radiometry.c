@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-#define MOST_GLARE   0.02 /* less is usual of good lenses */
-#define MOST_FLICKER 0.005
+#define MAX_GLARE   0.02 /* less is usual of good lenses */
+#define MAX_FLICKER 0.005
 /* How well a rig file says how lamps shine. */
 #define EXPONENT_ERROR 1.0
 #define AIM_ERROR_RAD  (5 * G_PI / 180)
@@ -57,7 +57,7 @@ static void find_warnings(const struct calibration *calibration, const struct ti
                             r->exponent_off, r->aim_off_rad * 180 / G_PI, off));
     for (int c = 0; c < calibration->rig.n_cameras; c++) {
         const struct radiometry_camera *camera = &calibration->camera_radiometry[c];
-        if (camera->known && camera->glare > MOST_GLARE)
+        if (camera->known && camera->glare > MAX_GLARE)
             g_ptr_array_add(
                 ret, g_strdup_printf("camera %s scatters %.2f ± %.2f %% of a picture's mean light "
                                      "over the whole picture; it is subtracted. Clean the lens, "
@@ -69,7 +69,7 @@ static void find_warnings(const struct calibration *calibration, const struct ti
     for (int l = 0; l < calibration->rig.n_lamps; l++) {
         const struct radiometry_lamp *lamp = &calibration->lamp_radiometry[l];
         const double flicker = hypot(lamp->flicker, lamp->frame_flicker);
-        if (lamp->known && flicker > MOST_FLICKER)
+        if (lamp->known && flicker > MAX_FLICKER)
             g_ptr_array_add(
                 ret, g_strdup_printf("lamp %s flickers by %.2f %% from picture to picture; the "
                                      "error bars hold it. Give it a better supply, or exposures of "

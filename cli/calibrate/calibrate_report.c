@@ -7,7 +7,7 @@
 #define DEG(rad) ((rad) * (180 / G_PI))
 #define PLOT     320 /* px of the page */
 
-#define MOST_SHOWN 5 /* rejected pictures of a part */
+#define MAX_SHOWN 5 /* rejected pictures of a part */
 
 static char *output_option;
 static const GOptionEntry entries[] = {
@@ -346,13 +346,13 @@ static void add_rejected(GString *to, const struct calibration *calibration, con
         g_string_append_printf(to, "<h2>Left out: %s</h2>\n<p>%u %s%s</p>\n<ul>\n",
                                calibration_part_name((enum calibration_kind)i), rejected->len,
                                calibrate_left_out((enum calibration_kind)i),
-                               rejected->len > MOST_SHOWN ? "; the first are" : "");
-        for (guint k = 0; k < MIN(rejected->len, MOST_SHOWN); k++) {
+                               rejected->len > MAX_SHOWN ? "; the first are" : "");
+        for (guint k = 0; k < MIN(rejected->len, MAX_SHOWN); k++) {
             g_autofree char *text = escaped(rejected->pdata[k]);
             g_string_append_printf(to, "<li>%s</li>\n", text);
         }
         g_string_append(to, "</ul>\n");
-        if (rejected->len > MOST_SHOWN) {
+        if (rejected->len > MAX_SHOWN) {
             g_autofree char *file = escaped(path);
             g_string_append_printf(to, "<p>mesorig calibrate show --all %s lists all.</p>\n", file);
         }

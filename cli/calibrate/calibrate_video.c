@@ -8,10 +8,10 @@
 
 #include <math.h>
 
-#define MOST_KEPT   64 /* frames that are searched for the board, the sharpest of their windows */
-#define MOST_CHOSEN 30
-#define DOUBLED     0.03 /* of the picture's width: nearer boards are the same one again */
-#define WITHIN_PX   3    /* corners farther from the homography do not count */
+#define MAX_KEPT   64 /* frames that are searched for the board, the sharpest of their windows */
+#define MAX_CHOSEN 30
+#define DOUBLED    0.03 /* of the picture's width: nearer boards are the same one again */
+#define WITHIN_PX  3    /* corners farther from the homography do not count */
 
 struct telling {
     const struct work *work;
@@ -92,7 +92,7 @@ static void choose(struct calibrate_video *video, const double *places, const gu
         apart[i] = corners[i] > 0 ? INFINITY : 0;
         next = corners[i] > corners[next] ? i : next;
     }
-    while (apart[next] > least && video->chosen->len < MOST_CHOSEN) {
+    while (apart[next] > least && video->chosen->len < MAX_CHOSEN) {
         const guint chosen = sharpest_beside(video, places, apart, next, least);
         g_array_append_val(video->chosen, chosen);
         for (guint i = 0; i < n; i++) {
@@ -116,7 +116,7 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
     g_autoptr(CalibrateVideo) video = g_new0(struct calibrate_video, 1);
     video->path = g_strdup(path);
     video->chosen = g_array_new(FALSE, FALSE, sizeof(guint));
-    video->video = video_read(path, MOST_KEPT, calibrate_video_progress, &telling, error);
+    video->video = video_read(path, MAX_KEPT, calibrate_video_progress, &telling, error);
     if (!video->video || !(video->checksum = exr_sha256(path, NULL, error)))
         return NULL;
     const guint n = video->video->frames->len;

@@ -2,7 +2,7 @@
 
 #include "unattended.h"
 
-#define MOST_SESSIONS 100 /* maximum number of sessions in one call */
+#define MAX_SESSIONS 100 /* maximum number of sessions in one call */
 
 static char *output, *folder, *calibration;
 static gboolean process, yes, ended;
@@ -228,7 +228,7 @@ static const struct command queue_add = {
     .options = add_entries,
     .daemon = TRUE,
     .min = 1,
-    .max = MOST_SESSIONS,
+    .max = MAX_SESSIONS,
     .run = run_add};
 static const struct command queue_list = {
     .name = "queue list",
@@ -245,7 +245,7 @@ static const struct command queue_remove = {
     .help = "Remove sessions that are not being captured; their directories stay.",
     .options = remove_entries,
     .daemon = TRUE,
-    .max = MOST_SESSIONS,
+    .max = MAX_SESSIONS,
     .run = run_remove};
 static const struct command queue_move = {
     .name = "queue move",

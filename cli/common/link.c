@@ -12,7 +12,7 @@
 
 #define START_WAIT_MS   15000
 #define ASK_WAIT_MS     5000
-#define MOST_TEXT       (1 << 20) /* bytes, the limit of every configuration file */
+#define MAX_TEXT        (1 << 20) /* bytes, the limit of every configuration file */
 #define CALL_TIMEOUT_MS 600000    /* opening a rig may take a long time */
 
 static gboolean make_proxy(Link *link, const char *name, GError **error) {
@@ -171,7 +171,7 @@ gboolean link_add_text(Link *link, GVariantDict *options, const char *key, const
                        GError **error) {
     if (!g_dbus_proxy_get_name(G_DBUS_PROXY(link->rig)))
         return TRUE;
-    g_autofree char *text = input_file_read_text(path, MOST_TEXT, error);
+    g_autofree char *text = input_file_read_text(path, MAX_TEXT, error);
     if (text)
         g_variant_dict_insert(options, key, "s", text);
     return text != NULL;

@@ -11,7 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define MOST_CONTROL  1024 /* maximum size of a control file in bytes */
+#define MAX_CONTROL   1024 /* maximum size of a control file in bytes */
 #define STALE_AFTER_S 60
 
 static const char *const buses[] = {"system", "session"};
@@ -114,11 +114,11 @@ static Link *the_only(GPtrArray *links, GError **error) {
 static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
     const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-    char text[MOST_CONTROL + 1] = "";
+    char text[MAX_CONTROL + 1] = "";
     struct stat info;
     gssize n = -1;
-    if (fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size <= MOST_CONTROL)
-        n = read(fd, text, MOST_CONTROL);
+    if (fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size <= MAX_CONTROL)
+        n = read(fd, text, MAX_CONTROL);
     const gboolean own = n > 0 && info.st_uid == geteuid();
     if (fd >= 0)
         close(fd);

@@ -9,11 +9,11 @@
 
 /* Minutes from 0 on, and errors in %, on a logarithmic axis. */
 struct plot_times_axes {
-    double most_min, error_pct[2];
+    double max_min, error_pct[2];
 };
 
 static double plot_times_x(const struct plot_times_axes *axes, double minutes) {
-    return LEFT + (RIGHT - LEFT) * minutes / axes->most_min;
+    return LEFT + (RIGHT - LEFT) * minutes / axes->max_min;
 }
 
 static double plot_times_y(const struct plot_times_axes *axes, double error_pct) {
@@ -33,11 +33,11 @@ static void plot_times_rule(cairo_t *cr, double x0, double y0, double x1, double
 static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
     static const double steps[] = {1, 2, 5};
     double step = 0.01;
-    for (int i = 1; axes->most_min / step > 8 && i < 24; i++) {
+    for (int i = 1; axes->max_min / step > 8 && i < 24; i++) {
         const int decade = i / 3;
         step = 0.01 * steps[i % 3] * pow(10, decade);
     }
-    for (double at = 0; at <= axes->most_min; at += step) {
+    for (double at = 0; at <= axes->max_min; at += step) {
         g_autofree char *text = g_strdup_printf("%g", at);
         const double x = plot_times_x(axes, at);
         plot_times_rule(cr, x, TOP, x, BOTTOM);
@@ -61,7 +61,7 @@ gboolean plot_times(const char *path, const char *title, const char *text, doubl
         return FALSE;
     struct plot_times_axes axes = {1.05 * all_min, {G_MAXDOUBLE, 0}};
     for (int i = 0; i < n; i++) {
-        axes.most_min = MAX(axes.most_min, 1.05 * points[i].minutes);
+        axes.max_min = MAX(axes.max_min, 1.05 * points[i].minutes);
         axes.error_pct[0] = MIN(axes.error_pct[0], MAX(points[i].error_pct, 0.01));
         axes.error_pct[1] = MAX(axes.error_pct[1], points[i].error_pct);
     }

@@ -8,13 +8,13 @@
 #include "plan/report.h"
 
 static char *output;
-static int least_views;
+static int min_views;
 static gboolean layered, maximum;
 
 static const GOptionEntry point_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE.ply"},
-    {"views", 0, 0, G_OPTION_ARG_INT, &least_views,
-     "Minimum number of views that saw each point (2)", "N"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &min_views, "Minimum number of views that saw each point (2)",
+     "N"},
     {NULL},
 };
 
@@ -109,7 +109,7 @@ static int export_by_fit(const struct call *call, struct job *job, GError **erro
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;
     double seconds = 0;
-    if (least_views || layered)
+    if (min_views || layered)
         return cli_usage(call->command,
                          "--views and --layered are for materials with an MDF; %s "
                          "has none",
@@ -146,16 +146,16 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
     const struct export_surface_result *result = &job.surface;
     Record *record = call->record;
     double seconds = 0;
-    if (least_views < 0 || least_views > 255)
-        return cli_usage(call->command, "--views=%d is out of range: 1 to 255", least_views);
+    if (min_views < 0 || min_views > 255)
+        return cli_usage(call->command, "--views=%d is out of range: 1 to 255", min_views);
     g_autoptr(OutputFile) to = exchange_output(output, &formats[what], error);
     if (!to)
         return CLI_FAILED;
     job.to = to;
-    job.options = (struct export_surface_options){
-        .what = what, .least_views = least_views, .layered = layered};
+    job.options =
+        (struct export_surface_options){.what = what, .min_views = min_views, .layered = layered};
     if (what != EXPORT_POINTS && !maximum && light_normals_applies(job.session)) {
-        if (least_views || layered)
+        if (min_views || layered)
             return cli_usage(call->command,
                              "--views and --layered are for materials with an MDF; %s has none",
                              job.session);

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-#define MOST_TEXELS 1024
+#define MAX_TEXELS 1024
 
 static char *output, *directions, *coding;
 static double texel_mm, divide = 1, scale = 1;
@@ -55,8 +55,8 @@ static int import_brdf_run(const struct call *call, enum brdf_kind kind, GError 
     double seconds = 0;
     if (!output)
         return cli_usage(command, "no session to make is given: give -o DIR.session");
-    if (texels < 1 || texels > MOST_TEXELS)
-        return cli_usage(command, "--texels=%d is out of range: 1 to %d", texels, MOST_TEXELS);
+    if (texels < 1 || texels > MAX_TEXELS)
+        return cli_usage(command, "--texels=%d is out of range: 1 to %d", texels, MAX_TEXELS);
     if (!(texel_mm >= 0 && texel_mm <= 1000))
         return cli_usage(command, "--texel=%g is out of range: 0 to 1000 mm", texel_mm);
     if (coding && strcmp(coding, "linear") != 0 && strcmp(coding, "srgb") != 0)

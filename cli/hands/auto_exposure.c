@@ -6,18 +6,18 @@
 #include "rig/devices.h"
 #include "trial.h"
 
-#define FIRST_US      4000
-#define MOST_PICTURES 10 /* of one camera under one light */
+#define FIRST_US     4000
+#define MAX_PICTURES 10 /* of one camera under one light */
 /* Parts of a camera's range, above black. */
 #define LAMP_HIGH    0.7
 #define LAMP_LOW     0.2
-#define LAMP_LEAST   0.05 /* rather than none */
+#define LAMP_MIN     0.05 /* rather than none */
 #define LINE_LOW     0.05
 #define LINE_HIGH    0.7
 #define FULL_PART    0.95 /* saturated, or nearly */
 #define TELLING_PART 0.1  /* enough to tell the exposure that another part takes */
 #define NOTHING_PART 0.0005
-#define MOST_RATIO   (AUTO_MOST_FACTOR * AUTO_MOST_FACTOR)
+#define MAX_RATIO    (AUTO_MAX_FACTOR * AUTO_MAX_FACTOR)
 #define LINE_RATIO   64 /* at most between laser_exposure_us and laser_short_us */
 #define LINE_LASERS  2
 #define LINE_PLACES  3
@@ -78,7 +78,7 @@ static gboolean choice_measure(const struct choice *choice, int camera, const ch
     const double longest_us = choice->trial.conf->auto_longest_us;
     const double shortest_us = (double)choice_least_us(choice, camera);
     *ret = (struct measured){.camera = camera, .light = light};
-    for (int i = 0; i < MOST_PICTURES; i++) {
+    for (int i = 0; i < MAX_PICTURES; i++) {
         *us = CLAMP(*us, shortest_us, MAX(longest_us, shortest_us));
         g_autoptr(Frame) frame = trial_snap(&choice->trial, camera, *us, FALSE, error);
         if (!frame)
@@ -221,27 +221,27 @@ static double choice_common_us(const struct choice *choice) {
  * needs, can serve both; else says by what key they could. */
 static gboolean check_ends(const struct choice *choice, const struct measured *brightest,
                            const struct measured *dimmest, const char *key, double shortest_us,
-                           double needed_us, double most_ratio, GError **error) {
+                           double needed_us, double max_ratio, GError **error) {
     const struct session_conf *conf = choice->trial.conf;
-    const double least_us = choice_common_us(choice);
-    if (brightest->full || brightest->high * MAX(shortest_us, least_us) > FULL_PART)
+    const double min_us = choice_common_us(choice);
+    if (brightest->full || brightest->high * MAX(shortest_us, min_us) > FULL_PART)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
                        "camera %s saturates under %s even at %.0f µs, the shortest that all "
                        "cameras can: dim the light, close the aperture, or lower [capture] gain_db",
-                       name_of(choice, brightest), brightest->light, least_us);
+                       name_of(choice, brightest), brightest->light, min_us);
     else if (needed_us > conf->auto_longest_us)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "auto_longest_us",
                        "camera %s needs %.0f µs under %s, and %s may choose %g µs at most: raise "
                        "auto_longest_us, open the aperture, or raise gain_db",
                        name_of(choice, dimmest), ceil(needed_us), dimmest->light, key,
                        conf->auto_longest_us);
-    else if (needed_us > most_ratio * shortest_us)
+    else if (needed_us > max_ratio * shortest_us)
         plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", key,
                        "camera %s saturates above %.0f µs under %s, and camera %s needs %.0f µs "
                        "under %s: exposures may be %g times apart at most. Bring their apertures "
                        "together, or give the exposures yourself",
                        name_of(choice, brightest), shortest_us, brightest->light,
-                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, most_ratio);
+                       name_of(choice, dimmest), ceil(needed_us), dimmest->light, max_ratio);
     else
         return TRUE;
     return FALSE;
@@ -264,22 +264,22 @@ static gboolean refuse_dark(const struct choice *choice, const char *what, const
 static gboolean choose_lamps(const struct choice *choice, GString *to, GError **error) {
     const struct measured *brightest = choice_extreme(choice->lamps, TRUE);
     const struct measured *dimmest = choice_extreme(choice->lamps, FALSE);
-    const double most_us = choice->trial.conf->auto_longest_us;
+    const double max_us = choice->trial.conf->auto_longest_us;
     if (!brightest)
         return refuse_dark(choice, "a lamp", auto_key_names[AUTO_EXPOSURES], error);
-    const double shortest_us = MIN(LAMP_HIGH / brightest->high, most_us / AUTO_FACTOR);
+    const double shortest_us = MIN(LAMP_HIGH / brightest->high, max_us / AUTO_FACTOR);
     if (!check_ends(choice, brightest, dimmest, auto_key_names[AUTO_EXPOSURES], shortest_us,
-                    exposure_for(LAMP_LEAST, dimmest->low), MOST_RATIO, error))
+                    exposure_for(LAMP_MIN, dimmest->low), MAX_RATIO, error))
         return FALSE;
     const double longest_us = CLAMP(exposure_for(LAMP_LOW, dimmest->low), AUTO_FACTOR * shortest_us,
-                                    MIN(MOST_RATIO * shortest_us, most_us));
-    const int n = longest_us > AUTO_FACTOR * shortest_us * 1.01 ? AUTO_MOST_EXPOSURES : 2;
-    const double least_us = choice_common_us(choice);
+                                    MIN(MAX_RATIO * shortest_us, max_us));
+    const int n = longest_us > AUTO_FACTOR * shortest_us * 1.01 ? AUTO_MAX_EXPOSURES : 2;
+    const double min_us = choice_common_us(choice);
     g_string_append_printf(to, "%s = ", auto_key_names[AUTO_EXPOSURES]);
     for (int i = 0; i < n; i++) {
         const double us = shortest_us * pow(longest_us / shortest_us, (double)i / (n - 1));
         g_string_append_printf(to, "%s%.0f", i ? "; " : "",
-                               MIN(MAX(trial_rounded_us(us), least_us), most_us));
+                               MIN(MAX(trial_rounded_us(us), min_us), max_us));
     }
     g_string_append_c(to, '\n');
     return TRUE;
@@ -300,12 +300,12 @@ static gboolean choose_lines(const struct choice *choice, GString *to, GError **
     const double needed_us = exposure_for(least, dimmest->low);
     if (conf->is_auto[AUTO_LASER]) {
         /* Alone, it must not saturate. */
-        const double most_us = may_short ? LINE_RATIO * shortest_us : FULL_PART / brightest->high;
+        const double max_us = may_short ? LINE_RATIO * shortest_us : FULL_PART / brightest->high;
         if (!check_ends(choice, brightest, dimmest, key, shortest_us, needed_us,
-                        most_us / shortest_us, error))
+                        max_us / shortest_us, error))
             return FALSE;
         long_us = MIN(exposure_for(MAX(LINE_LOW, least), dimmest->low),
-                      MIN(most_us, conf->auto_longest_us));
+                      MIN(max_us, conf->auto_longest_us));
         long_us = MAX(trial_rounded_us(long_us), choice_common_us(choice));
         if (!conf->is_auto[AUTO_SHORT] && long_us <= conf->laser_short_us) {
             plan_set_error(error, PLAN_ERROR_LIMITS, conf, "capture", "laser_short_us",

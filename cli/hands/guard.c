@@ -23,7 +23,7 @@
 #define SHORTER 32
 /* Of fiducials, as in a capture (capture_marks.c). */
 #define SYSTEMATIC_PX 0.05
-#define LEAST_DEG     0.05
+#define MIN_DEG       0.05
 #define TURNTABLE     (1u << 31) /* what has moved; the other bits are cameras */
 
 struct seen { /* by a camera, of all lamps */
@@ -149,7 +149,7 @@ static void find_fiducials(struct guard *guard, int camera, int lamp, const Fram
 static void check_fiducials(const struct guard *guard, guint from, struct fiducials_check *ret) {
     fiducials_check(&guard->calibration->rig,
                     (const struct fiducial_seen *)(void *)guard->fiducials->data + from,
-                    (int)(guard->fiducials->len - from), SYSTEMATIC_PX, LEAST_DEG, ret);
+                    (int)(guard->fiducials->len - from), SYSTEMATIC_PX, MIN_DEG, ret);
 }
 
 /* Finds what has moved by the fiducials that a shot shows, those with index from and above. A

@@ -5,7 +5,7 @@
 
 #include "rig_link.h"
 
-#define MOST_SIDE 65536 /* pixels */
+#define MAX_SIDE 65536 /* pixels */
 
 char *hand_rig;
 
@@ -65,8 +65,8 @@ Frame *hand_snap(Link *link, const char *camera, gint64 exposure_us, double gain
     if (fd < 0)
         return NULL;
     g_autoptr(Frame) frame = NULL;
-    if (width < 1 || height < 1 || width > MOST_SIDE || height > MOST_SIDE || bits < 1 ||
-        bits > 16 || !cfa_parse(filter, &cfa)) {
+    if (width < 1 || height < 1 || width > MAX_SIDE || height > MAX_SIDE || bits < 1 || bits > 16 ||
+        !cfa_parse(filter, &cfa)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
                     "the daemon sent a picture that cannot be read: %u × %u pixels of %u bits, "
                     "colour filter %s",

@@ -68,14 +68,14 @@ static void cli_compress_mdf_tell(Record *to, const struct job *job, double seco
     record_int(to, "bytes", result->bytes);
     record_int(to, "file_bytes", job->file_bytes);
     record_double(to, "error_mm", result->error_mm);
-    record_double(to, "error_99_mm", result->most_mm);
+    record_double(to, "error_99_mm", result->max_mm);
     record_double(to, "texel_mm", job->texel_mm);
     record_double(to, "real_s", seconds);
     record_say(to,
                "%s: done in %s: %s; error %.3f mm RMS (%.3f texels), below %.3f mm for 99 %%; "
                "%s, 1:%.1f of the views in 8 bit; %s on disk\n",
                job->asked->output, time, job->what, result->error_mm,
-               result->error_mm / job->texel_mm, result->most_mm, size,
+               result->error_mm / job->texel_mm, result->max_mm, size,
                (double)raw_bytes / (double)result->bytes, file);
     cli_tell_output(to, job->to);
 }

@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-#define MOST_METHODS 64
-#define MOST_OPTIONS 64
+#define MAX_METHODS 64
+#define MAX_OPTIONS 64
 
 /* An option of the command line; several methods may take it. */
 struct given {
@@ -14,8 +14,8 @@ struct given {
     gboolean flag; /* of OPTION_BOOL */
 };
 
-static struct compress_method methods[MOST_METHODS];
-static struct given options[MOST_OPTIONS];
+static struct compress_method methods[MAX_METHODS];
+static struct given options[MAX_OPTIONS];
 static int n_methods, n_options;
 static char *method_option, *output_option;
 
@@ -35,12 +35,12 @@ static void compress_list_option(const struct option *option) {
     for (int i = 0; i < n_options; i++)
         if (g_str_equal(options[i].name, option->name))
             return;
-    g_assert_cmpint(n_options, <, MOST_OPTIONS);
+    g_assert_cmpint(n_options, <, MAX_OPTIONS);
     options[n_options++] = (struct given){.name = option->name, .type = option->type};
 }
 
 static void compress_list_method(struct compress_method method) {
-    g_assert_cmpint(n_methods, <, MOST_METHODS);
+    g_assert_cmpint(n_methods, <, MAX_METHODS);
     methods[n_methods++] = method;
     for (const struct option *option = method.options; option->name; option++)
         compress_list_option(option);
@@ -124,7 +124,7 @@ static GOptionEntry compress_entry(struct given *given) {
 }
 
 const GOptionEntry *compress_entries(void) {
-    static GOptionEntry entries[MOST_OPTIONS + 3];
+    static GOptionEntry entries[MAX_OPTIONS + 3];
     int n = 0;
     n_methods = n_options = 0;
     for (gsize i = 0; codecs[i]; i++)

@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_EVENTS   200
-#define MOST_PRODUCTS 40
+#define MAX_EVENTS   200
+#define MAX_PRODUCTS 40
 
 /* Numbers of CSS and SVG have decimal points, because the programs set no numeric locale. */
 static const char head[] =
@@ -209,7 +209,7 @@ static void add_devices(GString *to, const struct archive *archive) {
 static void add_events(GString *to, const struct archive *archive) {
     guint shown = 0;
     g_string_append(to, "<h2>Events</h2>\n<details><summary>What happened</summary>\n<table>\n");
-    for (guint i = 0; i < archive->events->len && shown < MOST_EVENTS; i++, shown++) {
+    for (guint i = 0; i < archive->events->len && shown < MAX_EVENTS; i++, shown++) {
         const struct session_event *event = archive->events->pdata[i];
         const char *verdict = g_str_equal(event->level, "error")     ? "failure"
                               : g_str_equal(event->level, "warning") ? "warning"
@@ -236,7 +236,7 @@ static void add_products(GString *to, const struct archive *archive) {
         if (g_str_has_prefix(product->path, "products/btf/")) {
             views++;
             view_bytes += product->bytes;
-        } else if (shown++ < MOST_PRODUCTS) {
+        } else if (shown++ < MAX_PRODUCTS) {
             add(to, "<tr><td>%s</td><td class=\"n\">%s</td><td><code>%s</code></td></tr>\n",
                 product->path, size, product->sha256);
         }

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_WIDE  512 /* maximum width, reached by averaging pixels */
+#define MAX_WIDE   512 /* maximum width, reached by averaging pixels */
 #define WIDE       160 /* minimum width of a picture in pixels, reached by repeating pixels */
 #define FRAME_WIDE 320 /* maximum width of a photograph in pixels */
 #define ELEVATIONS 3
@@ -32,7 +32,7 @@ static void add_picture(struct archive *archive, const struct shown *shown, floa
                         const char *format, ...) G_GNUC_PRINTF(4, 5);
 static void add_picture(struct archive *archive, const struct shown *shown, float top,
                         const char *format, ...) {
-    const int square = (shown->width + MOST_WIDE - 1) / MOST_WIDE;
+    const int square = (shown->width + MAX_WIDE - 1) / MAX_WIDE;
     const int times = MAX(1, WIDE / shown->width);
     const int width = MAX(1, shown->width / square), height = MAX(1, shown->height / square);
     g_autofree guint8 *rgb =

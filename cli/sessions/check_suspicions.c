@@ -16,19 +16,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LEAST_COS    0.05 /* least difference of cos θ within a pair */
-#define LEAST_PAIRS  6
-#define LEAST_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
-#define BETTER       4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
-#define DISPLAY      2.2
-#define MOST_ALBEDO  1.05
-#define LEAST_ALBEDO 0.002 /* the blackest paints have more */
-#define LEAST_SEEN   0.3
-#define MOST_ABOVE   0.01 /* of the texels, that the laser shows above the reference plane */
-#define DEAD         0.03 /* of a view's upper quartile: less is a picture without light */
-#define LEAST_LIGHTS 4    /* of a view, for that quartile */
-#define FEW_NAMES    4    /* of dark lights that are named */
-#define ROWS         256
+#define MIN_COS    0.05 /* least difference of cos θ within a pair */
+#define MIN_PAIRS  6
+#define MIN_SKEW   0.05 /* a smaller asymmetry does not indicate a mistake */
+#define BETTER     4.0  /* undoing a mistake must lower the asymmetry by at least this factor */
+#define DISPLAY    2.2
+#define MAX_ALBEDO 1.05
+#define MIN_ALBEDO 0.002 /* the blackest paints have more */
+#define MIN_SEEN   0.3
+#define MAX_ABOVE  0.01 /* of the texels, that the laser shows above the reference plane */
+#define DEAD       0.03 /* of a view's upper quartile: less is a picture without light */
+#define MIN_LIGHTS 4    /* of a view, for that quartile */
+#define FEW_NAMES  4    /* of dark lights that are named */
+#define ROWS       256
 
 enum tone { AS_IS, ENCODED, DECODED, TONES };
 
@@ -50,7 +50,7 @@ static GArray *find_exchanged(const struct btf_layout *layout) {
         const double cos_view = cos_deg((double)layout->views.theta_deg[i / n_lights]);
         const double cos_light = cos_deg((double)layout->lights.theta_deg[i % n_lights]);
         const struct exchanged pair = {i, other[i], cos_light, cos_view};
-        if (other[i] > i && fabs(cos_view - cos_light) > LEAST_COS)
+        if (other[i] > i && fabs(cos_view - cos_light) > MIN_COS)
             g_array_append_val(pairs, pair);
     }
     return pairs;
@@ -114,7 +114,7 @@ static void suspect_tones(const GArray *pairs, const double *means, gsize n, GPt
                  encoded = asymmetry(pairs, means + ENCODED * n, 0),
                  decoded = asymmetry(pairs, means + DECODED * n, 0);
     const double least = MIN(flat, MIN(encoded, decoded));
-    if (pairs->len < LEAST_PAIRS || is < LEAST_SKEW || least > is / BETTER)
+    if (pairs->len < MIN_PAIRS || is < MIN_SKEW || least > is / BETTER)
         return;
     if (least == flat && p > 0)
         g_ptr_array_add(
@@ -161,12 +161,12 @@ static void suspect_dead_lights(const struct btf_layout *layout, const double *m
         int n = 0;
         for (gsize l = 0; l < n_lights; l++) {
             const double cosine = cos_deg((double)layout->lights.theta_deg[l]);
-            f[l] = cosine > LEAST_COS ? means[view * n_lights + l] / cosine : NAN;
+            f[l] = cosine > MIN_COS ? means[view * n_lights + l] / cosine : NAN;
             if (isfinite(f[l]))
                 sorted[n++] = f[l];
         }
         qsort(sorted, (gsize)n, sizeof *sorted, robust_by_value);
-        const double usual = n >= LEAST_LIGHTS ? sorted[3 * n / 4] : 0;
+        const double usual = n >= MIN_LIGHTS ? sorted[3 * n / 4] : 0;
         if (!(usual > 0))
             continue;
         for (gsize l = 0; l < n_lights; l++)
@@ -204,14 +204,14 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
         suspect_dead_lights(&btf->layout, means, ret);
     if (ret->len > before) /* wrong tones and dark pictures make wrong energies */
         return TRUE;
-    if (energy->largest_albedo > MOST_ALBEDO)
+    if (energy->largest_albedo > MAX_ALBEDO)
         g_ptr_array_add(
             ret,
             g_strdup_printf("%.3g times a light's energy is reflected: is the white tile darker "
                             "than --reflectance said, or an exposure noted too short (s or ms "
                             "for another unit)?",
                             energy->largest_albedo));
-    else if (energy->largest_albedo < LEAST_ALBEDO)
+    else if (energy->largest_albedo < MIN_ALBEDO)
         g_ptr_array_add(
             ret, g_strdup_printf("only %.2g of a light's energy is reflected, less than from the "
                                  "blackest paint: is an exposure noted too long (µs or ms for "
@@ -222,7 +222,7 @@ gboolean check_suspect_btf(const struct btf_matrix *btf, const struct energy *en
 
 void check_suspect_mdf(const struct mdf_views_sums *mdf, const struct session_grid *grid,
                        GPtrArray *ret) {
-    if (mdf->above > MOST_ABOVE * (double)mdf->texels) {
+    if (mdf->above > MAX_ABOVE * (double)mdf->texels) {
         g_ptr_array_add(
             ret,
             g_strdup_printf("the laser shows %.1f %% of the surface above the reference plane "
@@ -233,7 +233,7 @@ void check_suspect_mdf(const struct mdf_views_sums *mdf, const struct session_gr
                             100.0 * (double)mdf->above / (double)mdf->texels, grid->reference_mm));
         return;
     }
-    if (mdf->texels == 0 || mdf->seen >= LEAST_SEEN * mdf->texels)
+    if (mdf->texels == 0 || mdf->seen >= MIN_SEEN * mdf->texels)
         return;
     g_ptr_array_add(
         ret, g_strdup_printf("only %.0f %% of the surface is seen, and points far below "

@@ -55,7 +55,7 @@ static void add_left_out(Record *to, const struct near_field_correction_band *ba
 
 static void add_moved(Record *to, const struct near_field_correction_band *band) {
     record_double(to, "moved_deg", band->moved_deg);
-    record_double(to, "most_moved_deg", band->most_moved_deg);
+    record_double(to, "most_moved_deg", band->max_moved_deg);
     record_double(to, "held", band->held);
     if (band->nominal >= 0)
         record_double(to, "nominal", band->nominal);
@@ -98,7 +98,7 @@ static void say_from(Record *to, const char *name, const struct near_field_corre
 
 static void say_to(Record *to, const char *name, const struct near_field_correction_band *band) {
     record_say(to, "%-*s %6.2f° %10.2f° %12.1f %%", padded(name, 13), name, band->moved_deg,
-               band->most_moved_deg, 100 * band->held);
+               band->max_moved_deg, 100 * band->held);
     if (band->nominal >= 0)
         record_say(to, " %14.2f %%", 100 * band->nominal);
     record_say(to, "\n");

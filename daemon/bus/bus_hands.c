@@ -12,7 +12,7 @@
 
 /* Numbers of pictures taken by hand begin here. Shots of sessions have lower numbers. */
 #define FIRST_PICTURE (G_GUINT64_CONSTANT(1) << 48)
-#define MOST_RETAKES  3
+#define MAX_RETAKES   3
 
 enum hand_kind { HAND_CAMERA, HAND_LAMP, HAND_LASER, HAND_AXIS };
 
@@ -211,7 +211,7 @@ static void hand_on_camera(Camera *camera, enum camera_event event, Frame *frame
     struct hand *hand = data;
     if (event == CAMERA_EXPOSED)
         return;
-    if (event == CAMERA_REFUSED && hand->retakes++ < MOST_RETAKES &&
+    if (event == CAMERA_REFUSED && hand->retakes++ < MAX_RETAKES &&
         camera_trigger(camera, hand->picture, NULL))
         return;
     if (event == CAMERA_FRAME)

@@ -12,7 +12,7 @@
 #include "base/input_file.h"
 
 /* Largest size of a configuration file, in bytes. */
-#define MOST_TEXT (1 << 20)
+#define MAX_TEXT (1 << 20)
 
 /* Largest number of sessions that are checked at the same time, for all clients. */
 #define MAX_CHECKS 4
@@ -279,7 +279,7 @@ gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *sess
 static char *kept_text(const char *path, const char *given, GError **error) {
     if (!path)
         return g_strdup("");
-    g_autofree char *text = given ? g_strdup(given) : input_file_read_text(path, MOST_TEXT, error);
+    g_autofree char *text = given ? g_strdup(given) : input_file_read_text(path, MAX_TEXT, error);
     if (text && !g_utf8_validate(text, -1, NULL)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "%s: is not UTF-8", path);
         return NULL;

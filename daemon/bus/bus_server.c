@@ -19,7 +19,7 @@
  */
 
 #define RESERVED_PART 8  /* clients leave 1/8 of the descriptors to devices and files */
-#define MOST_CLIENTS  64 /* largest number of connections of one process */
+#define MAX_CLIENTS   64 /* largest number of connections of one process */
 #define JOIN_S        10 /* time within which a client must have authenticated itself */
 /* Descriptors that a client needs at most while it authenticates itself. GLib aborts the program if
  * it cannot get one. */
@@ -170,7 +170,7 @@ static gboolean has_room(BusServer *server, pid_t pid) {
         of_process += client->pid == pid;
         joining += client->thread != NULL;
     }
-    if (of_process >= MOST_CLIENTS) {
+    if (of_process >= MAX_CLIENTS) {
         say(server, "process %d has %d connections: no more of its connections are accepted",
             (int)pid, of_process);
         return FALSE;

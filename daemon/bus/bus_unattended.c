@@ -10,9 +10,9 @@
 #include "queue.h"
 
 /* How often a session is continued after this program has ended unexpectedly. */
-#define MOST_STARTS 3
+#define MAX_STARTS 3
 /* Number of sessions in a row that have stopped, after which a fault of the rig is assumed. */
-#define MOST_STOPPED 2
+#define MAX_STOPPED 2
 
 /* The moment of a capture that was last reported to clients. */
 enum moment { MOMENT_NONE, MOMENT_RUNS, MOMENT_PAUSED, MOMENT_HANDS, MOMENT_FAULT, MOMENT_ENDED };
@@ -153,7 +153,7 @@ static void stop_item(struct unattended *at, const char *message, gboolean rig) 
     at->stopped_in_row++;
     if (rig) {
         pause_queue(at, message);
-    } else if (at->stopped_in_row >= MOST_STOPPED) {
+    } else if (at->stopped_in_row >= MAX_STOPPED) {
         g_autofree char *why =
             g_strdup_printf("%u sessions in a row have stopped, the last one, number %u, because "
                             "%s: look at the rig, then mesorig queue resume",
@@ -202,7 +202,7 @@ static void begin_item(struct unattended *at) {
     struct queue_item *item = at->item;
     const gboolean resumes = has_begun(item);
     g_autoptr(GError) error = NULL;
-    if (item->starts >= MOST_STARTS) {
+    if (item->starts >= MAX_STARTS) {
         g_autofree char *why =
             g_strdup_printf("mesorigd has ended unexpectedly %d times while it captured this "
                             "session: see journalctl -u mesorigd, then mesorig resume %s",

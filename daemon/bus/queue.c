@@ -7,7 +7,7 @@
 #include "base/file_lock.h"
 
 /* Largest number of sessions that have ended. If there are more, the oldest are removed. */
-#define MOST_ENDED 100
+#define MAX_ENDED 100
 
 const char *const queue_state_names[QUEUE_STATES] = {
     [QUEUE_WAITING] = "waiting", [QUEUE_HANDS] = "hands", [QUEUE_TRYING] = "trying",
@@ -140,15 +140,15 @@ gboolean queue_add(Queue *queue, struct queue_item *item, GError **error) {
                     other->id, item->directory);
         return FALSE;
     }
-    if (queue->items->len - n_ended >= QUEUE_MOST - MOST_ENDED) {
+    if (queue->items->len - n_ended >= QUEUE_MAX - MAX_ENDED) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
-                    "%d sessions are in the queue, which is the maximum", QUEUE_MOST - MOST_ENDED);
+                    "%d sessions are in the queue, which is the maximum", QUEUE_MAX - MAX_ENDED);
         return FALSE;
     }
     item->id = queue->next_id++;
     g_ptr_array_add(queue->items, g_steal_pointer(&taken));
     if (queue_file_write(queue, error)) {
-        while (n_ended-- > MOST_ENDED)
+        while (n_ended-- > MAX_ENDED)
             g_ptr_array_remove_index(queue->items, 0); /* the next change also writes that */
         return TRUE;
     }

@@ -12,8 +12,8 @@
 
 #include <gio/gio.h>
 
-#define QUEUE_MOST       200 /* largest number of sessions, including those that have ended */
-#define QUEUE_MOST_BYTES (32 << 20) /* largest size of the file */
+#define QUEUE_MAX       200        /* largest number of sessions, including those that have ended */
+#define QUEUE_MAX_BYTES (32 << 20) /* largest size of the file */
 
 typedef struct Queue Queue;
 

@@ -13,8 +13,8 @@
 #include "base/input_file.h"
 #include "base/new_file.h"
 
-#define VERSION     1
-#define MOST_GROUPS 1024
+#define VERSION    1
+#define MAX_GROUPS 1024
 
 /* The fields of a session. All of them are written, and all of them must exist in a file. */
 enum kind { TEXT, BOOLEAN, INT, INT64, DOUBLE };
@@ -93,7 +93,7 @@ static gboolean take_caller(GKeyFile *from, const char *group, struct queue_item
     const guint64 uid = g_key_file_get_uint64(from, group, "uid", &why);
     g_autofree int *groups =
         why ? NULL : g_key_file_get_integer_list(from, group, "groups", &n, &why);
-    if (why || uid > G_MAXUINT32 || n > MOST_GROUPS) {
+    if (why || uid > G_MAXUINT32 || n > MAX_GROUPS) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "[%s] uid, groups: %s", group,
                     why ? why->message : "out of range");
         return FALSE;
@@ -129,11 +129,11 @@ static gboolean take_item(Queue *queue, GKeyFile *from, const char *group, GErro
     const guint64 id = g_str_has_prefix(group, "session ")
                            ? g_ascii_strtoull(group + strlen("session "), &end, 10)
                            : 0;
-    if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MOST) {
+    if (id < 1 || id >= queue->next_id || *end || queue->items->len >= QUEUE_MAX) {
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
             "[%s] is not [session N] with N from 1 to %u, or exceeds the maximum of %d sessions",
-            group, queue->next_id - 1, QUEUE_MOST);
+            group, queue->next_id - 1, QUEUE_MAX);
         return FALSE;
     }
     item->id = (guint)id;
@@ -193,9 +193,9 @@ static int open_own(const char *path, gsize *ret_length, GError **error) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
                     "other users could have written it: it belongs to user %u and its mode is %04o",
                     info.st_uid, (guint)info.st_mode & 07777);
-    } else if (info.st_size > QUEUE_MOST_BYTES) {
+    } else if (info.st_size > QUEUE_MAX_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA, "it is larger than %d MiB",
-                    QUEUE_MOST_BYTES >> 20);
+                    QUEUE_MAX_BYTES >> 20);
     } else {
         *ret_length = (gsize)info.st_size;
         return fd;
@@ -251,11 +251,11 @@ gboolean queue_file_write(const Queue *queue, GError **error) {
     struct new_file file;
     gsize length = 0;
     g_autofree char *text = queue_text(queue, &length);
-    if (length > QUEUE_MOST_BYTES) {
+    if (length > QUEUE_MAX_BYTES) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NO_SPACE,
                     "the queue's file would exceed its limit of %d MiB: wait until sessions have "
                     "ended, and remove them",
-                    QUEUE_MOST_BYTES >> 20);
+                    QUEUE_MAX_BYTES >> 20);
         return FALSE;
     }
     gboolean ok = new_file_begin(&file, queue->folder, queue->name);

@@ -5,7 +5,7 @@
 /* The maximum error of a calibration in a picture, and the minimum rotation that counts as a
  * movement. */
 #define SYSTEMATIC_PX 0.05
-#define LEAST_DEG     0.05
+#define MIN_DEG       0.05
 #define WINDOW        8          /* number of shots that are evaluated together */
 #define TURNTABLE     (1u << 31) /* a bit of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
@@ -76,7 +76,7 @@ static GArray *add_to_window(Capture *capture, const struct flight *flight) {
 
 static void check_seen(const Capture *capture, const GArray *seen, struct fiducials_check *ret) {
     fiducials_check(&capture->calibration->rig, (const struct fiducial_seen *)(void *)seen->data,
-                    (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
+                    (int)seen->len, SYSTEMATIC_PX, MIN_DEG, ret);
 }
 
 char *capture_marks_check(Capture *capture, const struct flight *flight, GError **error) {

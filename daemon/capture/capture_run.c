@@ -262,10 +262,10 @@ static gboolean commit(Capture *capture, struct flight *flight) {
 /* Returns a camera whose picture was repeated, possibly after the lamp had died, and which saw
  * nothing while other cameras saw light; −1 if there is none. A camera whose first picture shows
  * nothing may see a black object. */
-static int find_blind(const struct flight *flight, int n_cameras, double least_dn) {
+static int find_blind(const struct flight *flight, int n_cameras, double min_dn) {
     for (int c = 0; c < n_cameras; c++)
         if (flight->shot->cameras & 1u << c && flight->frames[c].retakes > 0 &&
-            !(flight->signals_dn[c] > least_dn))
+            !(flight->signals_dn[c] > min_dn))
             return c;
     return -1;
 }
@@ -277,9 +277,9 @@ static gboolean stop_if_dark(Capture *capture, const struct flight *flight) {
         if (flight->shot->cameras & 1u << c)
             bits = MIN(bits, capture->devices->cameras[c]->format.bits);
     const struct rig *rig = &capture->devices->geometry;
-    const double least_dn = LAMP_SIGNAL * ((1 << bits) - 1);
-    const gboolean lit = flight->signal_dn > least_dn;
-    const int blind = lit ? find_blind(flight, rig->n_cameras, least_dn) : -1;
+    const double min_dn = LAMP_SIGNAL * ((1 << bits) - 1);
+    const gboolean lit = flight->signal_dn > min_dn;
+    const int blind = lit ? find_blind(flight, rig->n_cameras, min_dn) : -1;
     if (flight->shot->kind != SHOT_LAMP || (lit && blind < 0))
         return FALSE;
     const char *lamp = rig->lamps[flight->shot->device].name;

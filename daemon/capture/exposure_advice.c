@@ -1,8 +1,8 @@
 #include "exposure_advice.h"
 
-#define KEY          "saturated_retakes"
-#define MOST_LACKING 0.5 /* maximum share of values without advice */
-#define MOST_RETAKEN 0.5 /* maximum number of repetitions per picture without advice */
+#define KEY         "saturated_retakes"
+#define MAX_LACKING 0.5 /* maximum share of values without advice */
+#define MAX_RETAKEN 0.5 /* maximum number of repetitions per picture without advice */
 
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us) {
     if (shortened_us <= 0)
@@ -46,8 +46,8 @@ char *exposure_advice(Session *session, double lacking) {
     struct exposure_retakes retakes;
     exposure_advice_load(&retakes, session, NULL);
     const int n = count_lit_pictures(session);
-    if (n == 0 || retakes.n < MOST_RETAKEN * n)
-        return lacking > MOST_LACKING
+    if (n == 0 || retakes.n < MAX_RETAKEN * n)
+        return lacking > MAX_LACKING
                    ? g_strdup("too long: the longest one saturates more than half of the values; "
                               "leave it out of [capture] exposures_us, or write “auto”")
                    : NULL;

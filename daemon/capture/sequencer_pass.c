@@ -7,7 +7,7 @@
 #include <math.h>
 
 /* A frame that was exposed farther than this from its planned angle is taken again. */
-#define MOST_OFF_DEG 0.5
+#define MAX_OFF_DEG 0.5
 
 /* Poses are stored in steps of 1/8192°, which is far below the resolution of any axis. A step is
  * not a decimal fraction, so that no angle is in the middle between two steps. The same pass
@@ -223,7 +223,7 @@ static void pass_tell(Sequencer *seq) {
                 &error, DEVICE_ERROR_TIMEOUT, table->device.who,
                 "it did not report its position during the exposure of a frame" ERROR_ADVICE
                 "check its cable, and stamp_ms if it has that option");
-        else if (fabs(off) > MOST_OFF_DEG)
+        else if (fabs(off) > MAX_OFF_DEG)
             device_error_set(&error, DEVICE_ERROR_STALE, table->device.who,
                              "it was %+.2f° from %g° while a frame was exposed" ERROR_ADVICE
                              "check trigger_ms of the camera",

@@ -51,10 +51,10 @@ void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 
     thumbnail_make_sized(frame, THUMBNAIL_SIDE, ret_width, ret_height, ret_rgb);
 }
 
-void thumbnail_make_sized(const Frame *frame, int most_pixels, int *ret_width, int *ret_height,
+void thumbnail_make_sized(const Frame *frame, int max_pixels, int *ret_width, int *ret_height,
                           guint8 **ret_rgb) {
     int longer = MAX(frame->width, frame->height);
-    int side = (longer + most_pixels - 1) / most_pixels;
+    int side = (longer + max_pixels - 1) / max_pixels;
     if (frame->cfa != CFA_MONO)
         side = MAX(side + side % 2, 2); /* whole tiles of the filter */
     int width = MAX(frame->width / side, 1), height = MAX(frame->height / side, 1);

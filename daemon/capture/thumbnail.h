@@ -12,5 +12,5 @@ void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 
 
 /* The same with at most this many pixels. The picture has at least one pixel for a tile of the
  * colour filter. */
-void thumbnail_make_sized(const Frame *frame, int most_pixels, int *ret_width, int *ret_height,
+void thumbnail_make_sized(const Frame *frame, int max_pixels, int *ret_width, int *ret_height,
                           guint8 **ret_rgb);

@@ -152,9 +152,9 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
     event->device = dup_detail(owned, "device");
     event->message = dup_detail(owned, "message");
     g_queue_push_tail(&hooks->waiting, event);
-    if (hooks->waiting.length > HOOKS_MOST_WAITING) {
+    if (hooks->waiting.length > HOOKS_MAX_WAITING) {
         g_warning("%d events wait, which is the most: the oldest one is dropped",
-                  HOOKS_MOST_WAITING);
+                  HOOKS_MAX_WAITING);
         event_free(g_queue_pop_head(&hooks->waiting));
     }
     hooks_next(hooks);

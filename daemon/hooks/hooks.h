@@ -9,7 +9,7 @@
 
 /* Largest number of waiting events, and of posts that wait to be tried again. If there are more,
  * the oldest are dropped. */
-#define HOOKS_MOST_WAITING 1000
+#define HOOKS_MAX_WAITING 1000
 
 typedef struct Hooks Hooks;
 

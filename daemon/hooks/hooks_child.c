@@ -53,7 +53,7 @@ static void print_line(struct child *child) {
 }
 
 static void take_output(struct child *child, gsize n) {
-    const gsize room = HOOKS_CHILD_MOST_OUTPUT - MIN(child->printed, HOOKS_CHILD_MOST_OUTPUT);
+    const gsize room = HOOKS_CHILD_MAX_OUTPUT - MIN(child->printed, HOOKS_CHILD_MAX_OUTPUT);
     const gsize taken = MIN(n, room);
     child->printed += taken;
     child->dropped += n - taken;

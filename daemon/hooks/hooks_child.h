@@ -5,7 +5,7 @@
 #include <gio/gio.h>
 
 /* Number of bytes of a program's output that are passed on. The rest is read and dropped. */
-#define HOOKS_CHILD_MOST_OUTPUT 16384
+#define HOOKS_CHILD_MAX_OUTPUT 16384
 
 /* Runs argv. input is written to its standard input. environ is its environment; NULL means the
  * environment of this program. Each line that it prints goes to the log. After the time limit, the

@@ -414,13 +414,13 @@ static gboolean plan_check_budget(const struct plan_build *b, GError **error) {
         if (b->is_first[i] && shot->kind == SHOT_LAMP)
             list[n++] = shot;
     }
-    const double least_s = plan_lamps_s(list, n, conf, b->rig, b->timing);
-    if (least_s <= 60 * conf->light_budget_min)
+    const double min_s = plan_lamps_s(list, n, conf, b->rig, b->timing);
+    if (min_s <= 60 * conf->light_budget_min)
         return TRUE;
     plan_set_error(error, PLAN_ERROR_LIMITS, conf, "lights", "budget_min",
                    "%g min are too few for the first round, whose %d shots take %.2f min: give at "
                    "least that many, or reduce first, which is %d",
-                   conf->light_budget_min, n, ceil(least_s / 0.6) / 100, conf->light_first);
+                   conf->light_budget_min, n, ceil(min_s / 0.6) / 100, conf->light_first);
     return FALSE;
 }
 

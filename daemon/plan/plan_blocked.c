@@ -92,7 +92,7 @@ char *plan_missing(const struct session_plan *plan) {
                  shot->turntable_deg == view->turntable_deg &&
                  (shot->cameras >> view->device & 1) != 0;
         }
-        if (n > BTF_MOST_MISSING * plan->n_lights)
+        if (n > BTF_MAX_MISSING * plan->n_lights)
             views++;
         else
             pictures += n;
@@ -101,7 +101,7 @@ char *plan_missing(const struct session_plan *plan) {
         return g_strdup_printf(
             "%d of %d views miss more than %g %% of their lights: these views will have no BTF (a "
             "session for calibration needs none); another offset_deg of [lights] may help",
-            views, plan->n_views, 100 * BTF_MOST_MISSING);
+            views, plan->n_views, 100 * BTF_MAX_MISSING);
     return pictures > 0
                ? g_strdup_printf("%d pictures of the BTF will be predicted from those of other "
                                  "lights; another offset_deg of [lights] may help",

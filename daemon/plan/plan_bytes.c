@@ -47,7 +47,7 @@ static const struct packing packed_lamp = {0.81, 1.59, 5000, 0.115},
  * store a finer level. */
 #define DARK_DIGITS 0.13
 #define DARK_FRAMES 4 /* in those captures */
-#define MOST_DIGITS 8
+#define MAX_DIGITS  8
 /* If no pixel shows the line of a sweep, the file contains only zeros. */
 static const struct packing packed_nothing = {0, 0, 100, 0};
 /* The mean of one or two dark frames has no digits in the lower half of a float. */
@@ -142,7 +142,7 @@ static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig
     const gboolean sweep = shot->kind == SHOT_SWEEP;
     struct packing lamp = packed_lamp;
     lamp.surroundings +=
-        DARK_DIGITS * log2((double)MIN(conf->dark_frames, MOST_DIGITS) / DARK_FRAMES);
+        DARK_DIGITS * log2((double)MIN(conf->dark_frames, MAX_DIGITS) / DARK_FRAMES);
     const int darks = shot->kind == SHOT_DARK ? shot_dark_exposures(conf, exposures) : 1;
     const struct kind kinds[] = {
         [SHOT_LAMP] = {1, 1, 2, 700, &lamp},

@@ -1,8 +1,8 @@
 #include "plan_private.h"
 
-#define DEG(rad)    ((rad) * (180 / G_PI))
-#define RAD(deg)    ((deg) * (G_PI / 180))
-#define MOST_LISTED 12
+#define DEG(rad)   ((rad) * (180 / G_PI))
+#define RAD(deg)   ((deg) * (G_PI / 180))
+#define MAX_LISTED 12
 
 /* A device for some directions: the position of a camera, or of a lamp or laser with the arc at 0.
  * fixed is set for lamps and lasers that stand by themselves. on_arm is set for a camera with the
@@ -83,16 +83,15 @@ static gboolean no_candidate(const struct candidates *candidates, double theta_d
         elevation = fabs(candidates->list[i].theta_deg - theta_deg) <= PLAN_TOLERANCE_DEG;
     for (int i = 0; i < candidates->n; i++) {
         const struct candidate *c = &candidates->list[i];
-        if ((elevation && fabs(c->theta_deg - theta_deg) > PLAN_TOLERANCE_DEG) ||
-            n++ >= MOST_LISTED)
+        if ((elevation && fabs(c->theta_deg - theta_deg) > PLAN_TOLERANCE_DEG) || n++ >= MAX_LISTED)
             continue;
         g_string_append_printf(there, "%s%.4g°", n > 1 ? ", " : "", c->theta_deg);
         if (c->fixed)
             g_string_append_printf(there, " at azimuth %.4g°", (double)c->phi_udeg / UDEG);
         g_string_append_printf(there, " (%s)", c->name);
     }
-    if (n > MOST_LISTED)
-        g_string_append_printf(there, " and %d more", n - MOST_LISTED);
+    if (n > MAX_LISTED)
+        g_string_append_printf(there, " and %d more", n - MAX_LISTED);
     where = elevation ? g_strdup_printf(" and azimuth %g° at any angle of the turntable that the "
                                         "views need",
                                         phi_deg)

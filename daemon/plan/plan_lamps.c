@@ -15,8 +15,8 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* If there are more pairs than this, they are thinned out evenly before distances are summed over
  * them. */
-#define MOST_TARGETS 4096
-#define FARTHEST     16.0f /* d² before any shot is taken; the maximum between two pairs is 8 */
+#define MAX_TARGETS 4096
+#define FARTHEST    16.0f /* d² before any shot is taken; the maximum between two pairs is 8 */
 
 struct spread {
     const struct rig *rig;
@@ -95,7 +95,7 @@ static void plan_lamps_add_targets(struct spread *s) {
         s->nearest[i] = -1;
     for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++)
         pairs += s->view_of[i] >= 0;
-    s->step = MAX(1, (pairs + MOST_TARGETS - 1) / MOST_TARGETS);
+    s->step = MAX(1, (pairs + MAX_TARGETS - 1) / MAX_TARGETS);
     for (int i = 0; i < s->n_shots * s->rig->n_cameras; i++) {
         if (s->view_of[i] < 0 || k++ % s->step != 0)
             continue;
@@ -214,24 +214,24 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
     int length = 1;
     *ret_s = 0;
     while (length < most) {
-        double least_s = G_MAXDOUBLE;
+        double min_s = G_MAXDOUBLE;
         int best = -1;
         for (int i = 0; i < n; i++) {
             gboolean in = FALSE;
             for (int k = 0; k < length; k++)
                 in |= chain[k] == i;
             const double s =
-                in ? least_s
+                in ? min_s
                    : plan_lamps_after_s(conf, rig, timing, shots[chain[length - 1]], shots[i]);
-            if (s < least_s) {
-                least_s = s;
+            if (s < min_s) {
+                min_s = s;
                 best = i;
             }
         }
         if (best < 0)
             break;
         chain[length++] = best;
-        *ret_s += least_s;
+        *ret_s += min_s;
     }
     return length;
 }

@@ -9,7 +9,7 @@
 /* turntable angles are compared in steps of 1/ANGLES_PER_DEG degrees */
 #define ANGLES_PER_DEG   10000
 #define FRAMES_PER_WIDTH 1.75 /* steps of a sweep per full width of the line */
-#define LEAST_STEPS      24
+#define MIN_STEPS        24
 #define SHARPNESS        4 /* q = (w / max w)^SHARPNESS: see plan_sweep_model() */
 
 static gint64 plan_sweeps_angle(const struct session_shot *shot) {
@@ -133,5 +133,5 @@ int plan_sweep_steps(const struct session_conf *conf, const struct rig_laser *la
         return conf->sweep_steps;
     const double step_rad = conf->laser_line_mm / distance_mm / FRAMES_PER_WIDTH;
     const double steps = ceil(RAD(span_deg) / step_rad) + 1;
-    return (int)CLAMP(steps, MIN(LEAST_STEPS, conf->sweep_steps), conf->sweep_steps);
+    return (int)CLAMP(steps, MIN(MIN_STEPS, conf->sweep_steps), conf->sweep_steps);
 }

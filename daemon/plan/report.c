@@ -5,7 +5,7 @@
 #include <math.h>
 
 /* Two sizes are reported as one if the smaller is more than this part of the larger. */
-#define LEAST_RANGE 0.95
+#define MIN_RANGE 0.95
 
 char *report_duration(double seconds) {
     if (!isfinite(seconds) || seconds < 0 || seconds > 1e9)
@@ -84,11 +84,11 @@ static double get_double(GVariant *report, const char *key) {
 static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     const gboolean lamps = get_int(report, "later_lamps") > 0;
     const gboolean sweeps = get_int(report, "later_sweeps") > 0;
-    g_autofree char *most_text = g_format_size(most);
-    g_autofree char *least_text = g_format_size(least);
+    g_autofree char *max_text = g_format_size(most);
+    g_autofree char *min_text = g_format_size(least);
     g_autoptr(GString) by = g_string_new(NULL);
-    if (least == 0 || !((double)least < LEAST_RANGE * (double)most))
-        return g_strdup_printf("about %s of frames", most_text);
+    if (least == 0 || !((double)least < MIN_RANGE * (double)most))
+        return g_strdup_printf("about %s of frames", max_text);
     if (lamps || sweeps)
         g_string_append_printf(by, "how many %s are needed",
                                !sweeps  ? "shots of lamps"
@@ -97,7 +97,7 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
     if (get_int(report, "lasers") > 0)
         g_string_append_printf(by, "%show much the cameras see of the laser's lines",
                                by->len ? " and " : "");
-    return g_strdup_printf("%s to %s of frames, by %s", least_text, most_text, by->str);
+    return g_strdup_printf("%s to %s of frames, by %s", min_text, max_text, by->str);
 }
 
 /* Adds a line about the passes, and about the time with a standing table ([capture] motion =

@@ -432,7 +432,7 @@ static gboolean take_sample(const struct config_section *section, struct fields 
 /* What stands for "auto" until it is chosen: a plan with it takes the longest. */
 static void take_bounds(struct session_conf *conf) {
     if (conf->is_auto[AUTO_EXPOSURES]) {
-        conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MOST_EXPOSURES;
+        conf->n_exposures = conf->motion == MOTION_CONTINUOUS ? 1 : AUTO_MAX_EXPOSURES;
         double us = conf->auto_longest_us;
         for (int i = conf->n_exposures - 1; i >= 0; i--, us /= AUTO_FACTOR)
             conf->exposures_us[i] = us;

@@ -25,9 +25,9 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 enum auto_key { AUTO_EXPOSURES, AUTO_LASER, AUTO_SHORT, AUTO_KEYS };
 extern const char *const auto_key_names[AUTO_KEYS]; /* "exposures_us", … */
 
-#define AUTO_MOST_EXPOSURES 3 /* of a bracket */
-#define AUTO_FACTOR         4 /* from one exposure to the next, at least */
-#define AUTO_MOST_FACTOR    8 /* at most */
+#define AUTO_MAX_EXPOSURES 3 /* of a bracket */
+#define AUTO_FACTOR        4 /* from one exposure to the next, at least */
+#define AUTO_MAX_FACTOR    8 /* at most */
 
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 

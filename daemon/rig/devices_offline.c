@@ -133,7 +133,7 @@ static gboolean offline_camera(const struct config_section *section, int index,
                                struct rig_timing *timing, GPtrArray *assumed, GError **error) {
     struct offline device;
     double readout_ms = ASSUMED_READOUT_MS, trigger_ms = ASSUMED_READOUT_MS / 2;
-    double least_us = 1, most_us = MOST_EXPOSURE_US, bits = ASSUMED_BITS;
+    double min_us = 1, max_us = MOST_EXPOSURE_US, bits = ASSUMED_BITS;
 
     if (!offline_read(&device, section, error))
         return FALSE;
@@ -141,14 +141,14 @@ static gboolean offline_camera(const struct config_section *section, int index,
         !offline_number(&device, "trigger_ms", &trigger_ms))
         offline_assume(assumed, section,
                        "30 pictures a second, because only the camera knows its rate");
-    if (!offline_number(&device, "min_exposure_us", &least_us) ||
-        !offline_number(&device, "max_exposure_us", &most_us))
+    if (!offline_number(&device, "min_exposure_us", &min_us) ||
+        !offline_number(&device, "max_exposure_us", &max_us))
         offline_assume(assumed, section, "that it supports the exposures of the session");
     offline_number(&device, "bits", &bits);
     timing->readout_us[index] = (gint64)(readout_ms * 1000);
     timing->trigger_us[index] = (gint64)(trigger_ms * 1000);
-    timing->min_exposure_us[index] = (gint64)least_us;
-    timing->max_exposure_us[index] = (gint64)most_us;
+    timing->min_exposure_us[index] = (gint64)min_us;
+    timing->max_exposure_us[index] = (gint64)max_us;
     timing->stamp_us[index] = g_str_has_prefix(device.info->name, "v4l2")   ? -1
                               : g_str_has_prefix(device.info->name, "sim-") ? 0
                                                                             : ASSUMED_STAMP_US;

@@ -77,7 +77,7 @@ const struct option devices_lamp_options[] = {
              "fixed"},
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with this power of the cosine of the angle from its axis"},
-    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
+    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MAX_INTENSITY, "1", .offset = PLACE(intensity),
      .help = "Radiant intensity along its axis"},
     {NULL},
 };
@@ -96,7 +96,7 @@ const struct option devices_camera_options[] = {
     {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
      .help = "Height of its pictures"},
     {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
-    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
+    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_MIN_RESPONSE, RIG_MAX_RESPONSE, "1",
      .offset = PLACE(response),
      .help = "Counts per second for a radiance of one, at a gain of 0 dB"},
     {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},

@@ -10,8 +10,8 @@
 #include <string.h>
 #include <systemd/sd-daemon.h>
 
-#define LEAST_TOKEN 16   /* characters */
-#define MOST_TOKEN  4096 /* bytes of its file */
+#define MIN_TOKEN 16   /* characters */
+#define MAX_TOKEN 4096 /* bytes of its file */
 
 static char *address, *bus, *listen_address, *token_path;
 static char **hosts;
@@ -54,13 +54,13 @@ static char *read_token(GError **error) {
     if (!g_file_get_contents(token_path, &text, &length, error))
         return NULL;
     text[strcspn(text, "\r\n")] = '\0';
-    if (length > MOST_TOKEN || strlen(text) < LEAST_TOKEN ||
+    if (length > MAX_TOKEN || strlen(text) < MIN_TOKEN ||
         strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=") !=
             strlen(text)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
                     "%s: its first line must be a token of at least %d letters and digits: openssl "
                     "rand -hex 24 makes one",
-                    token_path, LEAST_TOKEN);
+                    token_path, MIN_TOKEN);
         return NULL;
     }
     return g_steal_pointer(&text);

@@ -15,7 +15,7 @@
     60000 /* until a reader that acknowledges nothing is taken for one that is gone */
 #define LOOK_MS         500  /* between two looks at the clock */
 #define ACCEPT_AGAIN_MS 200  /* after an accept() that failed */
-#define MOST_PEERS      1024 /* that are remembered for wrong tokens */
+#define MAX_PEERS       1024 /* that are remembered for wrong tokens */
 #define FREE_PORTS      8    /* attempts to find one that is free on both loopback addresses */
 
 struct peer {
@@ -95,7 +95,7 @@ static void forget_peers(WebDoor *door) {
         else if (peer->connections == 0 && (!oldest || peer->failed_us < oldest->failed_us))
             oldest = peer;
     }
-    if (oldest && g_hash_table_size(door->peers) >= MOST_PEERS)
+    if (oldest && g_hash_table_size(door->peers) >= MAX_PEERS)
         g_hash_table_remove(door->peers, oldest->name);
 }
 
@@ -103,7 +103,7 @@ static struct peer *find_peer(WebDoor *door, GSocketAddress *address) {
     g_autofree char *name = peer_name(address);
     struct peer *peer = g_hash_table_lookup(door->peers, name);
     if (!peer) {
-        if (g_hash_table_size(door->peers) >= MOST_PEERS)
+        if (g_hash_table_size(door->peers) >= MAX_PEERS)
             forget_peers(door);
         peer = g_new0(struct peer, 1);
         peer->name = g_steal_pointer(&name);
@@ -165,7 +165,7 @@ WebVisitor *web_door_visitor(SoupServerMessage *message) {
 static void on_chunk(SoupServerMessage *message, GBytes *chunk, gpointer data) {
     WebVisitor *visitor = data;
     visitor->read += g_bytes_get_size(chunk);
-    if (visitor->read > WEB_DOOR_MOST_READ)
+    if (visitor->read > WEB_DOOR_MAX_READ)
         web_visitor_close(visitor, "413 Content Too Large");
 }
 
@@ -306,20 +306,20 @@ static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) 
         g_clear_object(&visitor->stream);
         return G_SOURCE_REMOVE;
     }
-    g_autofree char *text = g_malloc(WEB_DOOR_MOST_HEAD + 1);
-    const gssize got = recv(fd, text, WEB_DOOR_MOST_HEAD, MSG_PEEK | MSG_DONTWAIT);
+    g_autofree char *text = g_malloc(WEB_DOOR_MAX_HEAD + 1);
+    const gssize got = recv(fd, text, WEB_DOOR_MAX_HEAD, MSG_PEEK | MSG_DONTWAIT);
     if (got < 0 && (errno == EAGAIN || errno == EINTR))
         return G_SOURCE_CONTINUE;
     const gsize n = got > 0 ? (gsize)got : 0, head = head_length(text, n);
-    if (head == 0 && n > 0 && n < WEB_DOOR_MOST_HEAD && !is_at_end(fd)) {
+    if (head == 0 && n > 0 && n < WEB_DOOR_MAX_HEAD && !is_at_end(fd)) {
         /* Else a part of a head would wake this again and again. */
         g_socket_set_option(socket, SOL_SOCKET, SO_RCVLOWAT, (int)n + 1, NULL);
         return G_SOURCE_CONTINUE;
     }
     text[head] = '\0';
-    const char *refused = head > 0                  ? refuse_head(text, head)
-                          : n == WEB_DOOR_MOST_HEAD ? "431 Request Header Fields Too Large"
-                                                    : "400 Bad Request";
+    const char *refused = head > 0                 ? refuse_head(text, head)
+                          : n == WEB_DOOR_MAX_HEAD ? "431 Request Header Fields Too Large"
+                                                   : "400 Bad Request";
     g_clear_pointer(&visitor->watch, source_free);
     if (refused) {
         turn_away(visitor, refused, text, n);
@@ -542,7 +542,7 @@ void web_visitor_token(WebVisitor *visitor, gboolean right) {
     if (is_forgiven(peer))
         peer->failures = 0;
     peer->failures++;
-    const double wait_s = MIN((double)(1 << MIN(peer->failures, 20)) / 8, WEB_DOOR_MOST_PENALTY_S);
+    const double wait_s = MIN((double)(1 << MIN(peer->failures, 20)) / 8, WEB_DOOR_MAX_PENALTY_S);
     peer->failed_us = g_get_monotonic_time();
     peer->allowed_us = peer->failed_us + (gint64)(wait_s * G_USEC_PER_SEC);
     web_log("%s has sent a wrong token, the %d. in a row: the next one is looked at in %g s",

@@ -20,11 +20,11 @@
 #define WEB_DOOR_CONNECTIONS      256
 #define WEB_DOOR_PEER_STREAMS     16
 #define WEB_DOOR_STREAMS          64
-#define WEB_DOOR_MOST_HEAD        (64 << 10) /* bytes of request line and headers */
-#define WEB_DOOR_MOST_READ        (64 << 10)
+#define WEB_DOOR_MAX_HEAD         (64 << 10) /* bytes of request line and headers */
+#define WEB_DOOR_MAX_READ         (64 << 10)
 #define WEB_DOOR_REQUEST_S        10  /* from the connection to the last byte of the request */
 #define WEB_DOOR_ANSWER_S         90  /* from there to the last byte of the answer */
-#define WEB_DOOR_MOST_PENALTY_S   60  /* after wrong tokens */
+#define WEB_DOOR_MAX_PENALTY_S    60  /* after wrong tokens */
 #define WEB_DOOR_FORGIVEN_S       900 /* after the last of them */
 
 /* What a connection does, least worth keeping first. */
@@ -49,7 +49,7 @@ guint web_door_port(const WebDoor *door);
 WebVisitor *web_door_visitor(SoupServerMessage *message);
 
 /* To be called once for each message of the SoupServer, before anything is done with it. The body
- * of its request is dropped, and the connection closed after WEB_DOOR_MOST_READ bytes of it. */
+ * of its request is dropped, and the connection closed after WEB_DOOR_MAX_READ bytes of it. */
 void web_visitor_begin(WebVisitor *visitor, SoupServerMessage *message);
 
 void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
@@ -62,6 +62,6 @@ gboolean web_visitor_stream(WebVisitor *visitor);
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
 /* Seconds until this peer may send a token again; 0: now. After n wrong tokens in a row it waits
- * 2^n / 8 s, WEB_DOOR_MOST_PENALTY_S at most. */
+ * 2^n / 8 s, WEB_DOOR_MAX_PENALTY_S at most. */
 double web_visitor_penalty_s(const WebVisitor *visitor);
 void web_visitor_token(WebVisitor *visitor, gboolean right);

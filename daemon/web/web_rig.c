@@ -11,7 +11,7 @@
 #define STATE_INTERVAL_MS 500
 #define CALL_TIMEOUT_MS   60000
 #define AGAIN_S           2    /* until a daemon that has gone is looked for again */
-#define MOST_SAMPLES      2000 /* of the progress; every other one goes when there are more */
+#define MAX_SAMPLES       2000 /* of the progress; every other one goes when there are more */
 #define STEPS             64   /* of a histogram */
 #define WHITE             250  /* of 255 */
 #define BLACK             5
@@ -216,7 +216,7 @@ static void take_sample(WebRig *rig) {
     else if (last && now.shots == last->shots)
         return;
     g_array_append_val(rig->samples, now);
-    for (guint i = 1; rig->samples->len > MOST_SAMPLES && i < rig->samples->len; i++)
+    for (guint i = 1; rig->samples->len > MAX_SAMPLES && i < rig->samples->len; i++)
         g_array_remove_index(rig->samples, i);
 }
 

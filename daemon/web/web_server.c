@@ -6,10 +6,10 @@
 
 #include <string.h>
 
-#define MOST_BODY    4096        /* bytes of a request's body */
-#define MOST_PENDING (256 << 10) /* bytes that a reader of a stream may lag behind */
+#define MAX_BODY     4096        /* bytes of a request's body */
+#define MAX_PENDING  (256 << 10) /* bytes that a reader of a stream may lag behind */
 #define KEEP_ALIVE_S 20          /* between two lines of a stream, at most */
-#define MOST_CALLS   256         /* of the daemon that wait for its answer */
+#define MAX_CALLS    256         /* of the daemon that wait for its answer */
 #define API          "/api/v1/"
 #define RESOURCES    "/org/mesorig/web"
 
@@ -228,7 +228,7 @@ static gboolean has_small_body(SoupServerMessage *message) {
         return FALSE;
     return n == 0 ||
            (*length && strlen(length) <= 10 && strspn(length, "0123456789") == strlen(length) &&
-            g_ascii_strtoull(length, NULL, 10) <= MOST_BODY);
+            g_ascii_strtoull(length, NULL, 10) <= MAX_BODY);
 }
 
 static void on_headers(SoupServerMessage *message, gpointer data) {
@@ -243,7 +243,7 @@ static void on_headers(SoupServerMessage *message, gpointer data) {
      */
     const goffset length =
         soup_message_headers_get_content_length(soup_server_message_get_request_headers(message));
-    if (length < 0 || length > WEB_DOOR_MOST_READ)
+    if (length < 0 || length > WEB_DOOR_MAX_READ)
         web_visitor_close(web_door_visitor(message), "413 Content Too Large");
 }
 
@@ -282,7 +282,7 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
 static void send(struct stream *stream, const char *text) {
     const gsize n = strlen(text);
     stream->pending += n;
-    if (stream->pending > MOST_PENDING) {
+    if (stream->pending > MAX_PENDING) {
         /* The client does not read: the next state contains what it misses. */
         web_visitor_close(web_door_visitor(stream->message), NULL);
         return;
@@ -363,7 +363,7 @@ static void go_on(SoupServerMessage *message) {
 
 /* NULL: too many wait; the message was answered. */
 static struct waiting *begin_waiting(WebServer *server, SoupServerMessage *message) {
-    if (*server->calls >= MOST_CALLS) {
+    if (*server->calls >= MAX_CALLS) {
         refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
                "too many requests wait for an answer of mesorigd");
         return NULL;

@@ -12,9 +12,9 @@
 #define IDLE_MS 200 /* time between polls of a drive that stands */
 /* Number of failed polls in a row after which a drive is lost. A delay may be caused by this
  * program. */
-#define LEAST_UNHEARD 3
-#define MAX_WRITES    6 /* largest number of writes in a list of the section */
-#define MAX_WORDS     8 /* largest number of registers of one write */
+#define MIN_UNHEARD 3
+#define MAX_WRITES  6 /* largest number of writes in a list of the section */
+#define MAX_WORDS   8 /* largest number of registers of one write */
 
 enum phase { STANDING, MOVING, HOMING, STOPPING };
 enum bits { BITS_16, BITS_32 };
@@ -430,7 +430,7 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     poll_later(axis);
     if (error) {
         priv->n_unheard++;
-        if (priv->phase != STANDING && priv->n_unheard >= LEAST_UNHEARD &&
+        if (priv->phase != STANDING && priv->n_unheard >= MIN_UNHEARD &&
             is_past(axis, priv->heard_us, priv->lost_ms))
             report_fault(axis, g_error_copy(error));
         return;

@@ -21,16 +21,16 @@ void modbus_watchdog_check(const struct modbus_watchdog *watchdog, const struct 
                            const struct config_section *section, int max, Mistakes *mistakes) {
     /* The cost of one lost answer (see line.c): timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
-    double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
+    double written = watchdog->after_s * watchdog->scale, min_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_scale",
                        "%g s × %g is not a number from 1 to %d", watchdog->after_s, watchdog->scale,
                        max);
-    else if (modbus_watchdog_s(watchdog) < least_s)
+    else if (modbus_watchdog_s(watchdog) < min_s)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "watchdog_after_s",
                        "%g s is too short, because a lost answer takes %g s (timeout_ms and twice "
                        "late_ms); write %g or more",
-                       modbus_watchdog_s(watchdog), lapse_s, least_s);
+                       modbus_watchdog_s(watchdog), lapse_s, min_s);
 }
 
 gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,

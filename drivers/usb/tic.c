@@ -512,13 +512,13 @@ static gboolean check_settings(Axis *axis, GError **error) {
         return device_error_set(
             error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
             "its control mode is %d" ERROR_ADVICE "set it to Serial/I2C/USB with ticgui", mode);
-    int least_ms = 2 * MAX(STANDING_MS, tic->poll_ms);
-    if (timeout_ms < least_ms)
+    int min_ms = 2 * MAX(STANDING_MS, tic->poll_ms);
+    if (timeout_ms < min_ms)
         return device_error_set(
             error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
             "its command timeout is %d ms%s" ERROR_ADVICE "set it to %d ms or more with ticgui",
             timeout_ms, timeout_ms ? "" : " (off), so it would turn on if this program died",
-            least_ms);
+            min_ms);
     return TRUE;
 }
 

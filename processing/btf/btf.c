@@ -14,7 +14,7 @@
 /* Frames whose pose moves the sample's corner by more than this neither make nor use the guide. */
 #define GUIDE_PX 0.25
 
-#define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
+#define MAX_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
 
 /* Attributes that count the texels with each flag. */
 static const struct {
@@ -290,7 +290,7 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
     g_autofree guint8 *flags = g_new(guint8, n);
     exr_half_to_floats(values, mosaic->half, mosaics->n_values);
     const int holes = rectify_apply(rectify, values, rgb, flags);
-    if (holes > MOST_HOLES * (double)n) {
+    if (holes > MAX_HOLES * (double)n) {
         g_set_error(
             error, DATA_ERROR, DATA_ERROR_INVALID,
             "%s: pixels of %d of %zu texels are not finite numbers; capture this shot again",

@@ -25,7 +25,7 @@ enum btf_flag {
 
 /* A view is not made if more than this share of its lights is missing, not counting those that were
  * left out since they can be predicted (pipeline/prediction_product.h). */
-#define BTF_MOST_MISSING 0.1
+#define BTF_MAX_MISSING 0.1
 
 struct btf_light {
     int index; /* of the light */
@@ -38,7 +38,7 @@ struct btf_light {
     double output;        /* of the lamp in this shot, relative to its calibration */
     double output_error;  /* 0: it was not measured in this shot */
     gboolean missing;     /* the plan left it out; input is empty */
-    gboolean left_out;    /* missing since predictable: not counted in BTF_MOST_MISSING */
+    gboolean left_out;    /* missing since predictable: not counted in BTF_MAX_MISSING */
     struct input input;
 };
 
@@ -52,7 +52,7 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
-    int n_missing;  /* missing lights with those left out; without them ≤ BTF_MOST_MISSING */
+    int n_missing;  /* missing lights with those left out; without them ≤ BTF_MAX_MISSING */
     char *inputs;   /* hash of all of the above */
 };
 

@@ -2,10 +2,10 @@
 
 #include <math.h>
 
-#define NEAREST   4    /* the fit's radius is REACH × the distance of this nearest light */
-#define REACH     1.5  /* (see NEAREST) */
-#define FLATNESS  1e-4 /* regularises the slope where the lights lie in a row */
-#define LEAST_COS 0.02
+#define NEAREST  4    /* the fit's radius is REACH × the distance of this nearest light */
+#define REACH    1.5  /* (see NEAREST) */
+#define FLATNESS 1e-4 /* regularises the slope where the lights lie in a row */
+#define MIN_COS  0.02
 
 /* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, from the missing light's. */
 struct disc_point {
@@ -19,7 +19,7 @@ static double btf_missing_radians(double deg) {
 
 /* cos θ_l, which the light's values contain as a factor. */
 static double btf_missing_cosine(const struct btf_light *light) {
-    return fmax(cos(btf_missing_radians(light->theta_deg)), LEAST_COS);
+    return fmax(cos(btf_missing_radians(light->theta_deg)), MIN_COS);
 }
 
 static int btf_missing_by_distance(gconstpointer a, gconstpointer b) {

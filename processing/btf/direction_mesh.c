@@ -8,13 +8,13 @@
 
 #include "directions/triangulation.h"
 
-#define TOGETHER  (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre: closer directions are one */
-#define FLAT      0.02 /* height of a triangle over its longest side: flatter ones are dropped */
-#define MOST_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
-#define AROUND    20   /* neighbours in the fit of a slope, at most */
-#define TERMS     5    /* of a quadric without its constant */
-#define RANK      0.02 /* smaller singular values, relative to the largest, count as 0 */
-#define ROUNDING  1e-9
+#define TOGETHER (0.25 * G_PI / 180 / 2) /* ¼° at the plane's centre: closer directions are one */
+#define FLAT     0.02 /* height of a triangle over its longest side: flatter ones are dropped */
+#define MAX_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
+#define AROUND   20   /* neighbours in the fit of a slope, at most */
+#define TERMS    5    /* of a quadric without its constant */
+#define RANK     0.02 /* smaller singular values, relative to the largest, count as 0 */
+#define ROUNDING 1e-9
 
 /* Four values; need not be aligned. */
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
@@ -232,14 +232,14 @@ static int direction_mesh_find(const DirectionMesh *mesh, const double *points, 
     return found;
 }
 
-/* Limits extrapolation: weights below −MOST_AWAY are raised to it and the positive ones scaled so
+/* Limits extrapolation: weights below −MAX_AWAY are raised to it and the positive ones scaled so
  * that the sum stays 1. Returns whether it did. */
 static gboolean limit_weights(double weights[3]) {
     double positive = 0, negative = 0;
     gboolean clamped = FALSE;
     for (int k = 0; k < 3; k++) {
-        clamped |= weights[k] < -MOST_AWAY;
-        weights[k] = MAX(weights[k], -MOST_AWAY);
+        clamped |= weights[k] < -MAX_AWAY;
+        weights[k] = MAX(weights[k], -MAX_AWAY);
         positive += MAX(weights[k], 0);
         negative += MIN(weights[k], 0);
     }

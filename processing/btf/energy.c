@@ -10,7 +10,7 @@
 
 #define SAME_DEG      1.0
 #define SAMPLES_ASIDE 200  /* grid over the unit disc for the cosine-weighted integral */
-#define LEAST_COSINE  0.05 /* lights at a smaller cos θ are not divided by it */
+#define MIN_COSINE    0.05 /* lights at a smaller cos θ are not divided by it */
 #define ROWS          256  /* texels read at a time */
 
 static struct vec3 *energy_directions(const struct direction_list *list) {
@@ -69,7 +69,7 @@ int *energy_exchanges(const struct btf_layout *layout) {
     for (gsize v = 0; v < n_views; v++)
         for (gsize l = 0; l < n_lights; l++) {
             gboolean there = view_as_light[v] >= 0 && light_as_view[l] >= 0 &&
-                             views[v].z > LEAST_COSINE && lights[l].z > LEAST_COSINE;
+                             views[v].z > MIN_COSINE && lights[l].z > MIN_COSINE;
             other[v * n_lights + l] =
                 there ? light_as_view[l] * (int)n_lights + view_as_light[v] : -1;
         }
@@ -109,11 +109,10 @@ static void energy_sum_fields(const struct btf_matrix *btf, const struct vec3 *l
     const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;
     int n_divided = 0;
     for (int l = 0; l < n_lights; l++)
-        n_divided += lights[l].z > LEAST_COSINE;
+        n_divided += lights[l].z > MIN_COSINE;
     for (int v = 0; v < n_views; v++)
         for (int l = 0; l < n_lights; l++) {
-            const double f =
-                lights[l].z > LEAST_COSINE ? values[v * n_lights + l] / lights[l].z : 0;
+            const double f = lights[l].z > MIN_COSINE ? values[v * n_lights + l] / lights[l].z : 0;
             ret_r[v] += f / MAX(n_divided, 1);
             ret_i[l] += f / n_views;
         }
@@ -209,7 +208,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
         double sum = 0;
         for (int v = 0; v < energy->n_views; v++)
             sum += weight[v] * mean[v * energy->n_lights + l];
-        energy->albedo[l] = lights[l].z > LEAST_COSINE ? sum / lights[l].z : 0;
+        energy->albedo[l] = lights[l].z > MIN_COSINE ? sum / lights[l].z : 0;
         energy->largest_albedo = MAX(energy->largest_albedo, energy->albedo[l]);
     }
     struct symmetry symmetry = {0};

@@ -11,7 +11,7 @@
 #define LANES        RESAMPLER_LANES
 #define COLOURS      3
 #define DEGREE       (G_PI / 180)
-#define MOST_LEFT    1024  /* texels that the leave-one-out test samples, at most */
+#define MAX_LEFT     1024  /* texels that the leave-one-out test samples, at most */
 #define COUNTS       0.02f /* weight from which a corner passes on its flags */
 #define MOSTLY_HOLES 0.5f
 
@@ -71,7 +71,7 @@ void resampler_init(struct resampler *r, const struct near_field *near,
                             .n_views = to->views.n,
                             .n_lights = to->lights.n,
                             .own = own,
-                            .left_step = (n_texels + MOST_LEFT - 1) / MOST_LEFT};
+                            .left_step = (n_texels + MAX_LEFT - 1) / MAX_LEFT};
     r->from_views = direction_mesh_new(views, near->views.n, -1, FALSE);
     r->from_lights = direction_mesh_new(lights, near->lights.n, -1, TRUE);
     r->views = texel_resampler_targets(r->from_views, &to->views);
@@ -129,7 +129,7 @@ void resampler_from_add(const struct resampler_from *more, struct resampler_from
 
 void resampler_to_add(const struct resampler_to *more, struct resampler_to *to) {
     to->moved_deg += more->moved_deg;
-    to->most_moved_deg = MAX(to->most_moved_deg, more->most_moved_deg);
+    to->max_moved_deg = MAX(to->max_moved_deg, more->max_moved_deg);
     to->nominal += more->nominal;
     to->norm += more->norm;
     to->clamped += more->clamped;
@@ -391,7 +391,7 @@ static void texel_resampler_add_moved(const struct texel_work *w, struct resampl
         struct resampler_to *sum = &sums->to[i];
         const double moved = moved_deg(r->views[i].direction, w->views, r->near->views.n);
         sum->moved_deg += moved;
-        sum->most_moved_deg = MAX(sum->most_moved_deg, moved);
+        sum->max_moved_deg = MAX(sum->max_moved_deg, moved);
         sum->clamped += w->view_shares[i].clamped ? 1 : (double)clamped / r->n_lights;
     }
 }

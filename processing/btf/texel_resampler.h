@@ -43,7 +43,7 @@ struct resampler_from { /* of a measured view: round trip, and leave-one-out of 
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
 struct resampler_to { /* of a target view */
-    double moved_deg, most_moved_deg, nominal, norm, clamped;
+    double moved_deg, max_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
     struct resampler_from *from;

@@ -370,7 +370,7 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
     return rc == EXR_ERR_SUCCESS;
 }
 
-#define MOST_LINES 32 /* per chunk */
+#define MAX_LINES 32 /* per chunk */
 
 /* Uniform pixels may compress so well that the limit of the reader would refuse the file. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
@@ -381,7 +381,7 @@ static gboolean may_be_read(int fd, const struct exr_file *file) {
         const struct exr_part *part = g_ptr_array_index(file->parts, i);
 
         planes += exr_plane_bytes(part);
-        chunk = MAX(chunk, exr_chunk_bytes(part, MOST_LINES));
+        chunk = MAX(chunk, exr_chunk_bytes(part, MAX_LINES));
     }
     return fstat(fd, &status) != 0 || planes + chunk <= input_file_memory((guint64)status.st_size);
 }

@@ -11,8 +11,8 @@
 #include "exr/exr.h"
 #include "surface_points.h"
 
-#define GAP          1.0  /* gap between two heights, in texels, that separates layers */
-#define MOST_STACKED 0.05 /* largest share of texels with two layers in a height field */
+#define GAP         1.0  /* gap between two heights, in texels, that separates layers */
+#define MAX_STACKED 0.05 /* largest share of texels with two layers in a height field */
 
 /* A point and the cube of a texel's width that contains it; sorted by cube. */
 struct cube {
@@ -79,7 +79,7 @@ static void put_vector(GByteArray *to, struct vec3 v) {
     export_surface_put_float(to, v.z);
 }
 
-static gboolean write_points(const struct surface *surface, const char *file, int least_views,
+static gboolean write_points(const struct surface *surface, const char *file, int min_views,
                              struct export_surface_result *ret, GError **error) {
     const guint n_points = surface->points->len;
     const double mm = surface->texel_mm;
@@ -96,7 +96,7 @@ static gboolean write_points(const struct surface *surface, const char *file, in
             n++;
         const struct fused fused = fuse(surface, cubes + i, n);
         const guint8 views = (guint8)MIN(fused.n_views, 255);
-        if (fused.n_views < least_views)
+        if (fused.n_views < min_views)
             continue;
         put_vector(body, fused.at_mm);
         put_vector(body, fused.normal);
@@ -236,7 +236,7 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     ret->points = surface->grid.width * surface->grid.height - map.holes;
     if (ret->points == 0)
         return data_error_fail(session, 0, error, "its MDF has no measured texel");
-    if (!options->layered && map.stacked > MOST_STACKED * (double)ret->points)
+    if (!options->layered && map.stacked > MAX_STACKED * (double)ret->points)
         return data_error_fail(session, 0, error,
                                "it is not a height field: %d of %d texels have structure below "
                                "structure; export points, or the upper layer with --layered",
@@ -250,7 +250,7 @@ gboolean export_surface(const char *session, const char *file,
     struct surface surface;
     *ret = (struct export_surface_result){0};
     gboolean ok = surface_points_read(session, work, &surface, error);
-    const int least = options->least_views > 0 ? options->least_views : MIN(2, surface.n_views);
+    const int least = options->min_views > 0 ? options->min_views : MIN(2, surface.n_views);
     if (ok && options->what == EXPORT_POINTS)
         ok = write_points(&surface, file, least, ret, error);
     else if (ok)

@@ -11,7 +11,7 @@ enum export_surface { EXPORT_POINTS, EXPORT_HEIGHT, EXPORT_NORMALS };
 
 struct export_surface_options {
     enum export_surface what;
-    int least_views; /* points that fewer views saw are left out; 0: 2, or 1 if there is one view */
+    int min_views; /* points that fewer views saw are left out; 0: 2, or 1 if there is one view */
     gboolean layered; /* write a map even if the structure is not a height field */
 };
 

@@ -172,7 +172,7 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
     gboolean ok = TRUE;
     for (int light = 0; ok && light < m->n_lights; light++) {
         import->holes += holes[light];
-        ok = (double)holes[light] <= IMPORT_MOST_HOLES * (double)n ||
+        ok = (double)holes[light] <= IMPORT_MAX_HOLES * (double)n ||
              data_error_fail(m->source, 0, error,
                              "%d of %zu texels of view %d, light %d are missing or not numbers",
                              holes[light], n, view, light);

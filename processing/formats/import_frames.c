@@ -10,12 +10,12 @@
 #include "exr/exr.h"
 #include "frames/sweep.h"
 
-#define SATURATION   0.98    /* of white */
-#define MOST_DN_MS   65504.0 /* the largest half */
-#define UNEVEN       0.05    /* tolerance of an angle, in steps */
-#define MOST_MISSING 0.1     /* largest share of a sweep's pictures */
-#define BESIDE       2.0     /* peaks within so many steps of a missing picture are invalid, */
-#define PULSE        4.0     /* or so many standard deviations of the pulse; the larger counts */
+#define SATURATION  0.98    /* of white */
+#define MAX_DN_MS   65504.0 /* the largest half */
+#define UNEVEN      0.05    /* tolerance of an angle, in steps */
+#define MAX_MISSING 0.1     /* largest share of a sweep's pictures */
+#define BESIDE      2.0     /* peaks within so many steps of a missing picture are invalid, */
+#define PULSE       4.0     /* or so many standard deviations of the pulse; the larger counts */
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
@@ -156,12 +156,12 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
         if (n_saturated > 0)
             part->planes[n_colours][i] = saturated[i];
     }
-    if ((double)most * IMPORT_WHITE_DN / row->exposure_ms > MOST_DN_MS)
+    if ((double)most * IMPORT_WHITE_DN / row->exposure_ms > MAX_DN_MS)
         return data_error_fail(set->table, row->line, error,
                                "exposure_ms: in %g ms %s would show up to %.2g DN/ms, and a frame "
                                "holds %g; is it in seconds? Give milliseconds",
                                row->exposure_ms, row->name,
-                               (double)most * IMPORT_WHITE_DN / row->exposure_ms, MOST_DN_MS);
+                               (double)most * IMPORT_WHITE_DN / row->exposure_ms, MAX_DN_MS);
     exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
     exr_set_double(part, "mesorig.dark_dn", 0);
     exr_set_int(part, "mesorig.saturated", n_saturated);
@@ -230,7 +230,7 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
 static gboolean check_missing(const struct import_set *set, const struct run *run, GError **error) {
     const int missing = run->steps - run->n;
     for (int k = 1; k < run->steps; k++)
-        if (run->missing[k] && (run->missing[k - 1] || missing > MOST_MISSING * run->steps))
+        if (run->missing[k] && (run->missing[k - 1] || missing > MAX_MISSING * run->steps))
             return data_error_fail(
                 set->table, run->rows[0].line, error,
                 "the sweep that begins here lacks %d of its %d pictures, for instance that at %g°; "

@@ -9,12 +9,12 @@
 #include "base/nearest.h"
 #include "base/text_table.h"
 
-#define MOST_LIGHTS    65536
+#define MAX_LIGHTS     65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH   0.5  /* of a direction in a list, which should be a unit vector */
+#define MIN_LENGTH     0.5  /* of a direction in a list, which should be a unit vector */
 #define HORIZON        0.02 /* a light is on it if z is from −this to 0, of the unit vector */
 #define HORIZON_DEG    91
-#define MOST_ON_IT     0.1 /* of the lights, or one */
+#define MAX_ON_IT      0.1 /* of the lights, or one */
 #define DEG            (180 / G_PI)
 #define EXPECTED       "a picture's name and x, y, z of the direction to its light"
 
@@ -64,13 +64,12 @@ static gboolean import_lights_add(struct list *list, int line, char *name, const
     const gboolean named = name != NULL;
     g_free(name);
     g_array_append_val(list->lights, light);
-    if (length < LEAST_LENGTH || d[2] < -HORIZON * length)
+    if (length < MIN_LENGTH || d[2] < -HORIZON * length)
         return data_error_fail(list->path, line, error,
                                "%g %g %g is not a direction to a light above the sample", d[0],
                                d[1], d[2]);
-    if (list->lights->len > MOST_LIGHTS)
-        return data_error_fail(list->path, line, error, "it lists more than %d lights",
-                               MOST_LIGHTS);
+    if (list->lights->len > MAX_LIGHTS)
+        return data_error_fail(list->path, line, error, "it lists more than %d lights", MAX_LIGHTS);
     return !mixed || data_error_fail(list->path, line, error,
                                      named ? "this line has a picture's name, the first one has "
                                              "none; name all pictures, or none"
@@ -225,7 +224,7 @@ static gboolean check_horizon(const struct list *list, GError **error) {
         if (light->on_horizon && n++ == 0)
             first = light;
     }
-    return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MOST_ON_IT * list->lights->len)) ||
+    return n == 0 || (2 * n < list->lights->len && n <= MAX(1, MAX_ON_IT * list->lights->len)) ||
            data_error_fail(list->path, first->line, error,
                            "the light is not above the sample, and so are %u of %u; the third "
                            "number is expected to be the height",
@@ -252,10 +251,10 @@ GArray *import_lights_read(const char *path, GError **error) {
         begun = TRUE;
         if (first && is_count(line, &list.count)) {
             list.count_line = i + 1;
-            if (list.count < 1 || list.count > MOST_LIGHTS) {
+            if (list.count < 1 || list.count > MAX_LIGHTS) {
                 data_error_set(path, i + 1, error,
                                "the number of pictures is %s; 1 to %d are expected", line,
-                               MOST_LIGHTS);
+                               MAX_LIGHTS);
                 return NULL;
             }
         } else if (first && parse_head(line, &list.columns)) {

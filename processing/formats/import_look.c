@@ -17,19 +17,19 @@
 #include "base/direction.h"
 #include "base/robust.h"
 
-#define SAMPLES      400 /* texels */
-#define LEAST_LIGHTS 6
-#define WHITE        0.98 /* values from here on are saturated */
-#define DARK         0.02 /* of what the lights show at their upper quartile */
-#define LEAST_COS    0.1
-#define LEAST_VALUE  0.02 /* of the largest: a texel that is darker says nothing */
-#define STEPS        10   /* of the weights */
-#define LEAST_MISFIT 0.05
-#define LEAST_LIFTED                                                                               \
-    0.015 /* likewise, to tell a level: most of what it lifts is left out as shadow */
-#define BETTER       3.0  /* another curve must lower the misfit by this factor */
-#define LEAST_LEVEL  0.02 /* of the largest value */
-#define LEAST_SPREAD 0.08 /* standard deviation of cos θ over the lights, to tell a level */
+#define SAMPLES    400 /* texels */
+#define MIN_LIGHTS 6
+#define WHITE      0.98 /* values from here on are saturated */
+#define DARK       0.02 /* of what the lights show at their upper quartile */
+#define MIN_COS    0.1
+#define MIN_VALUE  0.02 /* of the largest: a texel that is darker says nothing */
+#define STEPS      10   /* of the weights */
+#define MIN_MISFIT 0.05
+#define MIN_LIFTED                                                                                 \
+    0.015               /* likewise, to tell a level: most of what it lifts is left out as shadow */
+#define BETTER     3.0  /* another curve must lower the misfit by this factor */
+#define MIN_LEVEL  0.02 /* of the largest value */
+#define MIN_SPREAD 0.08 /* standard deviation of cos θ over the lights, to tell a level */
 
 enum { AS_IS, DECODED_WRONGLY, TO_BE_DECODED, WITH_LEVEL, CANDIDATES };
 
@@ -211,7 +211,7 @@ static gboolean take_texel(const struct import_look *look, int k, double least, 
         ret->value[ret->n++] = value;
         most = MAX(most, value);
     }
-    return ret->n >= LEAST_LIGHTS && most > least;
+    return ret->n >= MIN_LIGHTS && most > least;
 }
 
 static double spread_of_heights(const struct import_look *look) {
@@ -234,25 +234,24 @@ static void look_at_tones(const struct import_look *look, GPtrArray *ret) {
         most = isfinite(look->values[i]) ? MAX(most, (double)look->values[i]) : most;
     for (int k = 0; k < SAMPLES; k++) {
         struct texel texel;
-        if (!take_texel(look, k, LEAST_VALUE * most, &texel))
+        if (!take_texel(look, k, MIN_VALUE * most, &texel))
             continue;
         for (int c = 0; c < CANDIDATES; c++)
             misfit[c * SAMPLES + n] = fit_texel(&texel, c, &level);
         positive += level > 0;
         levels[n++] = level;
     }
-    if (n < LEAST_LIGHTS)
+    if (n < MIN_LIGHTS)
         return;
     for (int c = 0; c < CANDIDATES; c++)
         medians[c] = robust_median(misfit + c * SAMPLES, n);
     level = robust_median(levels, n);
-    if (level < LEAST_LEVEL * most || positive < 9 * n / 10 ||
-        spread_of_heights(look) < LEAST_SPREAD)
+    if (level < MIN_LEVEL * most || positive < 9 * n / 10 || spread_of_heights(look) < MIN_SPREAD)
         medians[WITH_LEVEL] = medians[AS_IS];
     int best = AS_IS;
     for (int c = 1; c < CANDIDATES; c++)
         best = medians[c] < medians[best] ? c : best;
-    if (medians[AS_IS] < (best == WITH_LEVEL ? LEAST_LIFTED : LEAST_MISFIT) ||
+    if (medians[AS_IS] < (best == WITH_LEVEL ? MIN_LIFTED : MIN_MISFIT) ||
         medians[best] * BETTER > medians[AS_IS])
         return;
     if (best == WITH_LEVEL)
@@ -284,7 +283,7 @@ static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
         for (int l = 0; l < look->n_lights; l++) {
             const double mean = look->means[v * look->n_lights + l];
             if (isfinite(mean))
-                shown[n++] = mean / MAX(look->light[3 * l + 2], LEAST_COS);
+                shown[n++] = mean / MAX(look->light[3 * l + 2], MIN_COS);
         }
         if (n < 3)
             continue;
@@ -292,13 +291,13 @@ static void look_at_lamps(const struct import_look *look, GPtrArray *ret) {
         const double usual = shown[3 * n / 4];
         for (int l = 0; l < look->n_lights; l++) {
             const double mean = look->means[v * look->n_lights + l];
-            if (!(mean / MAX(look->light[3 * l + 2], LEAST_COS) < DARK * usual) || dark[l])
+            if (!(mean / MAX(look->light[3 * l + 2], MIN_COS) < DARK * usual) || dark[l])
                 continue;
             dark[l] = 1;
             n_dark++;
             if (first < 0) {
                 first = l;
-                share = mean / MAX(look->light[3 * l + 2], LEAST_COS) / usual;
+                share = mean / MAX(look->light[3 * l + 2], MIN_COS) / usual;
             }
         }
     }
@@ -332,7 +331,7 @@ gboolean import_look_tell(const struct import_look *look, Session *session, GPtr
                             GPOINTER_TO_INT(g_hash_table_lookup(look->tones, tones->pdata[i])),
                             "pictures", (char *)tones->pdata[i]));
     look_at_lamps(look, wrong);
-    if (look->n_lights >= LEAST_LIGHTS)
+    if (look->n_lights >= MIN_LIGHTS)
         look_at_tones(look, wrong);
     for (guint i = 0; i < wrong->len; i++) {
         if (notes)

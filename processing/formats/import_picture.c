@@ -247,11 +247,11 @@ gboolean import_picture_check_holes(const struct import_picture *picture, gsize 
     const gsize masked = MIN(picture->transparent, n_bad);
     g_autofree char *of = name ? g_strdup_printf("the %zu pixels of %s", n_pixels, name)
                                : g_strdup_printf("its %zu pixels", n_pixels);
-    if ((double)n_bad > IMPORT_MOST_MASKED * (double)n_pixels && masked > 0)
+    if ((double)n_bad > IMPORT_MAX_MASKED * (double)n_pixels && masked > 0)
         return data_error_fail(list, line, error,
                                "%zu of %s are masked or not numbers; remove the channel of opacity "
                                "if they show the sample",
                                n_bad, of);
-    return (double)(n_bad - masked) <= IMPORT_MOST_HOLES * (double)(n_pixels - masked) ||
+    return (double)(n_bad - masked) <= IMPORT_MAX_HOLES * (double)(n_pixels - masked) ||
            data_error_fail(list, line, error, "%zu of %s are not numbers", n_bad, of);
 }

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #define STEPS_A_DEG 10000 /* angles within 1/this degree are equal */
-#define MOST_ROWS   1000000
+#define MAX_ROWS    1000000
 
 const char *const import_poses_columns[] = {
     "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg", "exposure_ms",
@@ -111,8 +111,8 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
             columns.file < 0     ? "file"
             : columns.camera < 0 ? "camera"
                                  : "lamp or laser");
-    if (text_table_rows(table) > MOST_ROWS)
-        return data_error_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
+    if (text_table_rows(table) > MAX_ROWS)
+        return data_error_fail(set->table, 0, error, "it has more than %d rows", MAX_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
         struct import_row row = {0};
         const gboolean ok = import_poses_read_row(set, table, &columns, i, &row, error);
@@ -327,7 +327,7 @@ static gboolean check_lights(struct import_set *set, GError **error) {
             missing++;
             ok = add_missing(set, (int)view, (int)light) && ok;
         }
-        if (missing > 0 && (!ok || missing > BTF_MOST_MISSING * n_lights))
+        if (missing > 0 && (!ok || missing > BTF_MAX_MISSING * n_lights))
             return import_poses_fail_missing(set, of, first, missing, error);
         if (missing > 0 && set->wish->notes)
             g_ptr_array_add(

@@ -4,9 +4,9 @@
 #include "import.h"
 #include "pictures/picture_says.h"
 
-#define IMPORT_MOST_HOLES  0.5  /* of a picture's pixels that are not masked */
-#define IMPORT_MOST_MASKED 0.98 /* of all of them */
-#define IMPORT_NO_TEXT     "# none: imported\n"
+#define IMPORT_MAX_HOLES  0.5  /* of a picture's pixels that are not masked */
+#define IMPORT_MAX_MASKED 0.98 /* of all of them */
+#define IMPORT_NO_TEXT    "# none: imported\n"
 
 typedef struct import_picture {
     int width, height;

@@ -19,11 +19,11 @@
 #include "btf/btf_directions.h"
 #include "hsh/hsh.h"
 
-#define MOST_LIGHTS    65536
+#define MAX_LIGHTS     65536
 #define MAX_INFO_BYTES (64 << 20)
 #define LOWEST_RAD     0.15
 #define PTM_TERMS      6
-#define MOST_PLANES    (HSH_MAX_TERMS + 1)
+#define MAX_PLANES     (HSH_MAX_TERMS + 1)
 
 struct relight {
     const char *path;
@@ -33,11 +33,11 @@ struct relight {
     int n_terms, n_planes; /* planes: pictures */
     int width, height, n_lights;
     double *lights, *scale, *bias; /* n_lights × 3; n_planes × 3 each */
-    guint8 *planes[MOST_PLANES];   /* height × width × 3 */
+    guint8 *planes[MAX_PLANES];    /* height × width × 3 */
 };
 
 static void relight_clear(struct relight *relight) {
-    for (int i = 0; i < MOST_PLANES; i++)
+    for (int i = 0; i < MAX_PLANES; i++)
         g_free(relight->planes[i]);
     g_free(relight->lights);
     g_free(relight->scale);
@@ -67,7 +67,7 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
     JsonArray *array = node && JSON_NODE_HOLDS_ARRAY(node) ? json_node_get_array(node) : NULL;
     const guint length = array ? json_array_get_length(array) : 0;
     g_autofree double *ret = g_new(double, length + 1);
-    gboolean good = n ? length == n : length > 0 && length % 3 == 0 && length / 3 <= MOST_LIGHTS;
+    gboolean good = n ? length == n : length > 0 && length % 3 == 0 && length / 3 <= MAX_LIGHTS;
     for (guint i = 0; good && i < length; i++)
         good = relight_number(json_array_get_element(array, i), &ret[i]);
     if (ret_n)
@@ -81,7 +81,7 @@ static double *relight_numbers(const struct relight *relight, JsonObject *of, co
         data_error_set(relight->path, 0, error,
                        "“%s” has %u values; x, y and z of each of 1 to %d lights are expected, "
                        "under which the material is made",
-                       key, length, MOST_LIGHTS);
+                       key, length, MAX_LIGHTS);
     return NULL;
 }
 
@@ -131,7 +131,7 @@ static gboolean relight_read_info(struct relight *relight, GError **error) {
                                height);
     relight->width = (int)width;
     relight->height = (int)height;
-    relight->n_planes = (int)CLAMP(planes / 3, 0, MOST_PLANES);
+    relight->n_planes = (int)CLAMP(planes / 3, 0, MAX_PLANES);
     relight->n_terms = relight->lrgb ? 3 * (relight->n_planes - 1) : relight->n_planes;
     if (relight->n_planes * 3 != planes ||
         (relight->hsh ? relight->n_terms != 4 && relight->n_terms != 9 && relight->n_terms != 16

@@ -41,7 +41,7 @@ static const struct nominal_key camera_keys[] = {
      "camera's turn about its line of sight, clockwise from behind; 0: the picture is level, or, "
      "of "
      "a camera that looks straight down, x points to its right and y to its top"},
-    {"response", PLACE(response), 1, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE,
+    {"response", PLACE(response), 1, RIG_MIN_RESPONSE, RIG_MAX_RESPONSE,
      G_STRINGIFY(NOMINAL_RESPONSE),
      "4095 × share of white in a second per W/(sr m²); calibrate radiometry finds it"},
     {"full_well_e", PLACE(full_well_e), 1, 1, 1e9, "nan",
@@ -60,7 +60,7 @@ static const struct nominal_key camera_keys[] = {
 static const struct nominal_key lamp_keys[] = {
     {"position_mm", POINT(position_mm), NULL, "where it is when arc_deg is 0: x; y; z"},
     {"aim_mm", POINT(aim_mm), "0; 0; 0", "the point that it is aimed at"},
-    {"intensity", PLACE(intensity), 1, 1e-12, RIG_MOST_INTENSITY, "1", "W/sr along its aim"},
+    {"intensity", PLACE(intensity), 1, 1e-12, RIG_MAX_INTENSITY, "1", "W/sr along its aim"},
     {"exponent", PLACE(exponent), 1, 0, 1e6, "0",
      "n of its fall-off cos^n beside its aim; 0: equally bright all around"},
     {NULL},

@@ -11,10 +11,10 @@
 #include "frames/rectify.h"
 #include "mdf/mdf_views.h"
 
-#define CONNECTED   3.0  /* in texels: largest distance of neighbours on one surface */
-#define LEAST_ERROR 0.02 /* of a texel: lower bound of a standard error from few sweeps */
-#define UNKNOWN     0.5  /* of a texel: error of a point that one sweep measured */
-#define LEAST_FACE  0.05 /* lower bound of the cosine between normal and camera, for the weight */
+#define CONNECTED 3.0  /* in texels: largest distance of neighbours on one surface */
+#define MIN_ERROR 0.02 /* of a texel: lower bound of a standard error from few sweeps */
+#define UNKNOWN   0.5  /* of a texel: error of a point that one sweep measured */
+#define MIN_FACE  0.05 /* lower bound of the cosine between normal and camera, for the weight */
 
 void surface_clear(struct surface *surface) {
     g_clear_pointer(&surface->points, g_array_unref);
@@ -76,9 +76,9 @@ static void add_points(const struct view *view) {
         const double own =
             view->error[i] >= 0 ? (double)view->error[i] / surface->texel_mm : UNKNOWN;
         const struct vec3 to_eye = vec3_unit(vec3_sub(view->eye_mm, view->at_mm[i]));
-        const double error = hypot(own, LEAST_ERROR);
+        const double error = hypot(own, MIN_ERROR);
         point.at_mm = view->at_mm[i];
-        point.weight = (float)(MAX(vec3_dot(point.normal, to_eye), LEAST_FACE) / (error * error));
+        point.weight = (float)(MAX(vec3_dot(point.normal, to_eye), MIN_FACE) / (error * error));
         g_array_append_val(surface->points, point);
     }
 }

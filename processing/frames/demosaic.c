@@ -4,12 +4,12 @@
 #include <stdlib.h>
 
 /* Weights of the colour-ratio filter, see find_colours(). */
-#define RADIUS       3      /* pixels: half width of its window */
-#define SIGMA_PX     1.2f   /* standard deviation of the spatial weight */
-#define LEVEL_SCALE  0.12f  /* of the range weight, in ln(green) */
-#define LEAST_WEIGHT 1e-3f  /* floor of the range weight */
-#define DARK         0.002f /* of the mean signal: added to both sides of a ratio */
-#define MAX_RATIO    50.0f  /* bound of a colour ratio */
+#define RADIUS      3      /* pixels: half width of its window */
+#define SIGMA_PX    1.2f   /* standard deviation of the spatial weight */
+#define LEVEL_SCALE 0.12f  /* of the range weight, in ln(green) */
+#define MIN_WEIGHT  1e-3f  /* floor of the range weight */
+#define DARK        0.002f /* of the mean signal: added to both sides of a ratio */
+#define MAX_RATIO   50.0f  /* bound of a colour ratio */
 
 struct picture {
     const guint8 *colour;
@@ -61,7 +61,7 @@ static void fill_green(struct picture *picture) {
 
 /* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the window's pixels of colour
  * c, with a bilateral weight
- *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + LEAST_WEIGHT). */
+ *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
     float level = picture->level[demosaic_pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};
@@ -70,7 +70,7 @@ static void find_colours(const struct picture *picture, const float *weights, in
         for (int u = -RADIUS; u <= RADIUS; u++) {
             gsize k = demosaic_pixel_at(picture, x + u, y + v);
             float other = (picture->level[k] - level) / LEVEL_SCALE;
-            float w = weights[abs(u)] * weights[abs(v)] * (1 / (1 + other * other) + LEAST_WEIGHT);
+            float w = weights[abs(u)] * weights[abs(v)] * (1 / (1 + other * other) + MIN_WEIGHT);
             sum[picture->colour[k]] += w * picture->own[k];
             green[picture->colour[k]] += w * picture->green[k];
         }

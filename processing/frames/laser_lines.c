@@ -7,17 +7,17 @@
 #include "base/robust.h"
 #include "laser_frames.h"
 
-#define MARK_SHARE   0.25 /* of a fiducial's radius: margin around it */
-#define LEAST_PIXELS 64   /* least number of pixels with a peak in a sweep */
-#define LEAST_FRAME  6    /* and in a frame */
-#define ROUNDS       6
-#define BEND_ROUNDS  4    /* of intersecting a ray with a bent sheet */
-#define MANY         4.0  /* standard errors: larger differences are significant */
-#define OFF_SHARE    0.25 /* of the frames: if more disagree, the sweep as a whole does */
+#define MARK_SHARE  0.25 /* of a fiducial's radius: margin around it */
+#define MIN_PIXELS  64   /* least number of pixels with a peak in a sweep */
+#define MIN_FRAME   6    /* and in a frame */
+#define ROUNDS      6
+#define BEND_ROUNDS 4    /* of intersecting a ray with a bent sheet */
+#define MANY        4.0  /* standard errors: larger differences are significant */
+#define OFF_SHARE   0.25 /* of the frames: if more disagree, the sweep as a whole does */
 /* Floors of the calibration's standard errors, since a sheet is only nearly a plane and axes step
  * unevenly: for the whole sweep (15 µm at half a metre), and for single frames. */
-#define LEAST_KNOWN_RAD 3e-5
-#define LEAST_FRAME_RAD 2e-4
+#define MIN_KNOWN_RAD 3e-5
+#define MIN_FRAME_RAD 2e-4
 
 struct pixel {
     guint32 index;
@@ -207,7 +207,7 @@ static void fit_frames(struct search *search, double roll) {
         const int from = search->first[frame], n = search->first[frame + 1] - from;
         struct candidate *candidates = search->candidates + from;
         search->middle[frame] = NAN;
-        if (n < LEAST_FRAME)
+        if (n < MIN_FRAME)
             continue;
         for (int i = 0; i < n; i++)
             off[i] = candidates[i].off - roll * candidates[i].along;
@@ -221,7 +221,7 @@ static void fit_frames(struct search *search, double roll) {
                 weights += candidates[i].weight;
                 sum += candidates[i].weight * value;
             }
-            middle = weights >= 0.5 * LEAST_FRAME ? sum / weights : NAN;
+            middle = weights >= 0.5 * MIN_FRAME ? sum / weights : NAN;
         }
         if (!isfinite(middle))
             continue;
@@ -283,7 +283,7 @@ static void laser_lines_combine(const struct search *search, const struct laser_
     const int n = search->n_frames;
     g_autofree double *level = g_new(double, n), *own = g_new(double, n);
     struct laser_frames frames = {n, search->middle, search->error, level, own};
-    const double frame_known = hypot(known->turn_rad, LEAST_FRAME_RAD);
+    const double frame_known = hypot(known->turn_rad, MIN_FRAME_RAD);
     laser_frames_settle(&frames);
     lines->frames = frames.lines;
     lines->offset_rad = frames.offset;
@@ -332,8 +332,8 @@ static gboolean laser_lines_do_find(struct search *search, const struct laser_kn
 
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret) {
-    const struct laser_known least = {hypot(known->turn_rad, LEAST_KNOWN_RAD),
-                                      hypot(known->roll_rad, LEAST_KNOWN_RAD)};
+    const struct laser_known least = {hypot(known->turn_rad, MIN_KNOWN_RAD),
+                                      hypot(known->roll_rad, MIN_KNOWN_RAD)};
     struct search search = {.n_frames = n_frames};
     *ret = (struct laser_lines){.n_frames = n_frames};
     search.candidates = g_new(struct candidate, region->pixels->len + 1);
@@ -346,7 +346,7 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 inward = vec3_scale(ret->source_mm, -1);
     ret->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));
-    if (search.n >= LEAST_PIXELS && laser_lines_do_find(&search, &least, ret)) {
+    if (search.n >= MIN_PIXELS && laser_lines_do_find(&search, &least, ret)) {
         laser_lines_combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm,
                             ret);
         ret->scatter_mm = search.scale * search.range_mm;

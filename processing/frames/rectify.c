@@ -356,7 +356,7 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
         for (int c = 0; c < 3; c++) {
             const float others = around.others[c], balance = rectify->balance[texel][c];
             const float excess = balance > 0 && others > 0 ? CLAMP(around.own[c] / others * balance,
-                                                                   1 / MOST_EXCESS, MOST_EXCESS)
+                                                                   1 / MAX_EXCESS, MAX_EXCESS)
                                                            : 1;
             ret_rgb[c] = rectify->colour_gain[c] * (area.own[c] + area.others[c] * excess);
         }

@@ -4,7 +4,7 @@
 #include "demosaic.h"
 #include "rectify_private.h"
 
-#define MOST_RATIO  100.0f
+#define MAX_RATIO   100.0f
 #define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/accuracy.md */
 
 /* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
@@ -45,7 +45,7 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
         if (!(balance > 0 && others > 0))
             continue;
         const float excess = around.own[c] / others * balance;
-        ret.excess[c] = CLAMP(excess, 1 / MOST_EXCESS, MOST_EXCESS);
+        ret.excess[c] = CLAMP(excess, 1 / MAX_EXCESS, MAX_EXCESS);
         ret.log_excess[c] = logf(ret.excess[c]);
         if (excess != ret.excess[c])
             continue;
@@ -96,12 +96,12 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
 static float rectify_vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
-    float off = logf(CLAMP(green[at], 1 / MOST_RATIO, MOST_RATIO));
+    float off = logf(CLAMP(green[at], 1 / MAX_RATIO, MAX_RATIO));
     for (gsize k = 0; k < G_N_ELEMENTS(next); k++) {
         const int u = demosaic_mirror(x + next[k].x, rectify->width);
         const int v = demosaic_mirror(y + next[k].y, rectify->height);
         const float ratio = green[(gsize)v * rectify->stride + (gsize)u];
-        off -= 0.25f * logf(CLAMP(ratio, 1 / MOST_RATIO, MOST_RATIO));
+        off -= 0.25f * logf(CLAMP(ratio, 1 / MAX_RATIO, MAX_RATIO));
     }
     return off * off / 1.25f;
 }
@@ -211,13 +211,13 @@ rectify_add_structure(const float *plane, gsize stride, wide here, wide aside, w
 }
 
 /* Errors are alike along an edge, and it is not known where edges run: with u_p = w_p Λ_p,
- *   most_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
- *   coherence_c = most_c / Σ_p u_p².
- * Where in a pixel an edge lies gives a variance of κ² most_c. A pixel's colours deviate from its
+ *   max_c = max(Σ_p u_p², Σ_rows (Σ u_p)², Σ_columns (Σ u_p)², (Σ_p u_p)²),
+ *   coherence_c = max_c / Σ_p u_p².
+ * Where in a pixel an edge lies gives a variance of κ² max_c. A pixel's colours deviate from its
  * texel's as adjacent texels' do if that is CHROMA_PX across, more if it is smaller:
  *   off_c = chroma_c · CHROMA_PX / pixels · Σ_(p of other colours) w_p² m_p²,
  *   fine_c = vary_c · Σ_(p of other colours) w_p² m_p²,   vary_c: rectify_find_vary(),
- *   detail_c = max(0, κ² (gain_c² most_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),
+ *   detail_c = max(0, κ² (gain_c² max_c − 1.25 noise_c)) + gain_c² (coherence_c off_c + fine_c),
  *   shift_c = gain_c² · ((Σ w ∂m/∂x)² + (Σ w ∂m/∂y)²).
  * down: room for 3 × columns of the window. */
 static inline __attribute__((always_inline)) void

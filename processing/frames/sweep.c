@@ -5,8 +5,8 @@
 
 #include "sweep_pulse.h"
 
-#define LEAST_MARGIN 4    /* DN: lower bound of the margin */
-#define MOST_MARGIN  64   /* the margin grows to saturation / this at most */
+#define MIN_MARGIN   4    /* DN: lower bound of the margin */
+#define MAX_MARGIN   64   /* the margin grows to saturation / this at most */
 #define FEW_PIXELS   256  /* fewer pixels do not measure noise: a line may light them all */
 #define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
 #define NOISE_MARGIN 6 /* margin in σ; the minimum of many samples is 2 … 3 σ below the mean */
@@ -58,7 +58,7 @@ Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
     sweep->n_vectors = (sweep->n_pixels + LANES - 1) / LANES;
     sweep->n_frames = n_frames;
     sweep->saturation = (guint16)CLAMP(saturation, 1, G_MAXUINT16);
-    sweep->margin = LEAST_MARGIN;
+    sweep->margin = MIN_MARGIN;
     sweep->darkest = g_new(guint16, sweep->n_vectors * LANES);
     memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
     sweep->opening = g_new0(guint16, sweep->n_vectors * LANES);
@@ -225,7 +225,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     if (odd || sweep->count == 1) { /* σ = median |a − b| / MEDIAN */
         const double noise = difference / MEDIAN;
         sweep->difference = difference;
-        sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+        sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, MIN_MARGIN, G_MAXUINT16 / 4);
         sweep->pedestal = (float)(DARKEST * noise);
     }
 }
@@ -233,7 +233,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
 /* There are more records than lines explain: noise, or flickering light. The margin grows by half
  * until the records take half of the limit, but not so far that lines are lost. */
 static void sweep_make_room(Sweep *sweep) {
-    int most = MAX(LEAST_MARGIN, sweep->saturation / MOST_MARGIN);
+    int most = MAX(MIN_MARGIN, sweep->saturation / MAX_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
         sweep->margin += sweep->margin / 2;
         struct record *kept = g_new(struct record, sweep->n_records);

@@ -2,13 +2,13 @@
 
 #include <math.h>
 
-#define VALLEY   0.6f  /* of the fainter of two peaks: a lower minimum between separates them */
-#define WINGS    0.12f /* of the maximum: fainter samples may belong to another line */
-#define FAINT    0.6f  /* of the margin: mean of the samples below it next to a pulse */
-#define READ_DN  5.0f  /* DN: where shot noise equals read noise */
-#define MOST_LOG 20    /* upper bound of ln(height in DN) */
-#define DOUBT    1.3   /* of the margin: the fit leaves out samples that should be fainter, */
-#define KNOWN    0.4   /* or this, where the adjacent samples are known, too */
+#define VALLEY  0.6f  /* of the fainter of two peaks: a lower minimum between separates them */
+#define WINGS   0.12f /* of the maximum: fainter samples may belong to another line */
+#define FAINT   0.6f  /* of the margin: mean of the samples below it next to a pulse */
+#define READ_DN 5.0f  /* DN: where shot noise equals read noise */
+#define MAX_LOG 20    /* upper bound of ln(height in DN) */
+#define DOUBT   1.3   /* of the margin: the fit leaves out samples that should be fainter, */
+#define KNOWN   0.4   /* or this, where the adjacent samples are known, too */
 
 /* The samples of one pulse: first … last; top is the first of the brightest. */
 struct span {
@@ -84,7 +84,7 @@ static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double
 static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
                                 double middle, const struct gaussian *old, struct gaussian *ret) {
     const double height =
-        old ? exp(MIN(old->c[0] - 0.25 * old->c[1] * old->c[1] / old->c[2], MOST_LOG)) : 0;
+        old ? exp(MIN(old->c[0] - 0.25 * old->c[1] * old->c[1] / old->c[2], MAX_LOG)) : 0;
     const gboolean known = s->value[part->first] <= s->margin && s->value[part->last] <= s->margin;
     const double faint = (known ? KNOWN : DOUBT) * (double)s->margin;
     const double least = MAX(WINGS * height, faint);
@@ -99,7 +99,7 @@ static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span
             const double off = t - old->time;
             if (height * exp(-0.5 * off * off / (old->width * old->width)) < least)
                 continue;
-            const double level = MIN(old->c[0] + (old->c[1] + old->c[2] * t) * t, MOST_LOG);
+            const double level = MIN(old->c[0] + (old->c[1] + old->c[2] * t) * t, MAX_LOG);
             model = exp(level);
             y = level + ((double)(s->value[k] - s->pedestal) - model) / model;
         } else {

@@ -16,7 +16,7 @@
 
 #define LIGHTS 128
 /* minimum z of lights; lower lights, where fits are least certain, are left out */
-#define LEAST_Z     0.15
+#define MIN_Z       0.15
 #define FACES       0.15 /* minimum cosine between normal and light */
 #define TOLERANCE   0.1  /* tolerance relative to the value of a light along the normal */
 #define ROUNDS      8
@@ -89,7 +89,7 @@ static void fit_normals_choose_lights(struct fit *fit) {
     double lowest = 1;
     for (gsize i = 0; i < fit->layout->lights.n; i++)
         lowest = MIN(lowest, (double)lights[3 * i + 2]);
-    lowest = CLAMP(lowest, LEAST_Z, 0.9);
+    lowest = CLAMP(lowest, MIN_Z, 0.9);
     for (gsize i = 1; i < views->n; i++)
         if (views->theta_deg[i] < views->theta_deg[fit->slice])
             fit->slice = i;

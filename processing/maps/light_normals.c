@@ -170,7 +170,7 @@ gboolean light_normals(const char *path, const char *file, gboolean heights,
     struct near_field *near_field = files ? near_field_read(path, error) : NULL;
     gboolean ok = near_field != NULL;
     *ret = (struct light_normals_result){0};
-    if (ok && near_field->lights.n < PHOTOMETRIC_LEAST_LIGHTS)
+    if (ok && near_field->lights.n < PHOTOMETRIC_MIN_LIGHTS)
         ok =
             data_error_fail(path, 0, error,
                             "it has %d %s; normals need three lights or more, five to tell shadows "

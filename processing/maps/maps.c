@@ -38,7 +38,7 @@ struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
     for (int c = 0; c < 3; c++) {
         ret.base[c] = maps_srgb_round(ret.base[c]);
         ret.specular_colour[c] =
-            maps->most_specular * maps_srgb_round(ret.specular_colour[c] / maps->most_specular);
+            maps->max_specular * maps_srgb_round(ret.specular_colour[c] / maps->max_specular);
         ret.sheen[c] = maps_srgb_round(ret.sheen[c]);
         ret.normal[c] = maps_eight_signed(ret.normal[c]);
         length += ret.normal[c] * ret.normal[c];
@@ -72,12 +72,12 @@ static char *maps_plain_name(const char *name) {
 static void maps_summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
-    maps->most_specular = 1;
+    maps->max_specular = 1;
     for (gsize i = 0; i < n; i++) {
         const struct maps_texel *texel = &maps->fit->texels[i];
         anisotropy += (double)texel->anisotropy;
         for (int c = 0; c < 3; c++)
-            maps->most_specular = MAX(maps->most_specular, texel->specular_colour[c]);
+            maps->max_specular = MAX(maps->max_specular, texel->specular_colour[c]);
     }
     maps->anisotropic = anisotropy / (double)n >= (double)ISOTROPIC;
     for (gsize i = 0; i < n && !maps->anisotropic; i++) {
@@ -96,11 +96,11 @@ static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
                             const struct work *work, GError **error) {
     const gsize n = btf_layout_texels(&btf->layout);
     g_autoptr(Maps) maps = g_new0(struct maps, 1);
-    if (n > MAPS_MOST_TEXELS) {
+    if (n > MAPS_MAX_TEXELS) {
         data_error_set(btf->name ? btf->name : "BTF", 0, error,
                        "%zu × %zu texels are more than the maps of an export may have: %d, as "
                        "4096 × 4096",
-                       btf->layout.width, btf->layout.height, MAPS_MOST_TEXELS);
+                       btf->layout.width, btf->layout.height, MAPS_MAX_TEXELS);
         return NULL;
     }
     maps->name = maps_plain_name(btf->name);

@@ -8,7 +8,7 @@
 #include "maps_files.h"
 #include "maps_fit.h"
 
-#define MAPS_MOST_TEXELS (4096 * 4096)
+#define MAPS_MAX_TEXELS (4096 * 4096)
 
 enum maps_heights { MAPS_HEIGHTS_MDF, MAPS_HEIGHTS_NORMALS };
 
@@ -42,8 +42,8 @@ struct maps {
     double relief_mm;  /* the maximum height */
     /* number of texels without a height, which have the height of neighbouring texels */
     int height_holes;
-    float *occlusion;    /* height × width; 1 means not occluded */
-    float most_specular; /* maximum of specular_colour, at least 1 */
+    float *occlusion;   /* height × width; 1 means not occluded */
+    float max_specular; /* maximum of specular_colour, at least 1 */
     enum maps_model model;
     gboolean anisotropic; /* whether the anisotropy of some texels is visible */
     struct maps_errors errors;

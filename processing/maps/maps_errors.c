@@ -6,7 +6,7 @@
 #include "maps_private.h"
 
 /* maximum number of comparisons of a texel in a view under a light */
-#define MOST_COMPARED 8000000
+#define MAX_COMPARED 8000000
 
 struct maps_errors_run {
     struct maps *maps;
@@ -96,7 +96,7 @@ gboolean maps_find_errors(struct maps *maps, const struct maps_register *of,
     struct maps_errors *errors = &maps->errors;
     errors->n_views = maps->n_views;
     errors->n_lights = maps->n_lights;
-    errors->every = (int)MIN((n * n_pairs + MOST_COMPARED - 1) / MOST_COMPARED, n_pairs);
+    errors->every = (int)MIN((n * n_pairs + MAX_COMPARED - 1) / MAX_COMPARED, n_pairs);
     errors->pairs = g_new0(float, n_pairs);
     errors->texels = g_new0(float, n);
     g_mutex_init(&run.mutex);

@@ -31,7 +31,7 @@
 enum maps_model { MAPS_MODEL_FULL, MAPS_MODEL_CORE };
 
 /* maximum number of pairs of a view and a light; of more pairs, every second, third, … is taken */
-#define MAPS_MOST_PAIRS 4096
+#define MAPS_MAX_PAIRS 4096
 
 struct maps_fit {
     struct maps_layers layers;

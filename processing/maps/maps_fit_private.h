@@ -31,7 +31,7 @@ struct maps_pairs {
     enum maps_model model;
 };
 
-/* Returns the pairs of directions above the plane, at most MAPS_MOST_PAIRS of them. */
+/* Returns the pairs of directions above the plane, at most MAPS_MAX_PAIRS of them. */
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model);
 /* Sets E for the layers and for the normal z. */
 void maps_pairs_set_layers(struct maps_pairs *pairs, const struct maps_layers *layers);

@@ -220,7 +220,7 @@ static void maps_gltf_normal(const struct maps *maps, gsize i, float *ret) {
 }
 static void maps_gltf_specular(const struct maps *maps, gsize i, float *ret) {
     for (int c = 0; c < 3; c++)
-        ret[c] = maps->fit->texels[i].specular_colour[c] / maps->most_specular;
+        ret[c] = maps->fit->texels[i].specular_colour[c] / maps->max_specular;
     ret[3] = maps->fit->texels[i].specular;
 }
 static void maps_gltf_anisotropy(const struct maps *maps, gsize i, float *ret) {
@@ -252,7 +252,7 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
         specular, specular);
     for (int c = 0; c < 3; c++) {
         g_string_append(material, c ? ", " : "");
-        maps_gltf_number(material, (double)maps->most_specular);
+        maps_gltf_number(material, (double)maps->max_specular);
     }
     g_string_append(material, "]}");
     if (maps->anisotropic) {

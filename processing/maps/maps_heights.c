@@ -12,7 +12,7 @@
 
 #define DIRECTIONS 16
 #define REACH      48    /* maximum distance in texels */
-#define MOST_HOLES 0.5   /* share of texels without a height above which an MDF is not used */
+#define MAX_HOLES  0.5   /* share of texels without a height above which an MDF is not used */
 #define TAIL       0.002 /* share of the heights at each end that are assumed to be wrong */
 #define STEEPEST   0.1F  /* minimum z of a normal whose slope is integrated */
 
@@ -43,7 +43,7 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
         maps->height_holes += hole;
     }
     maps->heights_from = MAPS_HEIGHTS_MDF;
-    if (maps->height_holes > MOST_HOLES * (double)n) {
+    if (maps->height_holes > MAX_HOLES * (double)n) {
         maps->heights_from = MAPS_HEIGHTS_NORMALS;
         maps->height_holes = 0;
     }

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#define LEAST_COSINE 1e-4
+#define MIN_COSINE 1e-4
 
 static double maps_model_dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -12,7 +12,7 @@ double maps_lobe(double alpha, double nl, double nv, double nh) {
     const double a2 = alpha * alpha, s = nh * nh * (a2 - 1) + 1;
     const double d = a2 / (G_PI * s * s);
     const double lv = nl * sqrt(nv * nv * (1 - a2) + a2), ll = nv * sqrt(nl * nl * (1 - a2) + a2);
-    return d * 0.5 / MAX(lv + ll, LEAST_COSINE * LEAST_COSINE);
+    return d * 0.5 / MAX(lv + ll, MIN_COSINE * MIN_COSINE);
 }
 
 /* Λ of Estevez & Kulla 2017, eq. 3 and its table, interpolated between the roughnesses 0 and 1. */
@@ -36,7 +36,7 @@ double maps_sheen(double roughness, double nl, double nv, double nh) {
     const double d = (2 + 1 / alpha) * pow(sine, 1 / alpha) / (2 * G_PI);
     const double g =
         1 / (1 + maps_model_sheen_lambda(nv, alpha) + maps_model_sheen_lambda(nl, alpha));
-    return d * CLAMP(g / (4 * MAX(nl * nv, LEAST_COSINE)), 0, 1);
+    return d * CLAMP(g / (4 * MAX(nl * nv, MIN_COSINE)), 0, 1);
 }
 
 /* ∫ D_s V_s n·l dl over the hemisphere, by the midpoint rule in cos θ and φ. */
@@ -92,7 +92,7 @@ static gboolean maps_model_angles(const struct maps_texel *texel, const double v
     const double at = alpha + (1 - alpha) * texel->anisotropy * texel->anisotropy;
     *ret = (struct maps_model_angles){maps_model_dot(n, l), maps_model_dot(n, v),
                                       maps_model_dot(n, h), maps_model_dot(v, h), 0};
-    if (ret->nl <= LEAST_COSINE || ret->nv <= LEAST_COSINE)
+    if (ret->nl <= MIN_COSINE || ret->nv <= MIN_COSINE)
         return FALSE;
     const double ht = maps_model_dot(h, t) / at, hb = maps_model_dot(h, b) / alpha;
     const double w = ht * ht + hb * hb + ret->nh * ret->nh;

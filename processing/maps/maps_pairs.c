@@ -2,13 +2,13 @@
 
 #include <math.h>
 
-#define LEAST_Z 0.02F /* minimum z of a direction: lower directions see almost nothing */
+#define MIN_Z 0.02F /* minimum z of a direction: lower directions see almost nothing */
 
 struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_model model) {
     g_autofree float *views = direction_list_vectors(&layout->views);
     g_autofree float *lights = direction_list_vectors(&layout->lights);
     const gsize all = layout->views.n * layout->lights.n;
-    const gsize stride = MAX((all + MAPS_MOST_PAIRS - 1) / MAPS_MOST_PAIRS, 1);
+    const gsize stride = MAX((all + MAPS_MAX_PAIRS - 1) / MAPS_MAX_PAIRS, 1);
     struct maps_pairs *ret = g_new0(struct maps_pairs, 1);
     ret->model = model;
     ret->index = g_new(int, all / stride + 1);
@@ -18,7 +18,7 @@ struct maps_pairs *maps_pairs_new(const struct btf_layout *layout, enum maps_mod
         const float *v = views + i / layout->lights.n * 3, *l = lights + i % layout->lights.n * 3;
         float h[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
         const float length = sqrtf(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
-        if (v[2] < LEAST_Z || l[2] < LEAST_Z)
+        if (v[2] < MIN_Z || l[2] < MIN_Z)
             continue;
         const int n = ret->n++;
         for (int k = 0; k < 3; k++) {

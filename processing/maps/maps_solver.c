@@ -15,9 +15,9 @@
 #define ROUNDS        3
 #define ENOUGH        1e-4 /* relative decrease of the cost below which a round ends */
 #define STEP          1e-2F
-#define MOST_NORMAL   0.85F
-#define LEAST_COSINE  1e-3F
-#define LEAST_WEIGHT  0.02F
+#define MAX_NORMAL    0.85F
+#define MIN_COSINE    1e-3F
+#define MIN_WEIGHT    0.02F
 #define WEAK          0.5  /* weight of the priors of factors, in pairs with a column of 1 */
 #define PRIOR         2e-4 /* weight of the shape's priors, relative to Σ w² Y² */
 #define COLOUR_ROUNDS 5
@@ -27,7 +27,7 @@
 
 /* The usual deviations of a shape's values. */
 static const float deviations[MAPS_SHAPE] = {0.5F, 0.5F, 1, 0.4F, 0.4F, 1};
-static const float least_log = -4.60517F; /* of α = MAPS_LEAST_ROUGHNESS² */
+static const float min_log = -4.60517F; /* of α = MAPS_LEAST_ROUGHNESS² */
 
 struct maps_solver {
     const struct maps_pairs *pairs;
@@ -74,15 +74,15 @@ struct maps_frame {
 static struct maps_frame maps_solver_frame(const float shape[MAPS_SHAPE]) {
     struct maps_frame ret;
     const float length = hypotf(shape[0], shape[1]);
-    const float shrink = length > MOST_NORMAL ? MOST_NORMAL / length : 1;
+    const float shrink = length > MAX_NORMAL ? MAX_NORMAL / length : 1;
     const float nx = shape[0] * shrink, ny = shape[1] * shrink;
     const float spread = hypotf(shape[3], shape[4]), angle = 0.5F * atan2f(shape[4], shape[3]);
     const float dx = cosf(angle), dy = sinf(angle), along = dx * nx + dy * ny;
     const float nz = sqrtf(1 - nx * nx - ny * ny);
     float t[3] = {dx - along * nx, dy - along * ny, -along * nz};
     const float size = sqrtf(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]);
-    ret.at = expf(CLAMP(shape[2] + spread, least_log, 0));
-    ret.ab = expf(CLAMP(shape[2] - spread, least_log, 0));
+    ret.at = expf(CLAMP(shape[2] + spread, min_log, 0));
+    ret.ab = expf(CLAMP(shape[2] - spread, min_log, 0));
     ret.direction[0] = dx;
     ret.direction[1] = dy;
     ret.n[0] = nx;
@@ -116,11 +116,11 @@ static void maps_solver_columns(struct maps_solver *solver, const struct maps_fr
         const float tl = (f.t[0] * lx + f.t[1] * ly + f.t[2] * lz) * f.at;
         const float bl = (f.b[0] * lx + f.b[1] * ly + f.b[2] * lz) * f.ab;
         const float w = th * th + bh * bh + nh * nh;
-        const float cl = nl > LEAST_COSINE ? nl : LEAST_COSINE;
-        const float cv = nv > LEAST_COSINE ? nv : LEAST_COSINE;
+        const float cl = nl > MIN_COSINE ? nl : MIN_COSINE;
+        const float cv = nv > MIN_COSINE ? nv : MIN_COSINE;
         const float both =
             cl * sqrtf(tv * tv + bv * bv + cv * cv) + cv * sqrtf(tl * tl + bl * bl + cl * cl);
-        const float lit = nl > LEAST_COSINE && nv > LEAST_COSINE ? cl : 0;
+        const float lit = nl > MIN_COSINE && nv > MIN_COSINE ? cl : 0;
         diffuse[i] = lit;
         lobe[i] = lit * scale / (w * w * both);
     }
@@ -294,13 +294,13 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
 static void maps_solver_limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     const float length = hypotf(shape[0], shape[1]);
-    if (length > MOST_NORMAL)
+    if (length > MAX_NORMAL)
         for (int k = 0; k < 2; k++)
-            shape[k] *= MOST_NORMAL / length;
-    shape[2] = CLAMP(shape[2], least_log, 0);
+            shape[k] *= MAX_NORMAL / length;
+    shape[2] = CLAMP(shape[2], min_log, 0);
     for (int k = 3; k < 5; k++)
         shape[k] = core ? 0 : CLAMP(shape[k], -2, 2);
-    shape[5] = core ? 1 : CLAMP(shape[5], LEAST_WEIGHT, 1);
+    shape[5] = core ? 1 : CLAMP(shape[5], MIN_WEIGHT, 1);
 }
 
 /* Improves shape from its residuals and its cost. Both are updated. */
@@ -478,7 +478,7 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     /* In the core model, the reflectance of a dielectric is fixed. */
     const double least[MAPS_COLUMNS] = {0, core ? 1 : 0, 0};
-    const double most[MAPS_COLUMNS] = {1, core ? 1 : (double)MAPS_MOST_SPECULAR, 1};
+    const double most[MAPS_COLUMNS] = {1, core ? 1 : (double)MAPS_MAX_SPECULAR, 1};
     double a[3][MAPS_COLUMNS][MAPS_COLUMNS] = {0}, b[3][MAPS_COLUMNS] = {0};
     for (int i = 0; i < solver->n; i++) {
         const double weight = (double)solver->trial[i];
@@ -552,7 +552,7 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);
     const double grey = m < 0.999 && !core
                             ? CLAMP((s - m * base) / ((double)MAPS_DIELECTRIC * w * (1 - m)), 0,
-                                    (double)MAPS_MOST_SPECULAR)
+                                    (double)MAPS_MAX_SPECULAR)
                             : 1;
     const struct maps_colours of = {m, w, (double)MAPS_DIELECTRIC * grey, solution->factors[2],
                                     layers};

@@ -107,7 +107,7 @@ struct maps *maps_store_read(const char *session, enum maps_model model, const c
     maps->model = model;
     maps->width = texels->width;
     maps->height = texels->height;
-    if (n > MAPS_MOST_TEXELS || !maps_store_numbers(texels, maps, layers) ||
+    if (n > MAPS_MAX_TEXELS || !maps_store_numbers(texels, maps, layers) ||
         pairs->width != maps->n_lights || pairs->height != maps->n_views)
         return NULL;
     maps->fit->layers = maps_layers_new(layers[0], layers[1]);

@@ -7,8 +7,8 @@
 #include "maps.h"
 #include "maps_png.h"
 
-#define CELL    8 /* pixels of a pair of directions in the picture */
-#define MOST_DE 10.0F
+#define CELL   8 /* pixels of a pair of directions in the picture */
+#define MAX_DE 10.0F
 
 static void maps_textures_widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
     *ret_b = texel->roughness * texel->roughness;
@@ -155,7 +155,7 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
 static void maps_textures_heat(float delta_e, float ret[3]) {
     static const float stops[5][3] = {
         {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};
-    const float at = 4 * CLAMP(delta_e / MOST_DE, 0, 1);
+    const float at = 4 * CLAMP(delta_e / MAX_DE, 0, 1);
     const int i = MIN((int)at, 3);
     for (int c = 0; c < 3; c++)
         ret[c] =

@@ -20,7 +20,7 @@
 #define PRIOR       4.0  /* degrees of freedom with which σ counts in a texel's own scale */
 #define LIT         5.0  /* in σ: minimum value of a texel that is not dark */
 #define FLATTEST    20.0 /* degrees: maximum error of a normal */
-#define LEAST_REAL  1e-4 /* relative to |b|: minimum σ, for pictures without noise */
+#define MIN_REAL    1e-4 /* relative to |b|: minimum σ, for pictures without noise */
 #define VOLUME      0.02 /* minimum |det| of a triple of lights */
 /* number of simulated texels that give the bias of the scale of a few lights */
 #define REHEARSALS 256
@@ -206,7 +206,7 @@ static double sigma_at(const struct solver *solver, double length, double times)
         k++;
     const double from = solver->at[k - 1], to = solver->at[k];
     const double t = to > from ? CLAMP((length - from) / (to - from), 0, 1) : 0;
-    return times * MAX((1 - t) * solver->sigma[k - 1] + t * solver->sigma[k], LEAST_REAL * length);
+    return times * MAX((1 - t) * solver->sigma[k - 1] + t * solver->sigma[k], MIN_REAL * length);
 }
 
 /* Reweighted least squares from a start. sigma is that at the length of b. */
@@ -262,10 +262,10 @@ static enum photometric_cause judge(const struct lit *lit, struct vec3 b, double
         y = vec3_add(y, vec3_scale(l, w * l.y));
         z = vec3_add(z, vec3_scale(l, w * l.z));
     }
-    if (ret->used < PHOTOMETRIC_LEAST_LIGHTS)
-        return facing < PHOTOMETRIC_LEAST_LIGHTS ? PHOTOMETRIC_FEW : PHOTOMETRIC_CONTRADICT;
+    if (ret->used < PHOTOMETRIC_MIN_LIGHTS)
+        return facing < PHOTOMETRIC_MIN_LIGHTS ? PHOTOMETRIC_FEW : PHOTOMETRIC_CONTRADICT;
     /* Three lights always agree with some solution. */
-    if ((ret->used == PHOTOMETRIC_LEAST_LIGHTS && facing > PHOTOMETRIC_LEAST_LIGHTS) ||
+    if ((ret->used == PHOTOMETRIC_MIN_LIGHTS && facing > PHOTOMETRIC_MIN_LIGHTS) ||
         ret->used < SHARE * facing)
         return PHOTOMETRIC_CONTRADICT;
     if (!solve(x, y, z, b, &ignored, inverse))
@@ -295,7 +295,7 @@ static void solve_texel(const struct solver *solver, const struct lit *lit, cons
     *ret = (struct photometric_texel){.cause = PHOTOMETRIC_FEW};
     for (int i = 0; i < lit->n; i++)
         most = MAX(most, lit->values[i]);
-    if (lit->n < PHOTOMETRIC_LEAST_LIGHTS)
+    if (lit->n < PHOTOMETRIC_MIN_LIGHTS)
         return;
     if (!(most > LIT * solver->sigma[0])) {
         ret->cause = PHOTOMETRIC_DARK;

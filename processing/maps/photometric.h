@@ -26,7 +26,7 @@
 #include "base/vec.h"
 #include "base/work.h"
 
-#define PHOTOMETRIC_LEAST_LIGHTS 3
+#define PHOTOMETRIC_MIN_LIGHTS 3
 
 /* The reason why a texel has no normal. */
 enum photometric_cause {
@@ -51,14 +51,14 @@ struct photometric_texel {
 };
 
 struct photometric_input {
-    int n_lights; /* at most PHOTOMETRIC_MOST_LIGHTS */
+    int n_lights; /* at most PHOTOMETRIC_MAX_LIGHTS */
     int n_texels;
     /* Fills a texel's values (n_lights × 3: R, G, B; NaN if not known, for example if saturated)
      * and the unit directions to its lights. Called from several threads at the same time. */
     void (*read)(int texel, float *ret_rgb, struct vec3 *ret_lights, gpointer data);
     gpointer data;
 };
-#define PHOTOMETRIC_MOST_LIGHTS 4096
+#define PHOTOMETRIC_MAX_LIGHTS 4096
 
 /* ret has n_texels. The progress stage is "normals". Returns FALSE when cancelled. */
 gboolean photometric_solve(const struct photometric_input *input, const struct work *work,

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SLOPE 0.01 /* minimum slope of rays, as in renderer/shaders/relief.glsl */
+#define MIN_SLOPE 0.01 /* minimum slope of rays, as in renderer/shaders/relief.glsl */
 
 /* D (x, y) is the depth of the ray below the reference plane for one view v. The distance is D /
  * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
@@ -12,7 +12,7 @@
 static void material_hit(const mesorig_material *m, const float *uv, struct vec3 v,
                          struct mesorig_hit *ret) {
     double depth = 0, slope[2] = {0, 0}, width = 1, height = 1;
-    const double down = MAX(v.z, LEAST_SLOPE);
+    const double down = MAX(v.z, MIN_SLOPE);
     const double view[3] = {v.x, v.y, v.z};
     if (m->relief) {
         depth = material_relief_depth(m->relief, uv[0], uv[1], view, slope);

@@ -11,28 +11,28 @@
 #include "frames/rectify.h"
 #include "mdf_errors.h"
 
-#define LEAST_ANGLE 0.03 /* least sine of the angle between ray and sheet: below it, noise */
+#define MIN_ANGLE 0.03 /* least sine of the angle between ray and sheet: below it, noise */
 /* Two sweeps' distances this close agree: a share of a texel, since the surface varies within it,
  * or of the depth of a sweep's frame, to a tenth of which the faintest lines' peaks are known. */
 #define TEXEL_SHARE 0.128
 #define FRAME_SHARE 0.1
 /* In these tolerances: how far points may lie above the reference plane and below the structure. */
-#define ABOVE          5
-#define BELOW          10
-#define SEEN_SHARE     0.75f /* share of the pixels around a texel that must see the line */
-#define LIVE_SHARE     0.25  /* of the peaks in the best phase of the colour filter */
-#define FAINT          0.5   /* of the brightest line at a texel: such a line has half weight */
-#define CONFIRM        2     /* neighbouring texels that must have the same distance */
-#define CLOSE          0.2f  /* factor of the agreement tolerance for smooth continuation */
-#define LEAST_TEXEL_PX 0.1   /* for errors' sake */
-#define HIDDEN_REACH   2     /* of mdf_shown(); chosen: docs/accuracy.md */
-#define HIDDEN_SWEEPS  8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
-#define MANY_SWEEPS    4 /* from this number of sweeps on, one is not believed against others */
-#define OVER           (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
-#define LIGHT_DN       100.0   /* least height of a pulse whose time noise does not spoil, and */
-#define LIGHT_FRAMES   0.7     /* least line width that frames sample, for mdf_view_light() */
-#define WIDTHS         50000   /* pixels of which a line's width is the median */
-#define EVERY          3       /* texel of which mdf_view_light() looks at the scatter */
+#define ABOVE         5
+#define BELOW         10
+#define SEEN_SHARE    0.75f /* share of the pixels around a texel that must see the line */
+#define LIVE_SHARE    0.25  /* of the peaks in the best phase of the colour filter */
+#define FAINT         0.5   /* of the brightest line at a texel: such a line has half weight */
+#define CONFIRM       2     /* neighbouring texels that must have the same distance */
+#define CLOSE         0.2f  /* factor of the agreement tolerance for smooth continuation */
+#define MIN_TEXEL_PX  0.1   /* for errors' sake */
+#define HIDDEN_REACH  2     /* of mdf_shown(); chosen: docs/accuracy.md */
+#define HIDDEN_SWEEPS 8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
+#define MANY_SWEEPS   4 /* from this number of sweeps on, one is not believed against others */
+#define OVER          (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
+#define LIGHT_DN      100.0   /* least height of a pulse whose time noise does not spoil, and */
+#define LIGHT_FRAMES  0.7     /* least line width that frames sample, for mdf_view_light() */
+#define WIDTHS        50000   /* pixels of which a line's width is the median */
+#define EVERY         3       /* texel of which mdf_view_light() looks at the scatter */
 
 /* What a sweep saw of a texel. */
 struct seen {
@@ -119,7 +119,7 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
             shown &= rig_project(camera, rig_turn(p, turntable_rad), &x[k], &y[k]);
         }
         /* Texels far smaller than pixels are not worth more. */
-        view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), LEAST_TEXEL_PX) : 1;
+        view->texel_px[axis] = shown ? MAX(hypot(x[1] - x[0], y[1] - y[0]), MIN_TEXEL_PX) : 1;
     }
     return view;
 }
@@ -188,7 +188,7 @@ static double mdf_frame_mm(const MdfView *view, const struct laser_sweep *sweep,
     const double sweep_rad = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, middle);
     const struct rig_plane sheet =
         rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad, sweep_rad);
-    const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_ANGLE);
+    const double sine = MAX(fabs(vec3_dot(sheet.normal, ray)), MIN_ANGLE);
     const double frame_mm =
         MAX(fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source)), 1e-9);
     *ret_along_mm = frame_mm / sine;
@@ -205,7 +205,7 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, dou
     struct vec3 ray = vec3(r[0], r[1], r[2]);
     if (!(ray.z < 0))
         return -1;
-    double range = laser_lines_range_mm(sweep, peak, view->centre_mm, ray, LEAST_ANGLE);
+    double range = laser_lines_range_mm(sweep, peak, view->centre_mm, ray, MIN_ANGLE);
     double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     if (height >= ABOVE * height_mm && height < MAX(view->grid.width_mm, view->grid.height_mm))
         return OVER;
@@ -623,7 +623,7 @@ static struct known_share mdf_share_known(const MdfView *view, int texel,
         const double sine = vec3_dot(normal, ray), apart = vec3_dot(normal, from_eye);
         double lever[RIG_SHEET_PARAMETERS];
         int k = 0;
-        if (!(fabs(sine) > LEAST_ANGLE))
+        if (!(fabs(sine) > MIN_ANGLE))
             continue;
         for (int axis = 0; axis < 2; axis++)
             share.by_texel[axis] +=

@@ -5,14 +5,14 @@
 #include <math.h>
 #include <string.h>
 
-#define DEG            (G_PI / 180.0)
-#define N_PHI          36   /* views in an added ring */
-#define GAP_DEG        2.5  /* between rings */
-#define STEEP_DEG      20.0 /* views within this angle of the steepest one form the relief */
-#define MOST_RAISED    2.0  /* standard deviations */
-#define LEAST_NEXT_DEG 20.0 /* steeper views tell nothing of flat rays */
-#define HALVINGS       8    /* of that, until it is found */
-#define STEP           0.5  /* of a texel */
+#define DEG          (G_PI / 180.0)
+#define N_PHI        36   /* views in an added ring */
+#define GAP_DEG      2.5  /* between rings */
+#define STEEP_DEG    20.0 /* views within this angle of the steepest one form the relief */
+#define MAX_RAISED   2.0  /* standard deviations */
+#define MIN_NEXT_DEG 20.0 /* steeper views tell nothing of flat rays */
+#define HALVINGS     8    /* of that, until it is found */
+#define STEP         0.5  /* of a texel */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
@@ -137,7 +137,7 @@ static double ring_error_mm(const struct mdf_table *t, double theta_deg, double 
 
 /* The height at which that mean is 0, by bisection: traced depths shrink as the relief rises. */
 static double ring_raised(const struct mdf_table *t, double theta_deg) {
-    double low = 0.0, high = MOST_RAISED;
+    double low = 0.0, high = MAX_RAISED;
     if (ring_error_mm(t, theta_deg, low) <= 0.0)
         return low;
     for (int k = 0; k < HALVINGS; k++) {
@@ -163,7 +163,7 @@ double mdf_table_raised(const struct mdf_table *t) {
     return ring_raised(t, flattest_deg(t, 90.0));
 }
 
-/* raised + per_tan · (tan θ − tan θ of the flattest measured views), 0 … MOST_RAISED. */
+/* raised + per_tan · (tan θ − tan θ of the flattest measured views), 0 … MAX_RAISED. */
 static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     const double flattest = flattest_deg(t, 90.0);
     gsize n = (gsize)t->width * t->height;
@@ -171,7 +171,7 @@ static void add_rings(struct mdf_table *t, double raised, double per_tan) {
     struct relief relief[G_N_ELEMENTS(rings_deg)];
     for (gsize ring = 0; ring < G_N_ELEMENTS(rings_deg); ring++) {
         double farther = tan(rings_deg[ring] * DEG) - tan(flattest * DEG);
-        make_relief(t, CLAMP(raised + per_tan * farther, 0.0, MOST_RAISED), &relief[ring]);
+        make_relief(t, CLAMP(raised + per_tan * farther, 0.0, MAX_RAISED), &relief[ring]);
     }
     t->theta_deg = g_renew(float, t->theta_deg, most);
     t->phi_deg = g_renew(float, t->phi_deg, most);
@@ -196,7 +196,7 @@ void mdf_table_add_grazing(struct mdf_table *t) {
     const double flattest = flattest_deg(t, 90.0), next = flattest_deg(t, flattest - 2 * GAP_DEG);
     const double raised = ring_raised(t, flattest);
     double per_tan = 0.0;
-    if (next > LEAST_NEXT_DEG && flattest < 90.0 - GAP_DEG)
+    if (next > MIN_NEXT_DEG && flattest < 90.0 - GAP_DEG)
         per_tan = (raised - ring_raised(t, next)) / (tan(flattest * DEG) - tan(next * DEG));
     add_rings(t, raised, MAX(per_tan, 0.0));
 }

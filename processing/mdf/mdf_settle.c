@@ -142,7 +142,7 @@ static enum mdf_distance_source settle_texel(const struct settling *s, int texel
     const gsize texels = (gsize)s->plane->width * (gsize)s->plane->height;
     const float agree = (float)(AGREE * s->plane->texel_mm),
                 other = own->other ? own->other[texel] : -1;
-    float predicted[MDF_MOST_ASKED];
+    float predicted[MDF_MAX_ASKED];
     gboolean surface = FALSE;
     int n = 0;
     for (int k = 0; k < mdf_views_asked(s->n); k++) {

@@ -5,10 +5,10 @@
 #include <math.h>
 #include <string.h>
 
-#define DEG       (G_PI / 180.0)
-#define MAX_MM    6e4
-#define LEAST_COS 0.02
-#define BINS      4096 /* of the histogram of differences */
+#define DEG     (G_PI / 180.0)
+#define MAX_MM  6e4
+#define MIN_COS 0.02
+#define BINS    4096 /* of the histogram of differences */
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
@@ -62,7 +62,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
         return mdf_table_fail(error, part, "mesorig.scale_mm is out of range");
     /* Files without a camera position are of a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
-    double cosine = MAX(cos(theta * DEG), LEAST_COS);
+    double cosine = MAX(cos(theta * DEG), MIN_COS);
     for (gsize k = 0; k < n; k++) {
         if (near) {
             const gsize j = k / t->width;
@@ -70,7 +70,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
             const double x = (column + 0.5 - 0.5 * t->width) * t->texel_mm;
             const double y = (0.5 * t->height - row - 0.5) * t->texel_mm;
             const double up = centre[2] - reference_mm;
-            cosine = MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), LEAST_COS);
+            cosine = MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), MIN_COS);
         }
         if (!(fabs(distance[k] * scale) <= MAX_MM))
             return mdf_table_fail(error, part,

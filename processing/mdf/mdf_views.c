@@ -55,7 +55,7 @@ enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plan
 }
 
 int mdf_views_asked(int n) {
-    return MIN(n - 1, MDF_MOST_ASKED);
+    return MIN(n - 1, MDF_MAX_ASKED);
 }
 
 int mdf_views_other(int n, int view, int k) {

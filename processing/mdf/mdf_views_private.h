@@ -3,8 +3,8 @@
 
 #include "mdf_views.h"
 
-#define MDF_TOLERANCE  0.33 /* of a texel: closer points are on the same surface */
-#define MDF_MOST_ASKED 24   /* views that each is compared with: of more, an even selection */
+#define MDF_TOLERANCE 0.33 /* of a texel: closer points are on the same surface */
+#define MDF_MAX_ASKED 24   /* views that each is compared with: of more, an even selection */
 
 enum mdf_answer { MDF_NO_ANSWER, MDF_CONFIRMED, MDF_DENIED };
 

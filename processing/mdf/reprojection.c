@@ -140,7 +140,7 @@ static int reprojection_weight_of(struct reprojection_weights *weights, int view
     for (int k = 0; k < weights->n; k++)
         if (weights->view[k] == view)
             return k;
-    if (weights->n == REPROJECTION_MOST_VIEWS)
+    if (weights->n == REPROJECTION_MAX_VIEWS)
         return -1;
     weights->view[weights->n] = view;
     weights->flat[weights->n] = weights->value[weights->n] = weights->depth[weights->n] = 0;
@@ -430,7 +430,7 @@ int reprojection_look(const Reprojection *s, const struct reprojection_hit *hit,
 
 int reprojection_taps(const Reprojection *s, const double at_mm[2], struct vec3 v,
                       struct reprojection_hit *ret_hit,
-                      struct reprojection_tap ret[REPROJECTION_MOST_TAPS]) {
+                      struct reprojection_tap ret[REPROJECTION_MAX_TAPS]) {
     struct reprojection_weights weights;
     int n = 0;
     reprojection_weigh(s, at_mm, v, &weights);

@@ -43,10 +43,10 @@
 #include "base/vec.h"
 #include "mdf_views.h"
 
-#define REPROJECTION_MOST_VIEWS 12 /* maximum number of views that a ray uses */
+#define REPROJECTION_MAX_VIEWS 12 /* maximum number of views that a ray uses */
 /* maximum number of texels of a view from which a value is mixed */
 #define REPROJECTION_VIEW_TAPS 16
-#define REPROJECTION_MOST_TAPS (REPROJECTION_VIEW_TAPS * REPROJECTION_MOST_VIEWS)
+#define REPROJECTION_MAX_TAPS  (REPROJECTION_VIEW_TAPS * REPROJECTION_MAX_VIEWS)
 
 struct reprojection_view { /* a measured view */
     double centre_mm[3];   /* position of its camera, sample frame */
@@ -76,10 +76,10 @@ const struct mdf_plane *reprojection_plane(const Reprojection *reprojection);
 /* The weights of the views for a ray. */
 struct reprojection_weights {
     int n;
-    int view[REPROJECTION_MOST_VIEWS];
-    float flat[REPROJECTION_MOST_VIEWS];  /* b */
-    float value[REPROJECTION_MOST_VIEWS]; /* w */
-    float depth[REPROJECTION_MOST_VIEWS]; /* u */
+    int view[REPROJECTION_MAX_VIEWS];
+    float flat[REPROJECTION_MAX_VIEWS];  /* b */
+    float value[REPROJECTION_MAX_VIEWS]; /* w */
+    float depth[REPROJECTION_MAX_VIEWS]; /* u */
 };
 /* Computes weights. at_mm is x, y of a point of the reference plane; v is a unit vector,
  * upwards. */
@@ -110,7 +110,7 @@ int reprojection_look(const Reprojection *reprojection, const struct reprojectio
 /* All of the above for one ray. Returns the number of taps. */
 int reprojection_taps(const Reprojection *reprojection, const double at_mm[2], struct vec3 v,
                       struct reprojection_hit *ret_hit,
-                      struct reprojection_tap ret[REPROJECTION_MOST_TAPS]);
+                      struct reprojection_tap ret[REPROJECTION_MAX_TAPS]);
 
 /* A new view: a camera, or a direction that is the same for all texels. */
 struct reprojection_target {

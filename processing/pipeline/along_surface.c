@@ -35,7 +35,7 @@ struct along {
 
     /* The view that is being made. */
     int view;
-    struct reprojection_tap (*taps)[REPROJECTION_MOST_TAPS]; /* of each texel */
+    struct reprojection_tap (*taps)[REPROJECTION_MAX_TAPS]; /* of each texel */
     int *n_taps;
     guint8 *marks;     /* of each texel */
     const float *from; /* the measured view that is being added */

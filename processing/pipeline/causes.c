@@ -10,16 +10,16 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SEEN 0.3 /* minimum share of the texels that lasers saw */
+#define MIN_SEEN 0.3 /* minimum share of the texels that lasers saw */
 /* minimum share of the pixels of a sweep that draws a line on the sample */
-#define LEAST_LINES 0.02
-#define MOST_SWEEPS 16 /* maximum number of sweeps that are examined */
-#define MOST_FRAMES 8  /* maximum number of frames of a view that are examined */
+#define MIN_LINES  0.02
+#define MAX_SWEEPS 16 /* maximum number of sweeps that are examined */
+#define MAX_FRAMES 8  /* maximum number of frames of a view that are examined */
 /* mean reflectance under the steepest light; that of the blackest paints is higher */
-#define DARK           0.0005
-#define DARK_SHARE     0.02 /* share of the median view's reflectance */
-#define DARK_DN        5.0
-#define MOST_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
+#define DARK          0.0005
+#define DARK_SHARE    0.02 /* share of the median view's reflectance */
+#define DARK_DN       5.0
+#define MAX_SATURATED 0.5 /* maximum share of a view's values that may be saturated */
 
 struct texts {
     Config *rig_conf;
@@ -78,7 +78,7 @@ static void look_at_sweeps(Session *session, const struct texts *texts, double *
         if (shot && shot->kind == SHOT_SWEEP)
             g_ptr_array_add(sweeps, texts->frames->pdata[i]);
     }
-    const guint step = 1 + sweeps->len / (MOST_SWEEPS + 1);
+    const guint step = 1 + sweeps->len / (MAX_SWEEPS + 1);
     *ret_sweeps = 0;
     for (guint i = 0; i < sweeps->len; i += step) {
         const struct session_frame *frame = sweeps->pdata[i];
@@ -99,7 +99,7 @@ static void explain_mdf(Session *session, const struct texts *texts,
     struct session_grid grid;
     double lines;
     int sweeps;
-    if (result->n_mdf_views == 0 || result->mdf_coverage >= LEAST_SEEN ||
+    if (result->n_mdf_views == 0 || result->mdf_coverage >= MIN_SEEN ||
         !session_grid(session, &grid, NULL))
         return;
     look_at_sweeps(session, texts, &lines, &sweeps);
@@ -107,7 +107,7 @@ static void explain_mdf(Session *session, const struct texts *texts,
                                 ? g_strdup_printf("only %.2g %% of the texels are seen by a laser",
                                                   100 * result->mdf_coverage)
                                 : g_strdup("no texel is seen by a laser");
-    if (lines < LEAST_LINES)
+    if (lines < MIN_LINES)
         g_ptr_array_add(
             ret, g_strdup_printf("%s: %.2g %% of the pixels of %d sweeps show a line; %s", seen,
                                  100 * lines, sweeps,
@@ -162,7 +162,7 @@ static double brightest_dn(Session *session, const struct texts *texts,
     double most = -HUGE_VAL;
     int looked = 0;
     *ret_us = 0;
-    for (guint i = 0; i < texts->frames->len && looked < MOST_FRAMES; i++) {
+    for (guint i = 0; i < texts->frames->len && looked < MAX_FRAMES; i++) {
         const struct session_frame *frame = texts->frames->pdata[i];
         const struct session_shot *shot = shot_of(texts, frame);
         if (!shot || shot->kind != SHOT_LAMP || frame->camera != view->device ||
@@ -254,7 +254,7 @@ static void explain_saturated(const struct texts *texts, const GArray *seen, GPt
     int n = 0;
     for (guint i = 0; i < seen->len; i++) {
         const struct seen_view *one = &g_array_index(seen, struct seen_view, i);
-        if (one->saturated >= MOST_SATURATED)
+        if (one->saturated >= MAX_SATURATED)
             first = n++ == 0 ? one : first;
     }
     if (!first)

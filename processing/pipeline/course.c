@@ -5,8 +5,8 @@
 #include <time.h>
 
 /* If work takes longer than estimated, this part of it is assumed to be left. */
-#define LEAST_LEFT 0.05
-#define LITTLE_S   0.5 /* CPU time of work after the views below which its speed is not reliable */
+#define MIN_LEFT 0.05
+#define LITTLE_S 0.5 /* CPU time of work after the views below which its speed is not reliable */
 
 struct course_task {
     struct time_left_task known;
@@ -206,7 +206,7 @@ static double course_after_s(const Course *course, const struct course_pace *vie
             after_s +=
                 (1 - course->share) * (weight * done_s / course->share + (1 - weight) * all_s);
         else
-            after_s += MAX(all_s - done_s, LEAST_LEFT * all_s);
+            after_s += MAX(all_s - done_s, MIN_LEFT * all_s);
     }
     return after_s;
 }

@@ -186,7 +186,7 @@ static void set_from(struct near_field_correction_band *band, const struct resam
 static void set_to(struct near_field_correction_band *band, const struct resampler_to *sums,
                    double n /* texels of all its views */, gboolean own) {
     band->moved_deg = sums->moved_deg / n;
-    band->most_moved_deg = sums->most_moved_deg;
+    band->max_moved_deg = sums->max_moved_deg;
     band->held = sums->clamped / n;
     band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }

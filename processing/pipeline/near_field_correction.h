@@ -30,8 +30,8 @@ struct near_field_correction_band {
     int n_views;
     double left_out_view, left_out_light, back; /* of measured views */
     double moved_deg,
-        most_moved_deg; /* of target views: angle to the nearest measured direction of the texel */
-    double nominal;     /* −1 if the targets are not the nominal directions */
+        max_moved_deg; /* of target views: angle to the nearest measured direction of the texel */
+    double nominal;    /* −1 if the targets are not the nominal directions */
     /* share of values beyond the limit of extrapolation, which are kept at that limit */
     double held;
 };

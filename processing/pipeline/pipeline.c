@@ -483,7 +483,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: the plan left out more than %g %% of the %d pictures under lights of each "
                     "view, so that there is no BTF",
-                    session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
+                    session_path(run->session), 100 * BTF_MAX_MISSING, n_lights);
         return FALSE;
     }
     if (!pipeline_predict(run, ret, error))

@@ -9,13 +9,13 @@
 #define ENOUGH_S    10.0 /* minimum CPU time of a run whose rates replace the stored ones */
 #define RATE_WEIGHT 0.2  /* weight of the rates of earlier runs, relative to a view of this run */
 /* If a task has run for longer than estimated, this part of it is assumed to be left. */
-#define LEAST_LEFT  0.05
-#define SCATTER     1.5 /* maximum factor between rates of runs of the same session */
-#define LEAST_SPEED 0.01
-#define SHORTEST_S  3.0
-#define DEGREES     91
-#define FULL_SPEED  0.95 /* speed above which no other program is assumed to need a processor */
-#define GROUP       "CPU seconds"
+#define MIN_LEFT   0.05
+#define SCATTER    1.5 /* maximum factor between rates of runs of the same session */
+#define MIN_SPEED  0.01
+#define SHORTEST_S 3.0
+#define DEGREES    91
+#define FULL_SPEED 0.95 /* speed above which no other program is assumed to need a processor */
+#define GROUP      "CPU seconds"
 
 static const char *const keys[TIME_LEFT_WORKS] = {
     [TIME_LEFT_BTF] = "btf_megapixel",         [TIME_LEFT_MDF] = "mdf_megapixel",
@@ -144,7 +144,7 @@ double time_left_views_s(const struct time_left_task *tasks, int n, int n_thread
             int thread = 0;
             for (int t = 1; t < n_threads; t++)
                 thread = free_s[t] < free_s[thread] ? t : thread;
-            free_s[thread] += MAX(all_s - done_s, LEAST_LEFT * all_s);
+            free_s[thread] += MAX(all_s - done_s, MIN_LEFT * all_s);
             last_s = MAX(last_s, free_s[thread]);
         }
     return last_s;
@@ -163,7 +163,7 @@ double time_left_speed_of(const struct time_left_speed *speed, int n) {
         return 1;
     if (speed->cpu_s / speed->thread_s >= FULL_SPEED)
         return 1;
-    return CLAMP(speed->cpu_s / speed->wall_s / n, LEAST_SPEED, 1);
+    return CLAMP(speed->cpu_s / speed->wall_s / n, MIN_SPEED, 1);
 }
 
 int time_left_view(int k, int n) {

@@ -10,15 +10,15 @@
 #define NARROW_DEG 25.0 /* the narrowest and the widest half-angle */
 #define WIDE_DEG   85.0
 /* probability that a sweep saw something that the model denies, or missed something that it has */
-#define MISLED     0.05
-#define SETTLES    0.03 /* s = SETTLES + BY_WEIGHT · q */
-#define BY_WEIGHT  0.5
-#define RAD(deg)   ((deg) * (G_PI / 180))
-#define MOST_CONES (TILTS * AZIMUTHS * OPENINGS)
+#define MISLED    0.05
+#define SETTLES   0.03 /* s = SETTLES + BY_WEIGHT · q */
+#define BY_WEIGHT 0.5
+#define RAD(deg)  ((deg) * (G_PI / 180))
+#define MAX_CONES (TILTS * AZIMUTHS * OPENINGS)
 
 struct CoverageModel {
     int n_cones, n_sweeps;
-    guint64 lights[MOST_CONES]; /* for each cone that the camera sees: the sweeps that light it */
+    guint64 lights[MAX_CONES]; /* for each cone that the camera sees: the sweeps that light it */
     double settles[COVERAGE_MAX_SWEEPS];
 };
 
@@ -30,7 +30,7 @@ CoverageModel *coverage_model_new(struct vec3 camera, const struct vec3 *lasers,
     model->n_sweeps = n;
     for (int i = 0; i < n; i++)
         model->settles[i] = SETTLES + BY_WEIGHT * CLAMP(quality[i], 0, 1);
-    for (int k = 0; k < MOST_CONES; k++) {
+    for (int k = 0; k < MAX_CONES; k++) {
         const int tilt = k / (AZIMUTHS * OPENINGS), turn = k / OPENINGS % AZIMUTHS;
         const double cosine = 1 - (1 - cos(RAD(TILT_DEG))) * (tilt + 0.5) / TILTS;
         const double sine = sqrt(1 - cosine * cosine), phi = 2 * G_PI * turn / AZIMUTHS;

@@ -7,7 +7,7 @@
 
 #define RAD(deg) ((deg) * (G_PI / 180))
 /* sine of the angle between ray and sheet, below which the depth is noise, as in mdf.c */
-#define LEAST_SINE 0.03
+#define MIN_SINE 0.03
 /* share of the peaks in the best phase of the colour filter, as in mdf.c */
 #define LIVE_SHARE 0.25
 /* distances of two sweeps agree if they differ by at most this part of a texel */
@@ -75,7 +75,7 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
     view->open = g_array_new(FALSE, FALSE, sizeof(guint64));
     /* Takes every step-th row and column. */
     const double all = (double)grid->width * grid->height;
-    const int step = MAX(1, (int)ceil(sqrt(all / COVERAGE_MOST_TEXELS)));
+    const int step = MAX(1, (int)ceil(sqrt(all / COVERAGE_MAX_TEXELS)));
     for (int row = step / 2; row < grid->height; row += step)
         for (int column = step / 2; column < grid->width; column += step) {
             struct sample sample;
@@ -124,8 +124,7 @@ static float coverage_view_distance(const CoverageView *view, const struct laser
     const struct vec3 ray = sample->ray[k];
     if (!(ray.z < 0))
         return -1;
-    const double range =
-        laser_lines_range_mm(sweep, (double)peak, view->centre_mm, ray, LEAST_SINE);
+    const double range = laser_lines_range_mm(sweep, (double)peak, view->centre_mm, ray, MIN_SINE);
     const double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
     const double outside_mm = OUTSIDE_SHARE * view->texel_mm;
     if (!(height < outside_mm) || !(height > -view->grid.depth_mm - outside_mm))
@@ -142,7 +141,7 @@ static double coverage_view_frame_mm(const CoverageView *view, const struct lase
         rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
                         rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, middle));
     return fabs(sweep->step_rad) * vec3_length(vec3_sub(middle, source)) /
-           MAX(fabs(vec3_dot(sheet.normal, ray)), LEAST_SINE);
+           MAX(fabs(vec3_dot(sheet.normal, ray)), MIN_SINE);
 }
 
 gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_shot *shot,

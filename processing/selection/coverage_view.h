@@ -18,7 +18,7 @@
 #include "session/inputs.h"
 #include "session/session.h"
 
-#define COVERAGE_MOST_TEXELS 4096 /* maximum number of texels that are examined */
+#define COVERAGE_MAX_TEXELS 4096 /* maximum number of texels that are examined */
 
 typedef struct CoverageView CoverageView;
 

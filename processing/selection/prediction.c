@@ -85,7 +85,7 @@ static void prediction_means(const Prediction *prediction, struct vec3 at_mm, do
     for (int p = 0; p < prediction->n_pairs; p++) {
         struct vec3 v, l;
         prediction_directions(prediction, at_mm, p, &v, &l);
-        prediction_mean(prediction->mean, prediction->most_gloss, v, l, ret + 3 * (gsize)p);
+        prediction_mean(prediction->mean, prediction->max_gloss, v, l, ret + 3 * (gsize)p);
     }
 }
 
@@ -264,10 +264,10 @@ static gboolean prediction_learn_rows(Prediction *prediction, const struct predi
 static gboolean prediction_learn(Prediction *prediction, const float *probes,
                                  const struct vec3 *at_mm, int n_probes, const struct work *work,
                                  GError **error) {
-    if (prediction->n_measured > PREDICTION_MOST_MEASURED) {
+    if (prediction->n_measured > PREDICTION_MAX_MEASURED) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%d pairs of directions are measured; prediction works with %d at most",
-                    prediction->n_measured, PREDICTION_MOST_MEASURED);
+                    prediction->n_measured, PREDICTION_MAX_MEASURED);
         return FALSE;
     }
     g_autofree struct vec3 *middle = at_mm ? NULL : g_new0(struct vec3, n_probes);

@@ -56,7 +56,7 @@ typedef struct prediction Prediction;
 
 /* Maximum number of measured pairs (otherwise DATA_ERROR_INVALID). K takes 8 bytes × their
  * square. */
-#define PREDICTION_MOST_MEASURED 6000
+#define PREDICTION_MAX_MEASURED 6000
 
 /* Fits the model. probes are n_probes × 3 × n_pairs values ρ of R, G, B at some texels, NaN if not
  * measured. Some hundred texels are enough. at_mm (n_probes) are the positions of the texels in the

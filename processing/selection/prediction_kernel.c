@@ -15,8 +15,8 @@
 #define FIT_STEP   3.0
 
 /* maximum number of pairs of a group that are left out together; larger groups are divided */
-#define MOST_GROUP 64
-#define MOST_ALONE 1000000 /* maximum number of covariances that one thread computes alone */
+#define MAX_GROUP 64
+#define MAX_ALONE 1000000 /* maximum number of covariances that one thread computes alone */
 
 static double prediction_distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));
@@ -102,7 +102,7 @@ void prediction_covariance(const Prediction *prediction, const int *a, int n_a, 
         half_a[i] = prediction_half(prediction, a[i]);
     prediction_tables_make(prediction, &tables);
     struct prediction_columns job = {prediction, &tables, a, b, half_a, n_a, ret};
-    if ((gint64)n_a * n_b > MOST_ALONE)
+    if ((gint64)n_a * n_b > MAX_ALONE)
         work_for_each(0, n_b, prediction_column, &job);
     else /* threads would cost more than they save */
         for (int j = 0; j < n_b; j++)
@@ -137,12 +137,12 @@ double prediction_prior_variance(const Prediction *prediction, int pair) {
            c[PREDICTION_NUGGET];
 }
 
-/* Returns the number of pairs from i on that belong to one group, at most MOST_GROUP. order has
+/* Returns the number of pairs from i on that belong to one group, at most MAX_GROUP. order has
  * indices into pairs, sorted by group. */
 static int prediction_same_group(const Prediction *prediction, const int *pairs, int m,
                                  const int *order, int i) {
     int n = 1;
-    while (n < MOST_GROUP && i + n < m &&
+    while (n < MAX_GROUP && i + n < m &&
            prediction->groups[pairs[order[i + n]]] == prediction->groups[pairs[order[i]]])
         n++;
     return n;
@@ -173,7 +173,7 @@ void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances) {
     g_autofree int *order = prediction_sorted(prediction, pairs, m);
-    double block[MOST_GROUP * MOST_GROUP];
+    double block[MAX_GROUP * MAX_GROUP];
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n_rows, m, m, 1, rows, m, inverse, m, 0,
                 ret_errors, m);
     for (int i = 0, n; i < m; i += n) {
@@ -188,7 +188,7 @@ void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
         for (int j = 0; j < n; j++)
             ret_variances[order[i + j]] = block[j * n + j];
         for (int r = 0; r < n_rows; r++) {
-            double *row = ret_errors + (gsize)r * (gsize)m, out[MOST_GROUP] = {0};
+            double *row = ret_errors + (gsize)r * (gsize)m, out[MAX_GROUP] = {0};
             for (int j = 0; j < n; j++)
                 for (int k = 0; k < n; k++)
                     out[j] += block[MIN(j, k) * n + MAX(j, k)] * row[order[i + k]];

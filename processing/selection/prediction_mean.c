@@ -9,8 +9,8 @@
 #define CELLS     3   /* the probes are divided into CELLS² parts of the sample */
 #define FIT_PAIRS 400 /* maximum number of measured pairs that are used */
 #define STARTS    3   /* number of initial widths of lobes */
-#define LEAST_COS 0.05
-#define LEAST_RMS 1e-4 /* minimum of ρ: darker values count as this */
+#define MIN_COS   0.05
+#define MIN_RMS   1e-4 /* minimum of ρ: darker values count as this */
 #define TOLERANCE 1e-6
 
 /* Parameters x: ln d_R, ln d_G, ln d_B, e_v, e_l; of each lobe ln s, ln A₁₁, A₁₂, ln A₂₂, ln (γ −
@@ -26,17 +26,17 @@ static double prediction_mean_lobe(const double *x, double hx, double hy, double
            pow(cos_l, -x[6]);
 }
 
-void prediction_mean(const double *x, double most_gloss, struct vec3 v, struct vec3 l,
+void prediction_mean(const double *x, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]) {
-    const double cos_v = fmax(v.z, LEAST_COS), cos_l = fmax(l.z, LEAST_COS);
+    const double cos_v = fmax(v.z, MIN_COS), cos_l = fmax(l.z, MIN_COS);
     const struct vec3 h = vec3_add(v, l);
-    const double hz = fmax(h.z, 2 * LEAST_COS);
+    const double hz = fmax(h.z, 2 * MIN_COS);
     const double shade = cos_l * exp(x[3] * (1 - cos_v) + x[4] * (1 - cos_l));
     double gloss = 0;
     for (int k = 0; k < LOBES; k++)
         gloss += prediction_mean_lobe(x + DIFFUSE + LOBE * k, h.x / hz, h.y / hz, cos_v, cos_l);
     for (int c = 0; c < 3; c++)
-        ret[c] = fmax(exp(x[c]) * shade + fmin(gloss, most_gloss), LEAST_RMS);
+        ret[c] = fmax(exp(x[c]) * shade + fmin(gloss, max_gloss), MIN_RMS);
 }
 
 struct prediction_mean_fit {
@@ -116,7 +116,7 @@ static void prediction_mean_gather(const Prediction *prediction, const float *pr
                 continue;
             prediction_directions(prediction, centre, pair, &ret->v[ret->n], &ret->l[ret->n]);
             for (int c = 0; c < 3; c++)
-                ret->logarithms[3 * ret->n + c] = log(fmax(sqrt(squares[c] / known[c]), LEAST_RMS));
+                ret->logarithms[3 * ret->n + c] = log(fmax(sqrt(squares[c] / known[c]), MIN_RMS));
             ret->n++;
         }
     }
@@ -130,7 +130,7 @@ static void prediction_mean_begin(const struct prediction_mean_fit *fit, double 
     double top = -INFINITY;
     for (int c = 0; c < 3; c++) {
         for (int i = 0; i < fit->n; i++) {
-            values[i] = fit->logarithms[3 * i + c] - log(fmax(fit->l[i].z, LEAST_COS));
+            values[i] = fit->logarithms[3 * i + c] - log(fmax(fit->l[i].z, MIN_COS));
             top = fmax(top, fit->logarithms[3 * i + c]);
         }
         x[c] = robust_median(values, fit->n);
@@ -170,12 +170,12 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
             memcpy(prediction->mean, x, sizeof x);
         }
     }
-    prediction->most_gloss = 0;
+    prediction->max_gloss = 0;
     for (int i = 0; i < fit.n; i++) {
         double with[3], without[3];
         prediction_mean(prediction->mean, INFINITY, fit.v[i], fit.l[i], with);
         prediction_mean(prediction->mean, 0, fit.v[i], fit.l[i], without);
-        prediction->most_gloss = fmax(prediction->most_gloss, with[0] - without[0]);
+        prediction->max_gloss = fmax(prediction->max_gloss, with[0] - without[0]);
     }
     g_free(fit.v);
     g_free(fit.l);

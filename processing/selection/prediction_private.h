@@ -30,7 +30,7 @@ struct prediction {
     int *groups;                       /* n_pairs */
     double mean[PREDICTION_MEAN];      /* parameters of g (prediction_mean.c) */
     /* maximum of the lobes of g at measured pairs, which also limits them between these pairs */
-    double most_gloss;
+    double max_gloss;
     double constants[PREDICTION_CONSTANTS]; /* of the covariance */
     int n_measured, n_missing;
     int *measured, *missing; /* pairs, ascending */
@@ -48,9 +48,9 @@ struct prediction {
 void prediction_directions(const Prediction *prediction, struct vec3 at_mm, int pair,
                            struct vec3 *ret_view, struct vec3 *ret_light);
 
-/* Evaluate g of R, G, B, with the sum of its lobes limited to most_gloss, and fit its parameters
- * and most_gloss to probes as in prediction_new(). */
-void prediction_mean(const double *parameters, double most_gloss, struct vec3 v, struct vec3 l,
+/* Evaluate g of R, G, B, with the sum of its lobes limited to max_gloss, and fit its parameters
+ * and max_gloss to probes as in prediction_new(). */
+void prediction_mean(const double *parameters, double max_gloss, struct vec3 v, struct vec3 l,
                      double ret[3]);
 void prediction_mean_fit(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
                          int n_probes);

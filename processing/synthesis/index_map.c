@@ -108,7 +108,7 @@ static struct index_map *index_map_of_head(const struct exr_part *part, const ch
         !exr_get_int(part, "sample_height", &height, NULL) ||
         !exr_get_double(part, "texel_mm", &texel_mm, NULL) || width < 1 || height < 1 ||
         width > INDEX_MAP_SAMPLE || height > INDEX_MAP_SAMPLE || !(texel_mm > 0) ||
-        !isfinite(texel_mm) || part->width > INDEX_MAP_MOST || part->height > INDEX_MAP_MOST)
+        !isfinite(texel_mm) || part->width > INDEX_MAP_MAX || part->height > INDEX_MAP_MAX)
         return NULL;
     *ret_what = NULL;
     return index_map_new(part->width, part->height, width, height, texel_mm, method);

@@ -18,7 +18,7 @@
 #include <glib.h>
 
 #define INDEX_MAP_LEVELS 12        /* maximum number of levels */
-#define INDEX_MAP_MOST   8192      /* maximum number of texels in each dimension */
+#define INDEX_MAP_MAX    8192      /* maximum number of texels in each dimension */
 #define INDEX_MAP_SAMPLE (1 << 14) /* maximum number of texels of the sample in each dimension */
 
 struct index_map {

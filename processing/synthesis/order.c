@@ -2,11 +2,11 @@
 
 #include <math.h>
 
-#define LEAST_PEAK 0.3
-#define LEAST_RISE 0.1
-#define LEAST_LAG  3    /* texels */
-#define DRAWN      2048 /* number of places of a map that are examined */
-#define SEED       0x6f726465u
+#define MIN_PEAK 0.3
+#define MIN_RISE 0.1
+#define MIN_LAG  3    /* texels */
+#define DRAWN    2048 /* number of places of a map that are examined */
+#define SEED     0x6f726465u
 
 struct order_sums {
     double product, first, second;
@@ -61,8 +61,8 @@ static int order_peak(const struct texel_features *f, gboolean down) {
     for (int lag = 1; lag < most; lag++) {
         const double after = order_sample(f, down ? 0 : lag + 1, down ? lag + 1 : 0);
         low = MIN(low, now);
-        if (lag >= LEAST_LAG && now >= before && now > after && now >= LEAST_PEAK &&
-            now >= low + LEAST_RISE)
+        if (lag >= MIN_LAG && now >= before && now > after && now >= MIN_PEAK &&
+            now >= low + MIN_RISE)
             return lag;
         before = now;
         now = after;

@@ -9,8 +9,8 @@
 #include "textons.h"
 #include "tileable.h"
 
-#define LEAST_SAMPLE 16 /* minimum number of texels in each dimension */
-#define LEAST_MAP    16
+#define MIN_SAMPLE 16 /* minimum number of texels in each dimension */
+#define MIN_MAP    16
 
 const char *const synthesis_names[SYNTHESIS_METHODS] = {"auto", "textons", "quilting", "tileable"};
 
@@ -123,15 +123,15 @@ static gboolean synthesis_check(const struct synthesis_options *options, const c
                                 const struct btf_layout *layout, GError **error) {
     const int sides[] = {options->width, options->height};
     const int least = (int)MIN(layout->width, layout->height);
-    if (least < LEAST_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
+    if (least < MIN_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
         return data_error_fail(
             path, 0, error,
             "the sample has %zu × %zu texels; synthesis accepts %d to %d in each dimension",
-            layout->width, layout->height, LEAST_SAMPLE, INDEX_MAP_SAMPLE);
+            layout->width, layout->height, MIN_SAMPLE, INDEX_MAP_SAMPLE);
     for (int k = 0; k < 2 && options->method != SYNTHESIS_TILEABLE; k++)
-        if (sides[k] < LEAST_MAP || sides[k] > INDEX_MAP_MOST)
+        if (sides[k] < MIN_MAP || sides[k] > INDEX_MAP_MAX)
             return data_error_fail(path, 0, error, "--size %dx%d: each must be %d to %d texels",
-                                   options->width, options->height, LEAST_MAP, INDEX_MAP_MOST);
+                                   options->width, options->height, MIN_MAP, INDEX_MAP_MAX);
     if (options->block != 0 && (options->block < 4 || options->block > least))
         return data_error_fail(path, 0, error,
                                "--block %d is out of range: 4 to %d texels, as the sample has them",

@@ -7,10 +7,10 @@
 
 #include "exr/exr.h"
 
-#define MOST_PAIRS 16
+#define MAX_PAIRS 16
 
 struct pairs {
-    struct transfer_pair pair[MOST_PAIRS];
+    struct transfer_pair pair[MAX_PAIRS];
     GPtrArray *parts; /* owner of the pixels */
     int n, bits;
 };
@@ -43,7 +43,7 @@ static gboolean read_pairs(const char *folder, const struct rig_camera *camera, 
     struct exr_part *before = NULL;
     double us = 0, before_us = 0;
     *ret = (struct pairs){.parts = g_ptr_array_new_with_free_func(free_part)};
-    for (int k = 0; ret->n < MOST_PAIRS; k++, before_us = us) {
+    for (int k = 0; ret->n < MAX_PAIRS; k++, before_us = us) {
         g_autofree char *path = g_strdup_printf("%s/%04d.exr", folder, k);
         if (!g_file_test(path, G_FILE_TEST_EXISTS))
             break;

@@ -9,13 +9,13 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-#define MOST_WHITE                                                                                 \
+#define MAX_WHITE                                                                                  \
     1.1 /* of a fiducial; at most 1 is possible, but level and colour have errors                  \
          */
 #define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
 #define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
 #define MODEL_ERROR 5e-4 /* of the signal: how well the model describes tiles, lamps and lenses */
-#define MOST_PAIRED 16   /* of more lamps, neighbours alone */
+#define MAX_PAIRED  16   /* of more lamps, neighbours alone */
 
 /* A frame under a lamp. */
 struct lit_frame {
@@ -205,7 +205,7 @@ static gboolean check_lamps(struct run *run, const struct light_fit *is, GError 
     for (guint s = 0; s < run->tile_shots->len; s++)
         used[g_array_index(run->tile_shots, struct tile_shot, s).lamp] = TRUE;
     for (int i = 0; i < n; i++)
-        for (int k = i + 1; k < (n > MOST_PAIRED ? MIN(i + 2, n) : n); k++) {
+        for (int k = i + 1; k < (n > MAX_PAIRED ? MIN(i + 2, n) : n); k++) {
             for (int l = 0; l < n; l++)
                 lamps[l] = l == i ? k : l == k ? i : l;
             if (!(used[i] || used[k]) || !try_light(run, lamps, 1, &other) ||
@@ -427,7 +427,7 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
             to->rig.fiducials[m].reflectance[k] *= fit.white;
             to->fiducials[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error) *
                                               to->rig.fiducials[m].reflectance[k];
-            if (to->rig.fiducials[m].reflectance[k] <= MOST_WHITE)
+            if (to->rig.fiducials[m].reflectance[k] <= MAX_WHITE)
                 continue;
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
                         "if the tile has reflectance %.3g, [mark %s] reflects %.3g times the light "

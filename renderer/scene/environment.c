@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_RADIANCE                                                                              \
+#define MAX_RADIANCE                                                                               \
     1e30f /* the light of a whole sphere of this radiance is still finite as a float */
 
 struct part { /* part of the picture: columns and rows; the ends are not included */
@@ -127,7 +127,7 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
     }
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
-        if (!(rgb[k] >= 0.0f && rgb[k] <= MOST_RADIANCE)) {
+        if (!(rgb[k] >= 0.0f && rgb[k] <= MAX_RADIANCE)) {
             environment_refuse(path, "a radiance is negative, above 1e30 or not a number", error);
             return NULL;
         }

@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Smallest difference of the cosines of a cone's two angles, as in KHR_lights_punctual. */
-#define LEAST_EDGE 1e-3
+#define MIN_EDGE 1e-3
 
 struct viewer_settings lamp_settings(const struct viewer_settings *s) {
     struct viewer_settings ret = *s;
@@ -53,7 +53,7 @@ struct shadow_lamp lamp_placed(const struct viewer_lamp *lamp, double radius) {
 
 void lamp_cone(const struct shadow_lamp *placed, double inner_deg, float ret[4]) {
     const double outer = cos((double)placed->cone_rad);
-    const double edge = fmax(cos(inner_deg * G_PI / 180.0) - outer, LEAST_EDGE);
+    const double edge = fmax(cos(inner_deg * G_PI / 180.0) - outer, MIN_EDGE);
     if (placed->cone_rad == 0.0F) {
         memcpy(ret, (const float[4]){0.0F, 0.0F, 0.0F, 1.0F}, 4 * sizeof *ret);
         return;

@@ -220,7 +220,7 @@ static void reference_trace(const struct shading *s, const struct sample *sample
     struct reprojection_weights weights;
     struct reprojection_hit hit;
     struct reprojection_tap taps[REPROJECTION_VIEW_TAPS];
-    float share[REPROJECTION_MOST_VIEWS] = {0}, kept = 0.0f;
+    float share[REPROJECTION_MAX_VIEWS] = {0}, kept = 0.0f;
     v = vec3_unit(vec3(v.x, v.y, fmax(v.z, 0.05)));
     reprojection_weigh(r, at_mm, v, &weights);
     reprojection_trace(r, at_mm, v, &weights, &hit);

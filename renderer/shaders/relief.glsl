@@ -18,7 +18,7 @@ uniform vec2 mdf_size;     // size of a tile, mm
 uniform float mdf_deepest; // depth of the deepest structure, mm
 uniform bool straight;     // as if the mesh were flat under each ray, with the same scale for all axes
 
-const float LEAST_SLOPE = 0.01;
+const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
 
 vec3 towards_eye() {
@@ -136,7 +136,7 @@ below below_mesh(vec3 v, float level) {
     float bend = straight ? 0.0
                           : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y +
                                 bending.z * v.y * v.y;
-    float slope = max(v.z, LEAST_SLOPE), deepest = mdf_deepest * mm.z;
+    float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mm.z;
     float root = slope * slope - 2.0 * bend * deepest;
     float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
     float base = root > 0.0 ? middle : 2.0 * middle;

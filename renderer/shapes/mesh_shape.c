@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#define LEAST_SCALE 1e-6f
+#define MIN_SCALE 1e-6f
 
 /* Sums over the triangles around a vertex. bend is computed from the change of the normal along
  * their edges, by least squares. For an edge (a, b) and a change (p, q): L a + M b = p, M a + N b =
@@ -86,7 +86,7 @@ struct vertex_shape *mesh_shapes(const struct mesh *mesh) {
     for (guint k = 0; k < mesh->n_vertices; k++) {
         const struct sums *s = &sums[k];
         for (int c = 0; c < 2; c++)
-            shapes[k].scale[c] = MAX(s->area > 0.0f ? s->scale[c] / s->area : 1.0f, LEAST_SCALE);
+            shapes[k].scale[c] = MAX(s->area > 0.0f ? s->scale[c] / s->area : 1.0f, MIN_SCALE);
         mesh_shape_solve(s, shapes[k].bend);
     }
     return shapes;

@@ -2,11 +2,11 @@
 
 #include <glib.h>
 
-#define LEAST_ALPHA 1e-3 /* narrower highlights are only found by sampling the lamps */
-#define DIELECTRIC  0.04 /* F0 for a refractive index of 1.5 */
+#define MIN_ALPHA  1e-3 /* narrower highlights are only found by sampling the lamps */
+#define DIELECTRIC 0.04 /* F0 for a refractive index of 1.5 */
 
 static double plain_alpha(const struct trace_plain *p) {
-    return fmax(p->roughness * p->roughness, LEAST_ALPHA);
+    return fmax(p->roughness * p->roughness, MIN_ALPHA);
 }
 
 static double plain_fresnel(double f0, double f90, double cos_half) {

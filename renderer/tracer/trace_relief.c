@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define CHORDS      3
-#define LEAST_SLOPE 0.01 /* smallest slope of rays, as in the library */
+#define CHORDS    3
+#define MIN_SLOPE 0.01 /* smallest slope of rays, as in the library */
 
 /* Tests the ray from one end. v points towards the origin of the ray there, in the frame of that
  * end. w is the distance to the other end. A chord lies below the parabola's arc, so a hit of the
@@ -11,7 +11,7 @@
  * meets the relief in any case. */
 static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3 v, double way) {
     const struct trace_surface *s = end->surface;
-    const double slope = fmax(v.z, LEAST_SLOPE), bend = 2.0 * slope / way;
+    const double slope = fmax(v.z, MIN_SLOPE), bend = 2.0 * slope / way;
     /* Lengths in the scene of one mm of the sample along x, y and z. */
     const double x_mm = end->unit[0] / s->tiles / s->relief.tile_mm[0];
     const double y_mm = end->unit[1] / s->tiles / s->relief.tile_mm[1];
@@ -28,7 +28,7 @@ static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3
         struct mesorig_hit hit;
         if (mesorig_material_intersect(s->material, 1, uv, view, &hit) != MESORIG_OK || !hit.hit)
             return TRUE;
-        const double depth = (double)hit.distance_mm * fmax(q.z, LEAST_SLOPE) * z_mm;
+        const double depth = (double)hit.distance_mm * fmax(q.z, MIN_SLOPE) * z_mm;
         if (depth / chord <= reach)
             return TRUE;
     }

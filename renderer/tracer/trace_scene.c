@@ -5,8 +5,8 @@
 #include <embree3/rtcore.h>
 #include <string.h>
 
-#define LIFT        2e-5 /* height of a ray's origin above the surface, as a share of reach */
-#define MOST_PASSES 64   /* largest number of outlines that a ray passes above */
+#define LIFT       2e-5 /* height of a ray's origin above the surface, as a share of reach */
+#define MAX_PASSES 64   /* largest number of outlines that a ray passes above */
 
 G_DEFINE_QUARK(trace_error, trace_error)
 
@@ -449,7 +449,7 @@ static gboolean scene_passes(const TraceScene *scene, const struct trace_hit *hi
 gboolean trace_scene_hit(const TraceScene *scene, struct vec3 from, struct vec3 direction,
                          struct trace_hit *ret) {
     struct vec3 start = from;
-    for (int k = 0; k < MOST_PASSES; k++) {
+    for (int k = 0; k < MAX_PASSES; k++) {
         if (!scene_nearest(scene, start, direction, ret))
             return FALSE;
         if (!scene->has_relief || !scene_passes(scene, ret, direction, &start))

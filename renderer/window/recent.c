@@ -52,7 +52,7 @@ GPtrArray *recent_list(void) {
         g_clear_pointer(&path, g_free);
     }
     g_array_sort(found, recent_compare);
-    for (guint k = 0; k < MIN(found->len, RECENT_MOST); k++)
+    for (guint k = 0; k < MIN(found->len, RECENT_MAX); k++)
         g_ptr_array_add(paths, g_strdup(g_array_index(found, struct recent, k).path));
     g_clear_pointer(&list, g_bookmark_file_free);
     return paths;

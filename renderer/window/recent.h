@@ -7,10 +7,10 @@
 
 #include <glib.h>
 
-#define RECENT_MOST 9
+#define RECENT_MAX 9
 
 /* Returns the paths that this program has opened and that still exist, the latest first. There are
- * at most RECENT_MOST of them. Free the array with g_ptr_array_unref(). */
+ * at most RECENT_MAX of them. Free the array with g_ptr_array_unref(). */
 GPtrArray *recent_list(void);
 
 /* Puts a file or folder at the front of the list. Errors are ignored, because the list is only a

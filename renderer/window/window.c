@@ -5,7 +5,7 @@
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-#define LEAST_PICTURE                                                                              \
+#define MIN_PICTURE                                                                                \
     64 /* least width of the picture in pixels; in a narrower window the panel is hidden */
 
 /* Returns the width of the panel in framebuffer pixels, at the left. */
@@ -16,7 +16,7 @@ static int panel_pixels(const struct window *w) {
     if (!w->panel || width < 1)
         return 0;
     const int panel = (int)lroundf(WINDOW_PANEL * ui_scale() * (float)pixels / (float)width);
-    return panel + LEAST_PICTURE <= pixels ? panel : 0;
+    return panel + MIN_PICTURE <= pixels ? panel : 0;
 }
 
 gboolean window_has_panel(const struct window *w) {

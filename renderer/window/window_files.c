@@ -5,7 +5,7 @@
 #include <errno.h>
 #include <string.h>
 
-#define MOST_FILES 5000 /* largest number of rows */
+#define MAX_FILES 5000 /* largest number of rows */
 
 struct files_row {
     char *name, *shown;
@@ -67,12 +67,12 @@ static void files_enter(struct window_files *files, char *folder) {
         files->problem = g_strdup(error->message);
         return;
     }
-    for (const char *name; files->rows->len < MOST_FILES && (name = g_dir_read_name(dir)) != NULL;)
+    for (const char *name; files->rows->len < MAX_FILES && (name = g_dir_read_name(dir)) != NULL;)
         files_add(files, name);
-    if (files->rows->len == MOST_FILES)
+    if (files->rows->len == MAX_FILES)
         files->problem = g_strdup_printf("Only the first %d files are listed; type the name of "
                                          "another.",
-                                         MOST_FILES);
+                                         MAX_FILES);
     g_ptr_array_sort(files->rows, files_row_compare);
 }
 

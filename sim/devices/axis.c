@@ -6,8 +6,8 @@
 #include <math.h>
 
 /* Interval between updates of the world by a moving axis. */
-#define TICK_US       20000
-#define LEAST_TICK_US 1000
+#define TICK_US     20000
+#define MIN_TICK_US 1000
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
 enum stall_kind { STALL_REPORTED, STALL_SILENT };
@@ -222,7 +222,7 @@ static void sim_axis_finish(Axis *axis) {
 }
 
 static gint64 tick_us(const struct sim_axis *sim) {
-    return sim->turning ? MAX((gint64)(sim->motion.report_ms * 1000), LEAST_TICK_US) : TICK_US;
+    return sim->turning ? MAX((gint64)(sim->motion.report_ms * 1000), MIN_TICK_US) : TICK_US;
 }
 
 static void sim_axis_on_timer(gpointer data) {

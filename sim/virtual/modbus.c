@@ -87,7 +87,7 @@ static void update_motion(VirtualModbus *device) {
     device->phase = STANDING;
 }
 
-static void begin_motion(VirtualModbus *device, enum phase phase, double to, gint64 least_us) {
+static void begin_motion(VirtualModbus *device, enum phase phase, double to, gint64 min_us) {
     gint64 now = g_get_monotonic_time();
     double asked = device->options.speed_unit_steps_s * device->mapping->tab_registers[SPEED];
     double v = asked > 0 ? asked : device->options.speed_steps_s;
@@ -99,7 +99,7 @@ static void begin_motion(VirtualModbus *device, enum phase phase, double to, gin
     device->from = device->state.position_steps;
     device->to = to;
     device->start_us = device->state.began_us = now;
-    device->end_us = now + MAX((gint64)(seconds * 1e6), least_us);
+    device->end_us = now + MAX((gint64)(seconds * 1e6), min_us);
 }
 
 static void brake(VirtualModbus *device) {

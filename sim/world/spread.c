@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define REACH       4.5 /* standard deviations of the blur, beyond which nothing comes */
-#define MOST_ACROSS 16
+#define REACH      4.5 /* standard deviations of the blur, beyond which nothing comes */
+#define MAX_ACROSS 16
 
 /* Integral of a Gaussian's distribution function. */
 static double ramp(double x, double blur) {
@@ -44,8 +44,8 @@ static void shuffle(struct sample_random *random, int n, int *ret) {
 
 void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
                   double *ret_xy_px) {
-    int columns[MOST_ACROSS][MOST_ACROSS], rows[MOST_ACROSS][MOST_ACROSS];
-    const int n = MIN(across, MOST_ACROSS);
+    int columns[MAX_ACROSS][MAX_ACROSS], rows[MAX_ACROSS][MAX_ACROSS];
+    const int n = MIN(across, MAX_ACROSS);
     for (int i = 0; i < n; i++) {
         shuffle(random, n, columns[i]);
         shuffle(random, n, rows[i]);

@@ -1,6 +1,6 @@
 #include "world_private.h"
 
-#define MOST_POSES   32    /* of an exposure while the turntable turns */
+#define MAX_POSES    32    /* of an exposure while the turntable turns */
 #define POSE_STEP_PX 0.125 /* by which the sample's edge may move from one to the next */
 
 static GMutex registry_lock;
@@ -275,7 +275,7 @@ static int world_n_poses(const World *world, int camera, const struct world_stat
     const double turned = fabs(state->turning_deg[WORLD_INSTANTS - 1] - state->turning_deg[0]);
     const double px = turned * G_PI / 180 * hypot(x, y) * sensor->focal_px /
                       sqrt(v3_dot(sensor->centre_mm, sensor->centre_mm));
-    return CLAMP((int)ceil(px / POSE_STEP_PX), 1, MOST_POSES);
+    return CLAMP((int)ceil(px / POSE_STEP_PX), 1, MAX_POSES);
 }
 
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,

@@ -1,7 +1,7 @@
 #include "world_private.h"
 
 #define CELLS_PER_SCALE 3
-#define MOST_CELLS      2048 /* in one direction */
+#define MAX_CELLS       2048 /* in one direction */
 #define REACH_SCALES    5    /* beyond this many scales nothing comes out */
 #define REACH_SIGMA     4    /* of the laser's profile, beyond which there is no light */
 #define KERNEL_STEPS    64   /* of a table of the kernel, per scale */
@@ -24,7 +24,7 @@ struct bleeding *bleeding_new(const struct scene *scene, double scale_mm) {
     struct bleeding *bleeding = g_new0(struct bleeding, 1);
     const double width = (double)scene->high[0] - (double)scene->low[0];
     const double height = (double)scene->high[1] - (double)scene->low[1];
-    const double pitch = MAX(scale_mm / CELLS_PER_SCALE, MAX(width, height) / MOST_CELLS);
+    const double pitch = MAX(scale_mm / CELLS_PER_SCALE, MAX(width, height) / MAX_CELLS);
     bleeding->nx = MAX(1, (int)ceil(width / pitch));
     bleeding->ny = MAX(1, (int)ceil(height / pitch));
     bleeding->pitch_mm = pitch;

@@ -1,8 +1,8 @@
 #include "spread.h"
 #include "world_private.h"
 
-#define RAD(deg)     ((deg) * (G_PI / 180))
-#define MOST_SAMPLES 64 /* of a pixel */
+#define RAD(deg)    ((deg) * (G_PI / 180))
+#define MAX_SAMPLES 64 /* of a pixel */
 
 enum cached {
     CACHED_VIEW = 1,
@@ -185,7 +185,7 @@ static void trace_row(const struct view_job *job, int y) {
         sample_hash(world_bits(whole_turn(job->turntable_deg)) + sample +
                     world_carried_bits(job->world->camera_on_arm[job->camera], job->arm_deg) +
                     (guint64)job->camera * 8191 + (guint64)y * 0x9e3779b97f4a7c15u)};
-    double at[2 * MOST_SAMPLES];
+    double at[2 * MAX_SAMPLES];
     for (int i = 0; i < aa * aa; i++) {
         const int row_of = i / aa;
         at[2 * i] = (i % aa + 0.5) / aa - 0.5;

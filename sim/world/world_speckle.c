@@ -1,7 +1,7 @@
 #include "world_private.h"
 
-#define LEAST_GRAIN_PX 0.5
-#define MOST_REACH_PX  32
+#define MIN_GRAIN_PX 0.5
+#define MAX_REACH_PX 32
 
 /* White noise of variance 1, a sum of four uniform numbers. */
 static float white(guint64 key) {
@@ -29,8 +29,8 @@ static void speckle_smooth(const float *from, int n, gsize step, const float *ke
 void world_speckle(const World *world, int camera, int laser, const struct world_state *state,
                    float *rate) {
     const struct optics_camera *sensor = &world->cameras[camera];
-    const double grain = MAX(sensor->blur_px, LEAST_GRAIN_PX);
-    const int reach = MIN((int)ceil(3.5 * grain), MOST_REACH_PX), across = 2 * reach;
+    const double grain = MAX(sensor->blur_px, MIN_GRAIN_PX);
+    const int reach = MIN((int)ceil(3.5 * grain), MAX_REACH_PX), across = 2 * reach;
     const int width = sensor->width, height = sensor->height;
     guint64 key = sample_hash(world->noise_seed + (guint64)camera * 64 + (guint64)laser);
     key = sample_hash(key ^ world_bits(state->sweep_deg[laser] + 0.0));
@@ -38,7 +38,7 @@ void world_speckle(const World *world, int camera, int laser, const struct world
     key = sample_hash(
         key ^ world_bits(world_relative_rad(world->laser_fixed[laser] ? 0 : state->arc_deg, 0)));
     key ^= world_carried_bits(world->camera_on_arm[camera], state->arm_deg);
-    float kernel[2 * MOST_REACH_PX + 1];
+    float kernel[2 * MAX_REACH_PX + 1];
     double squares = 0;
     for (int k = -reach; k <= reach; k++) {
         const double value = exp(-k * k / (2 * grain * grain));

@@ -134,12 +134,12 @@ static gboolean write_rows(const struct btf_matrix *btf) {
 }
 
 /* How long each stage took, told apart by what it says of its progress. */
-#define MOST_STAGES 8
+#define MAX_STAGES 8
 struct stages {
     double last;
     int n;
-    char names[MOST_STAGES][16];
-    double seconds[MOST_STAGES];
+    char names[MAX_STAGES][16];
+    double seconds[MAX_STAGES];
 };
 
 /* What was before the first word of a stage belongs to the one before. */
@@ -147,7 +147,7 @@ static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
     stages->seconds[stages->n - 1] += bench_now_s() - stages->last;
     stages->last = bench_now_s();
-    if (g_str_equal(stages->names[stages->n - 1], progress->stage) || stages->n == MOST_STAGES)
+    if (g_str_equal(stages->names[stages->n - 1], progress->stage) || stages->n == MAX_STAGES)
         return;
     g_strlcpy(stages->names[stages->n++], progress->stage, sizeof stages->names[0]);
 }

@@ -13,16 +13,16 @@
 #include <stdio.h>
 #include <string.h>
 
-#define DEMO      SOURCE_DIR "/etc/demo/"
-#define BIN       BUILD_DIR "/bin/"
-#define MOST_KEYS 2
-#define SIDE      128 /* of the sample's pictures, px */
+#define DEMO     SOURCE_DIR "/etc/demo/"
+#define BIN      BUILD_DIR "/bin/"
+#define MAX_KEYS 2
+#define SIDE     128 /* of the sample's pictures, px */
 
 static const struct effect {
     const char *name, *section; /* the first word of the world's sections that have the keys */
     struct {
         const char *key, *value;
-    } keys[MOST_KEYS];
+    } keys[MAX_KEYS];
 } effects[] = {
     {"none", "world", {{NULL}}},
     {"bent_sheet", "laser", {{"sheet_bend_mm", "0.1"}}},
@@ -111,7 +111,7 @@ static void write_world(const struct effect *effect) {
     g_auto(GStrv) groups = g_key_file_get_groups(world, NULL);
     g_key_file_set_value(world, "world", "gather_rays", "4");
     for (char **group = groups; *group; group++)
-        for (int i = 0; i < MOST_KEYS && effect->keys[i].key; i++)
+        for (int i = 0; i < MAX_KEYS && effect->keys[i].key; i++)
             if (strncmp(*group, effect->section, strlen(effect->section)) == 0)
                 g_key_file_set_value(world, *group, effect->keys[i].key, effect->keys[i].value);
     write_conf(world, "world.conf");

@@ -15,10 +15,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define LEAST_COSINE 0.05 /* as in energy.c */
-#define PANEL        320  /* pixels */
-#define RINGS        18   /* of a plot, of 5 degrees */
-#define AROUND       36
+#define MIN_COSINE 0.05 /* as in energy.c */
+#define PANEL      320  /* pixels */
+#define RINGS      18   /* of a plot, of 5 degrees */
+#define AROUND     36
 
 static struct vec3 fields_direction(const struct direction_list *list, gsize i) {
     float d[3];
@@ -46,7 +46,7 @@ static void fields_reflectance(const struct btf_matrix *btf, gsize texel, double
     for (gsize i = 0; i < n; i++) {
         const double cosine = fields_direction(&btf->layout.lights, i % n_lights).z;
         const float *rgb = btf->values + 3 * (texel * n + i);
-        ret[i] = cosine > LEAST_COSINE ? (double)rgb_luminance(rgb) / cosine : 0;
+        ret[i] = cosine > MIN_COSINE ? (double)rgb_luminance(rgb) / cosine : 0;
     }
 }
 
@@ -135,7 +135,7 @@ static struct btf_matrix *fields_other(const struct btf_matrix *btf, gboolean ex
             const gsize v = i / n_lights, l = i % n_lights;
             const double cosine = fields_direction(&btf->layout.lights, l).z;
             const gsize to = exchanged ? l * n_views + v : i;
-            const float factor = divided ? (float)(1 / MAX(cosine, LEAST_COSINE)) : 1;
+            const float factor = divided ? (float)(1 / MAX(cosine, MIN_COSINE)) : 1;
             for (gsize c = 0; c < 3; c++)
                 ret->values[3 * (texel * n + to) + c] =
                     btf->values[3 * (texel * n + i) + c] * factor;

@@ -44,8 +44,8 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-#define SCALE     6  /* pixels a texel in pictures */
-#define MOST_POLE 64 /* views of the topmost ring */
+#define SCALE    6  /* pixels a texel in pictures */
+#define MAX_POLE 64 /* views of the topmost ring */
 
 enum { MIXED, ALONG, MEASURED, WAYS };
 
@@ -320,7 +320,7 @@ static void reprojection_bench_view(int k, gpointer data) {
     for (int i = 0; i < 3 && pictures; i++)
         shown[i] = g_new0(float, 3 * n);
     for (int texel = 0; texel < n; texel++) {
-        struct reprojection_tap taps[4 * MOST_POLE];
+        struct reprojection_tap taps[4 * MAX_POLE];
         struct reprojection_hit hit;
         double at_mm[2];
         int n_taps = reprojection_bench_mixed(scene, nominal, texel, taps);

@@ -36,17 +36,17 @@ static struct spent since(struct spent start) {
 }
 
 /* What each stage took, told apart by what it says of its progress; before the first it draws. */
-#define MOST_STAGES 8
+#define MAX_STAGES 8
 struct stages {
     int n;
-    const char *names[MOST_STAGES]; /* interned */
-    struct spent starts[MOST_STAGES + 1];
+    const char *names[MAX_STAGES]; /* interned */
+    struct spent starts[MAX_STAGES + 1];
 };
 
 static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
     const char *name = g_intern_string(progress->stage);
-    if (stages->names[stages->n - 1] == name || stages->n == MOST_STAGES)
+    if (stages->names[stages->n - 1] == name || stages->n == MAX_STAGES)
         return;
     stages->starts[stages->n] = now();
     stages->names[stages->n++] = name;

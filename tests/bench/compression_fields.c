@@ -13,7 +13,7 @@
 #define LOBES      2
 #define PARAMETERS (4 * LOBES)
 #define TOLERANCE  1e-5 /* of the sum of squares, as in lobes_fit.c */
-#define MOST_CALLS 80
+#define MAX_CALLS  80
 
 /* Problems of one session: rows of luminance by light, and where all solvers begin. */
 struct problems {
@@ -116,7 +116,7 @@ static struct solver solve_minpack(const struct problems *p) {
         for (int k = 0; k < PARAMETERS; k++)
             x[k] = p->starts[(gsize)i * PARAMETERS + (gsize)k];
         if (m >= PARAMETERS)
-            lmder(residuals, &one, m, PARAMETERS, x, f, j, m, TOLERANCE, 1e-7, 0, MOST_CALLS, diag,
+            lmder(residuals, &one, m, PARAMETERS, x, f, j, m, TOLERANCE, 1e-7, 0, MAX_CALLS, diag,
                   1, 100, 0, &calls, &jacobians, pivots, qtf, w[0], w[1], w[2], w4);
         for (int k = 0; k < m; k++)
             ret.cost += f[k] * f[k];

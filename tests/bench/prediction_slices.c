@@ -26,8 +26,8 @@
 
 #include "bench.h"
 
-#define MOST_PROBES 30 /* texels that the next slice is chosen by */
-#define AXES        9
+#define MAX_PROBES 30 /* texels that the next slice is chosen by */
+#define AXES       9
 
 struct slice {
     int elevation, kind; /* kind 0: constant φ_l − φ_v; 1: constant φ_l + φ_v */
@@ -195,7 +195,7 @@ static void slices_take(const struct slice *slice, int n, int *n_taken, gboolean
 static void slices_differences(const struct prediction_scene *scene, const gboolean *taken,
                                double *ret_shots) {
     struct prediction_radial *radial = prediction_radial_new(scene, taken);
-    const int n = MIN(MOST_PROBES, scene->n_texels);
+    const int n = MIN(MAX_PROBES, scene->n_texels);
     g_autofree float *values = g_new(float, 3 * scene->n_pairs);
     g_autofree double *known = g_new(double, radial->n_known);
     memset(ret_shots, 0, sizeof(double) * (gsize)scene->n_shots);

@@ -1,4 +1,4 @@
-/* calibrate lights --images on seeded cases: every lamp is right within MOST_OFF, or refused with a
+/* calibrate lights --images on seeded cases: every lamp is right within MAX_OFF, or refused with a
  * cause. A mirror or glossy ball is drawn by a formula that shares no code with calib/: each ray of
  * an orthographic or perspective camera is reflected, and what it meets is a lamp, far or near, a
  * window, the ground, a room. What goes wrong in photographs is added: dust, clipping, a second
@@ -12,14 +12,14 @@
 #include <png.h>
 #include <string.h>
 
-#define MESORIG  BUILD_DIR "/bin/mesorig"
-#define CASES    40
-#define PHOTOS   3
-#define WIDE     320
-#define HIGH     300
-#define FINE     3 /* samples a pixel, each way */
-#define DEG      (180 / G_PI)
-#define MOST_OFF 0.5 /* degrees */
+#define MESORIG BUILD_DIR "/bin/mesorig"
+#define CASES   40
+#define PHOTOS  3
+#define WIDE    320
+#define HIGH    300
+#define FINE    3 /* samples a pixel, each way */
+#define DEG     (180 / G_PI)
+#define MAX_OFF 0.5 /* degrees */
 
 enum trouble {
     DUST = 1 << 0,
@@ -370,7 +370,7 @@ static int check_case(guint seed) {
                 4);
             const struct xyz truth = lamps[i][0].near ? unit(lamps[i][0].sum) : lamps[i][0].at;
             const double off_deg = apart_rad(d, truth) * DEG;
-            const gboolean bad = !(off_deg < MOST_OFF);
+            const gboolean bad = !(off_deg < MAX_OFF);
             wrong += bad;
             right_of[of] += !bad;
             for (int k = 0; k < TROUBLES; k++)

@@ -262,7 +262,7 @@ static void deviation(const double found[4], const double point[3], double *ret_
 }
 
 /* The plane is within its error bars, which are small. */
-static void expect_plane(const struct test *test, double most_mm, double most_deg) {
+static void expect_plane(const struct test *test, double max_mm, double most_deg) {
     double t[24], off_mm, off_rad;
     g_autoptr(GError) error = NULL;
     read_table(test, t);
@@ -272,9 +272,9 @@ static void expect_plane(const struct test *test, double most_mm, double most_de
                    tilt * 180 / G_PI);
     g_assert_cmpfloat(off_mm, <, 3.5 * t[23]);
     g_assert_cmpfloat(off_rad, <, 3.5 * tilt);
-    g_assert_cmpfloat(off_mm, <, most_mm);
+    g_assert_cmpfloat(off_mm, <, max_mm);
     g_assert_cmpfloat(off_rad * 180 / G_PI, <, most_deg);
-    g_assert_cmpfloat(t[23], <, most_mm);
+    g_assert_cmpfloat(t[23], <, max_mm);
     /* The calibration file has the same sheet. */
     g_autoptr(Calibration) calibration = calibration_read(test->output, &error);
     g_assert_no_error(error);

@@ -7,11 +7,11 @@
 #include <png.h>
 #include <string.h>
 
-#define MESORIG  BUILD_DIR "/bin/mesorig"
-#define SIZE     400
-#define FINE     4 /* samples a pixel, each way */
-#define DEG      (180 / G_PI)
-#define MOST_OFF 0.5 /* degrees */
+#define MESORIG BUILD_DIR "/bin/mesorig"
+#define SIZE    400
+#define FINE    4 /* samples a pixel, each way */
+#define DEG     (180 / G_PI)
+#define MAX_OFF 0.5 /* degrees */
 
 struct xyz {
     double x, y, z;
@@ -178,7 +178,7 @@ static void assert_right(const char *out, const char *name, struct xyz truth) {
     const struct told found = told(out, name);
     const double off = apart_deg(found.direction, truth);
     g_test_message("%s: %.3f° off, ± %.3f°", name, off, found.sigma_deg);
-    g_assert_cmpfloat(off, <, MOST_OFF);
+    g_assert_cmpfloat(off, <, MAX_OFF);
     g_assert_cmpfloat(off, <, 3 * found.sigma_deg);
     g_assert_cmpfloat(found.sigma_deg, <, 1);
 }

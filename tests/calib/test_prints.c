@@ -13,19 +13,19 @@
 #include <math.h>
 #include <string.h>
 
-#define WIDTH     480
-#define HEIGHT    360
-#define SAMPLES   128 /* of a pixel with an edge in it */
-#define BEND      -0.5
-#define FOCAL_PX  520
-#define WIDE_PX   230
-#define MOST_BITS 7
-#define BLUR      1.5 /* px, the square that a pixel is the mean of */
+#define WIDTH    480
+#define HEIGHT   360
+#define SAMPLES  128 /* of a pixel with an edge in it */
+#define BEND     -0.5
+#define FOCAL_PX 520
+#define WIDE_PX  230
+#define MAX_BITS 7
+#define BLUR     1.5 /* px, the square that a pixel is the mean of */
 
 /* 0 black, 1 white, of a point in units of the grid from the top left of the board, y downwards. */
 typedef double (*Print)(double x, double y);
 
-static guint8 bits[64][MOST_BITS * MOST_BITS]; /* of the print's dictionary */
+static guint8 bits[64][MAX_BITS * MAX_BITS]; /* of the print's dictionary */
 static int n_bits;
 
 /* A marker from its own top left, u and v from 0 to 1. */

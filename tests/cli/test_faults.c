@@ -13,7 +13,7 @@
 
 #define DAEMON BUILD_DIR "/bin/mesorigd"
 
-#define MOST_CHANGES 5
+#define MAX_CHANGES 5
 
 static gboolean has_event(const char *path, const char *level, const char *source,
                           const char *message) {
@@ -123,8 +123,8 @@ static const struct fault faults[] = {
 };
 
 static struct operation *new_with(const char *text) {
-    g_auto(GStrv) items = g_strsplit(text, "; ", MOST_CHANGES);
-    struct change changes[MOST_CHANGES + 1] = {0};
+    g_auto(GStrv) items = g_strsplit(text, "; ", MAX_CHANGES);
+    struct change changes[MAX_CHANGES + 1] = {0};
     for (int i = 0; items[i]; i++) {
         char *line = strstr(items[i], "] ") + 1;
         *line = '\0';

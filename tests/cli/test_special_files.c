@@ -21,10 +21,10 @@
 #include "pictures/picture_header.h"
 #include "world/samples/sample.h"
 
-#define MOST_CPU_S  5  /* of a command, start included */
-#define MOST_WALL_S 60 /* the machine may have more to do; what hangs is ended then */
-#define MOST_KIB    (1 << 20)
-#define BOARD       "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3"
+#define MAX_CPU_S  5  /* of a command, start included */
+#define MAX_WALL_S 60 /* the machine may have more to do; what hangs is ended then */
+#define MAX_KIB    (1 << 20)
+#define BOARD      "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3"
 
 static char *folder, *session;
 
@@ -71,7 +71,7 @@ static char *finish(struct running *running, struct rusage *usage) {
     int status = 0;
     char *text = NULL;
     while (wait4(running->pid, &status, WNOHANG, usage) == 0) {
-        if (g_get_monotonic_time() - running->begun_us > MOST_WALL_S * G_USEC_PER_SEC) {
+        if (g_get_monotonic_time() - running->begun_us > MAX_WALL_S * G_USEC_PER_SEC) {
             kill(running->pid, SIGKILL);
             wait4(running->pid, &status, 0, usage);
             g_error("%s: hangs", running->command);
@@ -92,7 +92,7 @@ static void check(struct running *running, const char *wanted) {
     if (!strstr(text, running->path) || !strstr(text, wanted) || strstr(text, "Sanitizer"))
         g_error("%s: does not say that %s is %s: %s", running->command, running->path, wanted,
                 text);
-    if (cpu_s > MOST_CPU_S || usage.ru_maxrss > MOST_KIB)
+    if (cpu_s > MAX_CPU_S || usage.ru_maxrss > MAX_KIB)
         g_error("%s: takes %.1f s and %ld KiB: %s", running->command, cpu_s, usage.ru_maxrss, text);
     g_test_message("%.2f s, %ld MiB: %s", cpu_s, usage.ru_maxrss >> 10, g_strstrip(text));
     g_free(running->command);

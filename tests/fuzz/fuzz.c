@@ -57,7 +57,7 @@ gboolean __wrap_input_file_check_pixels(const char *path, guint64 width, guint64
                                         guint64 file_bytes, GError **error) {
     if (!__real_input_file_check_pixels(path, width, height, file_bytes, error))
         return FALSE;
-    if (width * height <= FUZZ_MOST_PIXELS)
+    if (width * height <= FUZZ_MAX_PIXELS)
         return TRUE;
     g_set_error(error, INPUT_FILE_ERROR, INPUT_FILE_ERROR_TOO_LARGE, "%s: too large to fuzz", path);
     return FALSE;

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 /* Pictures of more pixels are refused before they are decoded: they would be slow. */
-#define FUZZ_MOST_PIXELS 1000000
+#define FUZZ_MAX_PIXELS 1000000
 
 /* checkpoint_begin(): inputs of the checkpoints that fuzz_seeds writes. */
 #define FUZZ_CHECKPOINT_INPUTS "fuzz"

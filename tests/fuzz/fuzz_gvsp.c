@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-#define MOST_PIXELS 4096
+#define MAX_PIXELS 4096
 
 struct __attribute__((packed)) head {
     guint8 status, format, of_limits, width, height, limits_width, limits_height, flags;

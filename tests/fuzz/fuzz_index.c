@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_TEXELS (1 << 16) /* larger ones are not written again: they would be slow */
+#define MAX_TEXELS (1 << 16) /* larger ones are not written again: they would be slow */
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;
@@ -27,7 +27,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
             g_assert_cmpint(map->levels[level][2 * i + 1], <, map->sample_height);
         }
     }
-    if ((gint64)map->width * map->height > MOST_TEXELS)
+    if ((gint64)map->width * map->height > MAX_TEXELS)
         return 0;
     const char *path = fuzz_file_in_folder("index.exr", data, 0);
     const gboolean ok = index_map_write(path, map, &error);

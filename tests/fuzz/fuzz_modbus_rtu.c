@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #define REQUESTS    4
-#define MOST_BYTES  260 /* of an answer; a frame has at most 256 */
+#define MAX_BYTES   260 /* of an answer; a frame has at most 256 */
 #define PATIENCE_MS 1000
 
 static struct {
@@ -67,7 +67,7 @@ static void serial_open(void) {
 static void serial_queue(const uint8_t *data, size_t size) {
     while (size > 0) {
         const uint8_t head = *data++;
-        guint8 answer[MOST_BYTES];
+        guint8 answer[MAX_BYTES];
         size--;
         size_t n = MIN((size_t)head / 2, size);
         memcpy(answer, data, n);

@@ -12,9 +12,9 @@
 #include <math.h>
 #include <string.h>
 
-#define STEPS       24
-#define ANSWER_US   1000
-#define MOST_FAILED 8 /* answers; then the device is unplugged */
+#define STEPS      24
+#define ANSWER_US  1000
+#define MAX_FAILED 8 /* answers; then the device is unplugged */
 
 struct UsbDevice {
     UsbLostFunc lost;
@@ -106,7 +106,7 @@ static void on_time(gpointer data) {
                  answer->user);
     g_clear_error(&error);
     g_free(answer);
-    if (opened && !opened->waiting && n_failed > MOST_FAILED) {
+    if (opened && !opened->waiting && n_failed > MAX_FAILED) {
         n_failed = 0;
         opened->lost(opened, opened->user);
     }

@@ -12,7 +12,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#define MOST_BYTES (1 << 20) /* larger pictures are not unpacked: they would be slow */
+#define MAX_BYTES (1 << 20) /* larger pictures are not unpacked: they would be slow */
 
 static gboolean video_asked;
 static const uint8_t *said;
@@ -97,7 +97,7 @@ static void take(const struct video_node *node, int width, int height) {
     g_assert_cmpint(setup.width, >, 0);
     g_assert_cmpint(setup.height, >, 0);
     g_assert_cmpint(setup.interval_us, >=, 0);
-    if (setup.bytes > MOST_BYTES || (gint64)setup.width * setup.height > MOST_BYTES)
+    if (setup.bytes > MAX_BYTES || (gint64)setup.width * setup.height > MAX_BYTES)
         return;
     g_autofree guint8 *picture = g_malloc(setup.bytes);
     g_autofree guint16 *pixels = g_new(guint16, (gsize)setup.width * (gsize)setup.height);

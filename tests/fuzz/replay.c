@@ -19,9 +19,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define MOST_BYTES   16384
-#define MOST_CHANGES 6
-#define LIMIT_S      60
+#define MAX_BYTES   16384
+#define MAX_CHANGES 6
+#define LIMIT_S     60
 
 typedef int (*FuzzFunc)(const uint8_t *data, size_t size);
 
@@ -42,7 +42,7 @@ static const struct {
 struct shared {
     gsize size;
     guint64 runs;
-    guint8 bytes[MOST_BYTES];
+    guint8 bytes[MAX_BYTES];
 };
 
 static void run(FuzzFunc func, struct shared *shared) {
@@ -54,7 +54,7 @@ static void run(FuzzFunc func, struct shared *shared) {
 }
 
 static void load(struct shared *shared, GBytes *bytes) {
-    shared->size = MIN(g_bytes_get_size(bytes), MOST_BYTES);
+    shared->size = MIN(g_bytes_get_size(bytes), MAX_BYTES);
     if (shared->size > 0)
         memcpy(shared->bytes, g_bytes_get_data(bytes, NULL), shared->size);
 }
@@ -65,7 +65,7 @@ static gsize below(GRand *random, gsize n) {
 
 /* Makes room for n bytes at a place, or takes them away. */
 static void move(struct shared *shared, gsize at, gsize n, gboolean insert) {
-    n = insert ? MIN(n, MOST_BYTES - shared->size) : MIN(n, shared->size - at);
+    n = insert ? MIN(n, MAX_BYTES - shared->size) : MIN(n, shared->size - at);
     if (insert)
         memmove(shared->bytes + at + n, shared->bytes + at, shared->size - at);
     else
@@ -116,7 +116,7 @@ static void mutate(struct shared *shared, GPtrArray *corpus, GRand *random) {
         break;
     default: { /* the end of another one */
         const gsize from = below(random, g_bytes_get_size(other));
-        const gsize more = MIN(g_bytes_get_size(other) - from, MOST_BYTES - at);
+        const gsize more = MIN(g_bytes_get_size(other) - from, MAX_BYTES - at);
         if (more > 0)
             memcpy(to, (const guint8 *)g_bytes_get_data(other, NULL) + from, more);
         shared->size = at + more;
@@ -130,7 +130,7 @@ static void fuzz(FuzzFunc func, struct shared *shared, GPtrArray *corpus, double
     const gint64 end_us = g_get_monotonic_time() + (gint64)(seconds * G_USEC_PER_SEC);
     while (g_get_monotonic_time() < end_us) {
         load(shared, corpus->pdata[below(random, corpus->len)]);
-        for (gsize i = 0, n = 1 + below(random, MOST_CHANGES); i < n; i++)
+        for (gsize i = 0, n = 1 + below(random, MAX_CHANGES); i < n; i++)
             mutate(shared, corpus, random);
         run(func, shared);
     }

@@ -347,14 +347,14 @@ static void run_cell(struct cell *cell, GDBusConnection *bus) {
         repair(&lines, cell);
     lines_close(&lines);
 
-    const gint64 most_us = (cell->end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US;
+    const gint64 max_us = (cell->end == STOPPED ? 5 : 1) * G_USEC_PER_SEC + SLACK_US;
     printf("%s %s, %s: dark after %.2f s, axes stand after %.2f s; its own light %.2f s after its "
            "line is usable\n",
            lines_names[cell->line], lines_failures[cell->failure], end_names[cell->end],
            cell->dark_s, cell->stand_s, cell->late_s);
     fflush(stdout);
-    g_assert_cmpfloat(cell->dark_s, <, (double)most_us / 1e6);
-    g_assert_cmpfloat(cell->stand_s, <, (double)most_us / 1e6);
+    g_assert_cmpfloat(cell->dark_s, <, (double)max_us / 1e6);
+    g_assert_cmpfloat(cell->stand_s, <, (double)max_us / 1e6);
     g_assert_cmpfloat(cell->late_s, <, (double)(G_USEC_PER_SEC + SLACK_US) / 1e6);
 }
 

@@ -10,8 +10,8 @@
 #include "held_time.h"
 #include "plan/report.h"
 
-#define HANG_S     60 /* of a life, really: SIGALRM ends it */
-#define MOST_TURNS 200000
+#define HANG_S    60 /* of a life, really: SIGALRM ends it */
+#define MAX_TURNS 200000
 
 /* After the last step until leases have ended and devices have been asked again; at the end, once
  * more, with all clients gone. */
@@ -126,7 +126,7 @@ static void serving_turn(struct serving *serving, gboolean sleeps) {
     g_main_context_iteration(NULL, sleeps);
     bus_clients_read(serving->clients);
     bus_owners_look(serving->owners);
-    if (++serving->turns > MOST_TURNS)
+    if (++serving->turns > MAX_TURNS)
         scene_break(serving->scene, "ends", "the daemon does not come to rest");
     if (*serving->scene->violation)
         serving_over();

@@ -11,11 +11,11 @@
 #define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
-/* LASER_PIXELS pixels with a signal above the threshold make a laser line. LEAST_LASER_PIXELS above
+/* LASER_PIXELS pixels with a signal above the threshold make a laser line. MIN_LASER_PIXELS above
  * half the threshold do if the line lit them, and no more than twice as many, when it stood there.
  */
-#define LASER_PIXELS       4
-#define LEAST_LASER_PIXELS 2
+#define LASER_PIXELS     4
+#define MIN_LASER_PIXELS 2
 /* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
@@ -400,7 +400,7 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
         n_line += of_line;
         n_still += of_line && is_brighter(last, first, threshold_dn / 2, p);
     }
-    return n_lit >= LASER_PIXELS || (n_still >= LEAST_LASER_PIXELS && 2 * n_still >= n_line);
+    return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
 /* Frames of a sweep, one after the other; the one without the laser comes alone. */

@@ -9,7 +9,7 @@
 #define MORE           0.5  /* shots of a further point, of those before it */
 /* The choice sums the error over PREDICTION_TARGETS pairs at most; of more pairs it takes these
  * first, so that with nothing measured its error is too small beyond this part of the shots. */
-#define MOST_OF_MANY 8
+#define MAX_OF_MANY 8
 
 /* An earlier session, and the reflectance of its probes. */
 struct earlier {
@@ -269,7 +269,7 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
     Lamps *lamps = lamps_make(&setup, views, lights);
     GArray *ret = g_array_new(FALSE, FALSE, sizeof(struct expected_point));
     const gboolean many = lamps->n_views * lamps->n_lights > PREDICTION_TARGETS;
-    const int most_of_none = MAX(1, many ? n / MOST_OF_MANY : n / 2);
+    const int most_of_none = MAX(1, many ? n / MAX_OF_MANY : n / 2);
     const gboolean ok = like ? expected_take_like(lamps, like, timing, work, error) &&
                                    expected_rounds(lamps, n / 2, ret, error)
                              : expected_of_none(lamps, most_of_none, ret, error);

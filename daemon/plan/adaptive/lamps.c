@@ -6,11 +6,11 @@
 #include "session/inputs.h"
 #include "session/outputs.h"
 
-#define RAD(deg)    ((deg) * (G_PI / 180))
-#define MOST_PROBES 256
-#define GROWTH      1.0 /* shots of a further round, of those before it, at most */
-#define MOST_SINGLE                                                                                \
-    600 /* shots that are looked at, by themselves and as the beginning of a chain */
+#define RAD(deg)   ((deg) * (G_PI / 180))
+#define MAX_PROBES 256
+#define GROWTH     1.0 /* shots of a further round, of those before it, at most */
+#define MAX_SINGLE 600 /* shots that are looked at, by themselves and as the beginning of a chain  \
+                        */
 
 struct lamps_job { /* a frame to be read */
     const Lamps *lamps;
@@ -131,7 +131,7 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
     int n = 0, k = 0;
     for (int pair = 0; pair < n_pairs; pair++)
         n += lamps_is_taken(lamps, pair);
-    const gint64 most = MIN(n, PREDICTION_MOST_MEASURED);
+    const gint64 most = MIN(n, PREDICTION_MAX_MEASURED);
     for (int pair = 0; pair < n_pairs; pair++) {
         const gboolean taken = lamps_is_taken(lamps, pair);
         const gboolean given = taken && (k + 1) * most / n > k * most / n;
@@ -219,7 +219,7 @@ struct lamps_candidates lamps_list_candidates(Lamps *lamps) {
         g_array_append_val(ret.numbers, i);
         g_ptr_array_add(left, (gpointer)shot);
     }
-    const int n = (int)left->len, starts = MIN(n, MOST_SINGLE);
+    const int n = (int)left->len, starts = MIN(n, MAX_SINGLE);
     ret.shots = g_new0(struct prediction_shot, 2 * (gsize)starts + 1);
     ret.chains = g_malloc_n(2 * (gsize)starts + 1, sizeof *ret.chains);
     ret.pairs = g_new(int, (2 * starts + 1) * CHAIN * setup->calibration->rig.n_cameras);
@@ -318,14 +318,14 @@ gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_ch
 static void lamps_spread_probes(Lamps *lamps) {
     const struct session_grid *grid = &lamps->setup.conf->grid;
     const int n = grid->width * grid->height;
-    lamps->n_probes = MIN(n, MOST_PROBES);
+    lamps->n_probes = MIN(n, MAX_PROBES);
     lamps->texels = g_new(int, lamps->n_probes);
     lamps->at_mm = g_new(struct vec3, lamps->n_probes);
     for (int i = 0; i < lamps->n_probes; i++) {
         const double x = 0.5 + i * 0.7548776662466927, y = 0.5 + i * 0.5698402909980532;
         int column = (int)((x - floor(x)) * grid->width);
         int row = (int)((y - floor(y)) * grid->height);
-        if (n <= MOST_PROBES) { /* all of them */
+        if (n <= MAX_PROBES) { /* all of them */
             column = i % grid->width;
             row = i / grid->width;
         }

@@ -2,7 +2,7 @@
 
 #include "selection/coverage_view.h"
 
-#define MOST_MORE 2 /* sweeps that join a round, at each turntable angle */
+#define MAX_MORE 2 /* sweeps that join a round, at each turntable angle */
 
 /* The sweeps of one turntable angle, and the views that they show. */
 struct group {
@@ -113,7 +113,7 @@ static void sweeps_choose_group(const Sweeps *sweeps, const struct group *group,
     double gains[COVERAGE_MAX_SWEEPS];
     for (guint i = 0; i < group->shots->len; i++)
         gains[i] = chosen >> i & 1 ? 0 : sweeps_gain(sweeps, group, (int)i);
-    for (int n = 0; n < MOST_MORE; n++) {
+    for (int n = 0; n < MAX_MORE; n++) {
         double most = least;
         int best = -1;
         for (guint i = 0; i < group->shots->len; i++) {

@@ -5,8 +5,8 @@
 
 #include <string.h>
 
-#define TERMS      4  /* number of terms without --components and --error */
-#define CURVE_MOST 16 /* maximum number of terms of a curve */
+#define TERMS     4  /* number of terms without --components and --error */
+#define CURVE_MAX 16 /* maximum number of terms of a curve */
 /* number of texels that are read at a time, so that the written values stay in the cache */
 #define ROWS ((gsize)64)
 
@@ -190,7 +190,7 @@ static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_que
 static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
                                       const struct work *work, CodecPoint tell, gpointer data,
                                       GError **error) {
-    const int most = MIN(CURVE_MOST, btf->layout.views.n);
+    const int most = MIN(CURVE_MAX, btf->layout.views.n);
     const struct eigenmaps_options options = {0};
     double ignored;
     struct eigenmaps *maps = eigenmaps_of_matrix(btf, most, &options, work, &ignored, error);

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#define COLOURS    3
-#define LEAST_VIEW 0.1F /* minimum of the divisor n·v, see lobes.h */
+#define COLOURS  3
+#define MIN_VIEW 0.1F /* minimum of the divisor n·v, see lobes.h */
 
 static float lobes_evaluate_dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -44,7 +44,7 @@ static float distribution(enum lobes_model model, float u, float v, const float 
 }
 
 /* Computes RGB = diffuse ⟨n·l⟩ + specular s (v, l), with s as in lobes.h. values are diffuse RGB,
- * specular RGB, n, t, U, V. If n·v is below LEAST_VIEW, LEAST_VIEW is used. The result is 0 for a
+ * specular RGB, n, t, U, V. If n·v is below MIN_VIEW, MIN_VIEW is used. The result is 0 for a
  * light below the surface. */
 static void lobes_evaluate_facet(enum lobes_model model, const float *values, const float v[3],
                                  const float l[3], float ret[3]) {
@@ -52,7 +52,7 @@ static void lobes_evaluate_facet(enum lobes_model model, const float *values, co
     const float b[3] = {n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2],
                         n[0] * t[1] - n[1] * t[0]};
     float h[3] = {l[0] + v[0], l[1] + v[1], l[2] + v[2]};
-    const float nl = lobes_evaluate_dot(n, l), nv = MAX(lobes_evaluate_dot(n, v), LEAST_VIEW);
+    const float nl = lobes_evaluate_dot(n, l), nv = MAX(lobes_evaluate_dot(n, v), MIN_VIEW);
     memset(ret, 0, sizeof(float) * COLOURS);
     if (!(nl > 1e-4F))
         return;

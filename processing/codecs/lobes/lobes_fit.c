@@ -4,14 +4,14 @@
 
 #include <math.h>
 
-#define P          LOBES_MAX_PARAMETERS
-#define MOST_STEPS 80
+#define P         LOBES_MAX_PARAMETERS
+#define MAX_STEPS 80
 /* a problem is solved when the relative gain of a step is less than this */
-#define ENOUGH     1e-5F
-#define LEAST_VIEW 0.1F  /* see lobes.h */
-#define SHALLOW    1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */
-#define LN2        0.69314718F
-#define TINY       1e-20F
+#define ENOUGH   1e-5F
+#define MIN_VIEW 0.1F  /* see lobes.h */
+#define SHALLOW  1e-4F /* hx² + hy² below which the series of log(hn) / (1 − hn²) is used */
+#define LN2      0.69314718F
+#define TINY     1e-20F
 
 /* The sums over all samples at one point that the solver needs. */
 struct normal {
@@ -185,7 +185,7 @@ LANES_INLINE lanes ashikhmin_exponent(const struct prepared_facet *f, lanes hx, 
 /* The factor of the distribution, and the derivatives of its logarithm by n·l and n·v. */
 LANES_INLINE lanes geometry(enum lobes_model model, lanes nl, lanes nv, lanes hl, lanes *ret_nl,
                             lanes *ret_nv) {
-    const lanes least = lanes_all(LEAST_VIEW), seen = lanes_max(nv, least);
+    const lanes least = lanes_all(MIN_VIEW), seen = lanes_max(nv, least);
     if (model == LOBES_WARD) {
         *ret_nl = 0.5F / nl;
         *ret_nv = lanes_if(nv > least, -0.5F / seen, lanes_all(0));
@@ -462,7 +462,7 @@ LANES_INLINE lane_bits accept(struct state *state) {
 static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {
-        if (state->problem[lane] >= 0 && (ended[lane] || ++state->steps[lane] >= MOST_STEPS)) {
+        if (state->problem[lane] >= 0 && (ended[lane] || ++state->steps[lane] >= MAX_STEPS)) {
             lobes_fit_store(state, lane);
             lobes_fit_load(state, lane);
         }

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_SPACING 0.02F /* radians: lights that are closer than this count as one */
+#define MIN_SPACING 0.02F /* radians: lights that are closer than this count as one */
 /* minimum initial amplitude of a lobe, relative to the brightest value */
 #define NARROW   0.05F
 #define TANGENTS 2 /* number of initial directions of the tangent: along x and along y */
@@ -28,7 +28,7 @@ static float spacing(const struct lobes_fit *fit) {
         float nearest = (float)G_PI_2;
         for (int j = 0; j < fit->n_lights; j++) {
             const float away = angle(fit->lights + 3 * i, fit->lights + 3 * j);
-            if (j != i && away > LEAST_SPACING)
+            if (j != i && away > MIN_SPACING)
                 nearest = MIN(nearest, away);
         }
         sum += nearest;

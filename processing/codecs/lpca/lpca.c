@@ -6,9 +6,9 @@
 #include "exr/exr_half.h"
 #include "lpca_private.h"
 
-#define COLOURS     3
-#define LARGEST_Q   127
-#define LEAST_LIGHT 1e-3F /* minimum of a light's step, relative to the largest step */
+#define COLOURS   3
+#define LARGEST_Q 127
+#define MIN_LIGHT 1e-3F /* minimum of a light's step, relative to the largest step */
 
 static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 
@@ -152,7 +152,7 @@ static void lpca_to_halves(float *values, gsize n) {
 }
 
 /* Rounds one table E_i (views × lights × 3) to whole steps of S_i S_i,l. S_i = max |E_i| / 127, and
- * S_i,l = max_v |E_i(v, l)| / max |E_i|, at least LEAST_LIGHT. light_scales gets S_i,l; NULL means
+ * S_i,l = max_v |E_i(v, l)| / max |E_i|, at least MIN_LIGHT. light_scales gets S_i,l; NULL means
  * that all are 1. */
 static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
                           float *light_scales) {
@@ -162,7 +162,7 @@ static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_sca
         largest = MAX(largest, fabsf(brdf[i]));
     *ret_scale = largest > 0 ? largest / LARGEST_Q : 1;
     for (int l = 0; l < n_lights && light_scales; l++)
-        light_scales[l] = largest > 0 ? LEAST_LIGHT : 1;
+        light_scales[l] = largest > 0 ? MIN_LIGHT : 1;
     for (int i = 0; i < n && light_scales && largest > 0; i++) {
         float *most = &light_scales[i / COLOURS % n_lights];
         *most = MAX(*most, fabsf(brdf[i]) / largest);

@@ -64,7 +64,7 @@ static gint64 most_bytes(const struct choosing *choosing) {
 }
 
 /* Returns 0 if not even one component fits. */
-static int most_components(const struct choosing *choosing, int clusters) {
+static int max_components(const struct choosing *choosing, int clusters) {
     const struct btf_matrix *btf = choosing->btf;
     const gint64 bytes = most_bytes(choosing);
     int c = MIN(choosing->target->n_components, LPCA_MAX_COMPONENTS);
@@ -102,7 +102,7 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     struct lpca_nearest nearest = {0};
     int worse = choice->worse + 1;
     now.n_clusters = choice->clusters;
-    now.n_components = most_components(choosing, choice->clusters);
+    now.n_components = max_components(choosing, choice->clusters);
     now.target = choosing->target->error;
     now.nearest = &nearest;
     g_autoptr(Lpca) lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
@@ -116,7 +116,7 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
     } else if (lpca && (choice->best.n_clusters == 0 || choosing->target->error > 0 ||
                         lpca->error < choice->best.error)) {
         /* Each model that reaches the error is smaller than the one before, because
-         * most_components() limits its size. */
+         * max_components() limits its size. */
         lpca_free(choosing->best);
         choice->best = (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
         if (now.checkpoint)
@@ -190,7 +190,7 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
     const gint64 most = MIN(btf_layout_texels(&btf->layout), LPCA_MAX_CLUSTERS);
     struct choosing choosing = {btf, options, target, {.target = *target}, NULL};
     gboolean ok = TRUE;
-    if (target->bytes > 0 && most_components(&choosing, 1) == 0) {
+    if (target->bytes > 0 && max_components(&choosing, 1) == 0) {
         g_autofree char *wanted = g_format_size((guint64)target->bytes);
         g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, target, 1, 1));
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,

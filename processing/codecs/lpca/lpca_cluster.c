@@ -7,7 +7,7 @@
 
 #define SEED             19
 #define MEANS_ITERATIONS 3 /* number of first iterations without axes */
-#define MOST_ITERATIONS  40
+#define MAX_ITERATIONS   40
 #define POWER_STEPS      2
 #define SETTLED          1e-4 /* relative gain of the error below which the iteration ends */
 #define BLOCK            512  /* number of rows that are assigned together */
@@ -334,7 +334,7 @@ static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration,
 static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, int done,
                                            gint64 begun, GError **error) {
     const struct work *work = &reduced->options->work;
-    const int total = MEANS_ITERATIONS + MOST_ITERATIONS;
+    const int total = MEANS_ITERATIONS + MAX_ITERATIONS;
     const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
     const struct work_progress progress = {"cluster", done, total,
                                            done > 0 ? spent / done * (total - done) : -1};
@@ -352,7 +352,7 @@ static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, i
 static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
-    for (int i = from; reduced->k > 1 && i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
+    for (int i = from; reduced->k > 1 && i < MEANS_ITERATIONS + MAX_ITERATIONS; i++) {
         const gboolean means = i < MEANS_ITERATIONS;
         lpca_cluster_keep(reduced, i, before);
         if (!lpca_cluster_tell_and_save(reduced, i, begun, error))
@@ -375,7 +375,7 @@ static gboolean iterate(struct lpca_reduced *reduced, int from, double before, G
         reduced->run->state.k = reduced->k;
         lpca_enter(reduced->run, LPCA_REFINING);
     }
-    return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
+    return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MAX_ITERATIONS, begun, error);
 }
 
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {

@@ -12,9 +12,9 @@
 
 #define CLUSTERS       32
 #define COMPONENTS     8
-#define MOST_ROUNDING  4 /* maximum number of times that rounding may require another component */
+#define MAX_ROUNDING   4 /* maximum number of times that rounding may require another component */
 #define CURVE_CLUSTERS 64
-#define CURVE_MOST     16 /* maximum number of components of a curve */
+#define CURVE_MAX      16 /* maximum number of components of a curve */
 /* coarsest step of packed models, relative to the mean of the values */
 #define COARSEST         4.0
 #define FINEST           (1.0 / 32) /* finest step, likewise */
@@ -151,7 +151,7 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
         rounding = *found;
     if (checkpoint)
         checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
-    while (rounding.times < MOST_ROUNDING) {
+    while (rounding.times < MAX_ROUNDING) {
         options->target = rounding.target;
         lpca = lpca_codec_rounded(asked, btf, options, ret, error);
         ok = lpca != NULL;
@@ -405,7 +405,7 @@ static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
     gboolean ok = TRUE;
     for (int k = 1; ok && k <= CURVE_CLUSTERS && (k == 1 || k <= most); k *= 4) {
         const struct lpca_options options = {
-            .n_clusters = k, .n_components = MIN(CURVE_MOST, values), .work = *work};
+            .n_clusters = k, .n_components = MIN(CURVE_MAX, values), .work = *work};
         g_autoptr(Lpca) lpca = lpca_compute(btf, &options, error);
         ok = lpca != NULL;
         for (int c = 1; ok && c <= lpca->n_components; c *= 2)

@@ -6,12 +6,12 @@
 
 #define COLOURS 3
 /* a byte of this value means that a larger number follows after all bytes */
-#define LARGE        255
-#define PRESET       6
-#define MOST_MEMORY  ((guint64)64 << 20) /* memory for unpacking, sufficient for PRESET */
-#define MOST_NUMBERS ((gsize)1 << 30)
-#define LARGE_BYTES  4
-#define MOST_TABLES  ((gint64)1 << 26) /* maximum number of numbers in each */
+#define LARGE       255
+#define PRESET      6
+#define MAX_MEMORY  ((guint64)64 << 20) /* memory for unpacking, sufficient for PRESET */
+#define MAX_NUMBERS ((gsize)1 << 30)
+#define LARGE_BYTES 4
+#define MAX_TABLES  ((gint64)1 << 26) /* maximum number of numbers in each */
 
 /* Map the numbers 0, −1, 1, −2 … to 0, 1, 2, 3 …, and back. */
 static guint32 folded(gint32 value) {
@@ -51,10 +51,10 @@ GByteArray *lpca_varint_encode(const gint32 *values, gsize n) {
 
 /* Returns NULL if the bytes do not contain n numbers. */
 gint32 *lpca_varint_decode(const guint8 *bytes, gsize size, gsize n) {
-    guint64 memory = MOST_MEMORY;
+    guint64 memory = MAX_MEMORY;
     gsize read = 0, found = 0, larger = 0, at = n;
     const gsize most = n * (1 + LARGE_BYTES);
-    if (n > MOST_NUMBERS)
+    if (n > MAX_NUMBERS)
         return NULL;
     g_autofree guint8 *plain = g_try_malloc(most);
     if (!plain || lzma_stream_buffer_decode(&memory, 0, NULL, bytes, &read, size, plain, &found,
@@ -236,6 +236,6 @@ gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file) 
     packed->lights = read_axes(file, "light_axes", lpca->layout.lights.n, &packed->n_lights);
     return packed->views && packed->lights && lpca_pack_code_read_colours(packed, file) &&
            (gint64)packed->n_views * packed->n_lights * COLOURS * lpca->n_clusters <=
-               MOST_TABLES / (lpca->n_components + 1) &&
+               MAX_TABLES / (lpca->n_components + 1) &&
            lpca_pack_code_read_tables(lpca, file) && lpca_pack_code_read_maps(lpca, file);
 }

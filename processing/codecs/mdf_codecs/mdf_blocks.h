@@ -5,8 +5,8 @@
  * On disk, an MDF of such views is one EXR file:
  *   part "view_0000" …  channels "B0" … "B7", half, one pixel per block: its bytes, 0 … 255
  * The attributes of each part are view.theta_deg and view.phi_deg (double). The first part also has
- * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, least_mm,
- * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth least_mm, a
+ * mesorig.kind = "mdf-blocks", mesorig.width, mesorig.height (int, texels), texel_mm, min_mm,
+ * deepest_mm and mesorig.error_mm (double). A value of 0 in the blocks is the depth min_mm, a
  * value of 1 is deepest_mm. Texels that no laser saw have the depths of their neighbours. */
 #pragma once
 
@@ -32,7 +32,7 @@ void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least
 
 struct mdf_blocks {
     int width, height, n_views;
-    double texel_mm, least_mm, deepest_mm;
+    double texel_mm, min_mm, deepest_mm;
     float *theta_deg, *phi_deg; /* of each view */
     guint8 *blocks;             /* n_views × mdf_blocks_bytes() */
     double error_mm;            /* mdf_table_difference() */

@@ -25,7 +25,7 @@ static guint8 *view_of(const struct mdf_blocks *blocks, int view) {
     return blocks->blocks + (gsize)view * mdf_blocks_bytes(blocks->width, blocks->height);
 }
 
-/* The range of the blocks, least_mm … deepest_mm, is that of all views together. */
+/* The range of the blocks, min_mm … deepest_mm, is that of all views together. */
 struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
     const gsize n = (gsize)table->width * (gsize)table->height, views = (gsize)table->n_views;
     struct mdf_blocks *blocks = g_new0(struct mdf_blocks, 1);
@@ -34,18 +34,18 @@ struct mdf_blocks *mdf_blocks_new(const struct mdf_table *table) {
         .height = table->height,
         .n_views = table->n_views,
         .texel_mm = table->texel_mm,
-        .least_mm = table->deepest_mm,
+        .min_mm = table->deepest_mm,
         .theta_deg = g_memdup2(table->theta_deg, sizeof(float) * views),
         .phi_deg = g_memdup2(table->phi_deg, sizeof(float) * views),
         .blocks = g_new(guint8, views * mdf_blocks_bytes(table->width, table->height)),
     };
     for (gsize i = 0; i < views * n; i++) {
-        blocks->least_mm = MIN(blocks->least_mm, (double)table->depth_mm[i]);
+        blocks->min_mm = MIN(blocks->min_mm, (double)table->depth_mm[i]);
         blocks->deepest_mm = MAX(blocks->deepest_mm, (double)table->depth_mm[i]);
     }
     for (int view = 0; view < blocks->n_views; view++)
         mdf_blocks_encode(table->depth_mm + (gsize)view * n, table->width, table->height,
-                          blocks->least_mm, blocks->deepest_mm, view_of(blocks, view));
+                          blocks->min_mm, blocks->deepest_mm, view_of(blocks, view));
     g_autoptr(MdfTable) is = mdf_blocks_table(blocks);
     blocks->error_mm = mdf_table_difference(table, table->n_views, is, NULL);
     return blocks;
@@ -57,7 +57,7 @@ struct mdf_table *mdf_blocks_table(const struct mdf_blocks *blocks) {
                                             blocks->texel_mm, blocks->theta_deg, blocks->phi_deg);
     table->deepest_mm = blocks->deepest_mm;
     for (int view = 0; view < blocks->n_views; view++)
-        mdf_blocks_decode(view_of(blocks, view), blocks->width, blocks->height, blocks->least_mm,
+        mdf_blocks_decode(view_of(blocks, view), blocks->width, blocks->height, blocks->min_mm,
                           blocks->deepest_mm, table->depth_mm + (gsize)view * n);
     return table;
 }
@@ -79,7 +79,7 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
             exr_set_int(part, "mesorig.width", blocks->width);
             exr_set_int(part, "mesorig.height", blocks->height);
             exr_set_double(part, "texel_mm", blocks->texel_mm);
-            exr_set_double(part, "least_mm", blocks->least_mm);
+            exr_set_double(part, "least_mm", blocks->min_mm);
             exr_set_double(part, "deepest_mm", blocks->deepest_mm);
             exr_set_double(part, "mesorig.error_mm", blocks->error_mm);
         }
@@ -110,9 +110,9 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
         return "it is too large";
     if (!exr_get_double(part, "texel_mm", &blocks->texel_mm, NULL) ||
         !(blocks->texel_mm > 0 && blocks->texel_mm < MAX_MM) ||
-        !exr_get_double(part, "least_mm", &blocks->least_mm, NULL) ||
+        !exr_get_double(part, "least_mm", &blocks->min_mm, NULL) ||
         !exr_get_double(part, "deepest_mm", &blocks->deepest_mm, NULL) ||
-        !(blocks->least_mm >= 0 && blocks->least_mm <= blocks->deepest_mm) ||
+        !(blocks->min_mm >= 0 && blocks->min_mm <= blocks->deepest_mm) ||
         !(blocks->deepest_mm < MAX_MM) ||
         !exr_get_double(part, "mesorig.error_mm", &blocks->error_mm, NULL) ||
         !(blocks->error_mm >= 0))

@@ -47,7 +47,7 @@ static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct md
     ret->n_terms = factors->n_terms;
     ret->n_traced = factors->n_views - factors->n_measured;
     ret->bytes = mdf_factors_bytes(factors);
-    ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->most_mm);
+    ret->error_mm = mdf_table_difference(job->table, job->n_measured, is, &ret->max_mm);
     return work_tell(job->work, "maps", 2, 3, begun_us, error) &&
            mdf_factors_write(job->to, factors, error);
 }
@@ -113,7 +113,7 @@ static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
         is = ok ? mdf_table_read(job->to, error) : NULL;
     }
     if (is)
-        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->most_mm);
+        ret->error_mm = mdf_table_difference(table, job->n_measured, is, &ret->max_mm);
     return ok && is != NULL;
 }
 

@@ -22,7 +22,7 @@ struct mdf_codec_result {
         n_traced;
     gint64 bytes;    /* bytes in the memory of a renderer */
     double error_mm; /* RMS over the measured, visible texels */
-    double most_mm;  /* 99th percentile of the absolute error */
+    double max_mm;   /* 99th percentile of the absolute error */
 };
 
 struct mdf_codec {

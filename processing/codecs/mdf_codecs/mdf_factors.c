@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST_MAP 255
-#define ROUNDS   6 /* number of rounds in which unseen texels are estimated from the factors */
+#define MAX_MAP 255
+#define ROUNDS  6 /* number of rounds in which unseen texels are estimated from the factors */
 /* minimum of an eigenvalue, relative to the largest; smaller ones count as 0 */
 #define LEAST 1e-9
 #define WIDER 1.25 /* factor between the numbers of maps that are tried on the way to a target */
@@ -131,7 +131,7 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct factoring 
     g_autofree double *a = g_new(double, m *m), *b = g_new(double, (gsize)f->n_views *(gsize)m);
     double trace = 0;
     for (gsize i = 0; i < (gsize)m * (gsize)n; i++)
-        maps[i] = i < (gsize)c * (gsize)n ? (float)factors->maps[i] / MOST_MAP - 0.5F : 1;
+        maps[i] = i < (gsize)c * (gsize)n ? (float)factors->maps[i] / MAX_MAP - 0.5F : 1;
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, m, m, n, 1, maps, n, maps, n, 0, gram, m);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, f->n_views, m, n, 1, f->rows, n, maps, n,
                 0, right, m);
@@ -154,7 +154,7 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct factoring 
         float *to = factors->weights + (gsize)v * (gsize)m;
         double constant = from[c] + f->means[v];
         for (int i = 0; i < c; i++) {
-            to[i + 1] = (float)(from[i] / MOST_MAP);
+            to[i + 1] = (float)(from[i] / MAX_MAP);
             constant -= 0.5 * from[i];
         }
         to[0] = (float)constant;
@@ -191,7 +191,7 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
         }
         for (gsize x = 0; x < texels; x++)
             factors->maps[i * texels + x] =
-                most > least ? (guint8)lroundf((from[x] - least) / (most - least) * MOST_MAP) : 0;
+                most > least ? (guint8)lroundf((from[x] - least) / (most - least) * MAX_MAP) : 0;
     }
     if (!fit_weights(factors, f, error))
         return NULL;

@@ -4,8 +4,8 @@
 #include "exr/exr.h"
 #include "mdf_factors.h"
 
-#define MOST_MAP 255
-#define MAX_MM   6e4
+#define MAX_MAP 255
+#define MAX_MM  6e4
 
 /* Returns "M01" …, so that the channels of a part are in alphabetical order. */
 static char *channel_name(int term) {
@@ -108,7 +108,7 @@ static const char *mdf_factors_file_read_values(struct mdf_factors *factors,
         if (!from)
             return "a map is missing";
         for (gsize x = 0; x < texels; x++) {
-            if (!(from[x] >= 0 && from[x] <= MOST_MAP) || from[x] != floorf(from[x]))
+            if (!(from[x] >= 0 && from[x] <= MAX_MAP) || from[x] != floorf(from[x]))
                 return "a map has a value that is not a whole number of 0 to 255";
             factors->maps[(gsize)i * texels + x] = (guint8)from[x];
         }

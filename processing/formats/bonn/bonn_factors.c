@@ -9,7 +9,7 @@
 
 #include "exr/exr_half.h"
 
-#define MOST_COMPONENTS 65536
+#define MAX_COMPONENTS 65536
 /* Offset of logarithms: ln(value + this). */
 #define EPSILON 1e-5f
 #define BLOCK   ((gsize)1024) /* number of numbers that are converted together */
@@ -77,7 +77,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &sizes[i], error))
             return FALSE;
-    if (sizes[0] < 1 || sizes[0] > MOST_COMPONENTS)
+    if (sizes[0] < 1 || sizes[0] > MAX_COMPONENTS)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                          "%u is not a valid number of components of a matrix", sizes[0]);
     ret->n_components = sizes[0];

@@ -7,10 +7,10 @@
 
 #include "base/input_file.h"
 
-#define MOST_TEXELS     8192 /* maximum along a side, as in a session's grid */
-#define MOST_DIRECTIONS 65536
-#define TEXT            80
-#define SAME_RAD        1e-4f /* tolerance of the lights of two views */
+#define MAX_TEXELS     8192 /* maximum along a side, as in a session's grid */
+#define MAX_DIRECTIONS 65536
+#define TEXT           80
+#define SAME_RAD       1e-4f /* tolerance of the lights of two views */
 
 G_DEFINE_QUARK(bonn_error, bonn_error)
 
@@ -192,7 +192,7 @@ static float bonn_header_degrees(float rad) {
 static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_header *ret,
                                         float **first, guint32 view, GError **error) {
     guint32 n;
-    if (!take_count(bytes, "number of lights", MOST_DIRECTIONS, 8, &n, error))
+    if (!take_count(bytes, "number of lights", MAX_DIRECTIONS, 8, &n, error))
         return FALSE;
     g_autofree float *lights = g_new(float, 2 * (gsize)n);
     if (!take_floats(bytes, "list of lights", lights, 2 * (gsize)n, error))
@@ -213,7 +213,7 @@ static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_he
 static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret, GError **error) {
     guint32 n;
     g_autofree float *lights = NULL;
-    if (!take_count(bytes, "number of views", MOST_DIRECTIONS, 12, &n, error))
+    if (!take_count(bytes, "number of views", MAX_DIRECTIONS, 12, &n, error))
         return FALSE;
     ret->n_views = (int)n;
     ret->view_theta_deg = g_new(float, n);
@@ -272,8 +272,8 @@ gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
         ret_order[i] = i;
     if (!take_signature(bytes, &ret->kind, ret_extra, error) ||
         !take_metadata(bytes, ret, ret_order, error) || !take_sampling(bytes, ret, error) ||
-        !take_count(bytes, "width", MOST_TEXELS, 0, &width, error) ||
-        !take_count(bytes, "height", MOST_TEXELS, 0, &height, error))
+        !take_count(bytes, "width", MAX_TEXELS, 0, &width, error) ||
+        !take_count(bytes, "height", MAX_TEXELS, 0, &height, error))
         return FALSE;
     ret->width = (int)width;
     ret->height = (int)height;

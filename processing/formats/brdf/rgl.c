@@ -6,7 +6,7 @@
 #include "tensor_file.h"
 #include "warp.h"
 
-#define MOST_NODES 4096
+#define MAX_NODES 4096
 
 struct rgl {
     TensorFile *file;
@@ -31,7 +31,7 @@ void rgl_free(struct rgl *rgl) {
 }
 
 /* Returns a field of float32 (or of bytes) with the given number of dimensions, none of them 0 or
- * above MOST_NODES. */
+ * above MAX_NODES. */
 static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *path,
                                             const char *name, int n_dimensions, GError **error) {
     const struct tensor_field *field = tensor_file_field(rgl->file, name);
@@ -44,7 +44,7 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
     }
     gboolean good = field->type == type && field->n_dimensions == n_dimensions;
     for (int i = 0; good && i < n_dimensions; i++)
-        good = field->shape[i] >= 1 && field->shape[i] <= MOST_NODES;
+        good = field->shape[i] >= 1 && field->shape[i] <= MAX_NODES;
     const float *values = field->values;
     for (gsize i = 0; good && type == TENSOR_FLOAT32 && i < field->n_values; i++)
         good = isfinite(values[i]);
@@ -52,7 +52,7 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
         return field;
     data_error_set(path, 0, error,
                    "its field “%s” does not have %d dimensions of 1 to %d finite numbers (%s)",
-                   name, n_dimensions, MOST_NODES, type == TENSOR_FLOAT32 ? "float32" : "uint8");
+                   name, n_dimensions, MAX_NODES, type == TENSOR_FLOAT32 ? "float32" : "uint8");
     return NULL;
 }
 

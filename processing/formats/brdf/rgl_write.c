@@ -12,14 +12,14 @@
 #define N_PHI    25 /* number for an anisotropic file: −180° … 180° */
 #define N_A      64 /* columns of ndf, sigma and vndf */
 /* number of their azimuths; the tables have one more row, because the last row repeats the first */
-#define N_B         48
-#define ROWS        (N_B + 1)
-#define SIDE        32   /* number of nodes of the sample space along an axis */
-#define ITERATIONS  8    /* Dupuy et al. 2015 need 4 */
-#define LEAST_D     0.3  /* relative to that of the uniform hemisphere, 1/π */
-#define UNIFORM     0.5  /* share of a constant in vndf, so that the whole square is sampled */
-#define LEAST_SHARE 1e-4 /* minimum for sampling, relative to the mean of luminance */
-#define HORIZON     0.01 /* cos θ of the direction that replaces directions below the surface */
+#define N_B        48
+#define ROWS       (N_B + 1)
+#define SIDE       32   /* number of nodes of the sample space along an axis */
+#define ITERATIONS 8    /* Dupuy et al. 2015 need 4 */
+#define MIN_D      0.3  /* relative to that of the uniform hemisphere, 1/π */
+#define UNIFORM    0.5  /* share of a constant in vndf, so that the whole square is sampled */
+#define MIN_SHARE  1e-4 /* minimum for sampling, relative to the mean of luminance */
+#define HORIZON    0.01 /* cos θ of the direction that replaces directions below the surface */
 
 static const struct warp_slices only = {1, {0}, {1}};
 
@@ -124,7 +124,7 @@ static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
             writing->d[k] = whole > 0 ? writing->d[k] / whole : 1 / G_PI;
     }
     for (int k = 0; k < N_B * N_A; k++)
-        writing->d[k] = MAX(writing->d[k], LEAST_D / G_PI);
+        writing->d[k] = MAX(writing->d[k], MIN_D / G_PI);
     rgl_project_all(writing, work);
     for (int k = 0; k < ROWS * N_A; k++) {
         writing->ndf[k] = (float)writing->d[k % (N_B * N_A)];
@@ -200,7 +200,7 @@ static void rgl_fill(int slice, gpointer data) {
         mean += (double)luminance[i] / (SIDE * SIDE);
     }
     for (int i = 0; i < SIDE * SIDE; i++)
-        luminance[i] = MAX(luminance[i], (float)(mean > 0 ? LEAST_SHARE * mean : 1));
+        luminance[i] = MAX(luminance[i], (float)(mean > 0 ? MIN_SHARE * mean : 1));
 }
 
 static gboolean rgl_write_fields(const char *path, const struct rgl_writing *writing,

@@ -15,7 +15,7 @@
 #define SAMPLES (GRID * GRID)
 
 /* The cosine of a lower light is replaced by this, because f_r = B / (π cos θ) would be noise. */
-#define LEAST_COSINE 0.05
+#define MIN_COSINE 0.05
 
 struct Abrdf {
     struct abrdf_info info;
@@ -57,11 +57,11 @@ static gboolean abrdf_begin(Abrdf *abrdf, const char *path, int width, int heigh
         return data_error_fail(path, 0, error,
                                "%d × %d texels at %d, %d do not lie within its %d × %d", r->width,
                                r->height, r->x, r->y, width, height);
-    if (views->n < ABRDF_LEAST_DIRECTIONS || lights->n < ABRDF_LEAST_DIRECTIONS)
+    if (views->n < ABRDF_MIN_DIRECTIONS || lights->n < ABRDF_MIN_DIRECTIONS)
         return data_error_fail(path, 0, error,
                                "it has %zu views and %zu lights; a BRDF needs %d of each or more "
                                "(“export ptm” and “export relight” need one view)",
-                               views->n, lights->n, ABRDF_LEAST_DIRECTIONS);
+                               views->n, lights->n, ABRDF_MIN_DIRECTIONS);
     abrdf->sums = g_new0(double, views->n * lights->n * 3);
     abrdf->counts = g_new0(double, views->n * lights->n);
     return TRUE;
@@ -162,7 +162,7 @@ static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error)
             return NULL;
         }
         const gsize from = pair / n * n + (gsize)nearest;
-        const double cosine = MAX((double)lights[3 * (gsize)nearest + 2], LEAST_COSINE);
+        const double cosine = MAX((double)lights[3 * (gsize)nearest + 2], MIN_COSINE);
         abrdf->info.filled += from != pair;
         for (gsize c = 0; c < 3; c++)
             f[c * pairs + pair] =

@@ -10,7 +10,7 @@
 #include "formats/import.h"
 
 /* minimum number of views, and of lights, from which a BRDF can be interpolated */
-#define ABRDF_LEAST_DIRECTIONS 4
+#define ABRDF_MIN_DIRECTIONS 4
 
 typedef struct Abrdf Abrdf;
 

@@ -4,7 +4,7 @@
 #include "btf/btf.h"
 #include "exr/exr.h"
 
-#define MOST_BYTES ((gsize)512 << 20)
+#define MAX_BYTES ((gsize)512 << 20)
 
 static gboolean session_views_fail(const char *path, const char *what, GError **error) {
     return data_error_fail(path, 0, error, "%s; process the session again", what);
@@ -74,7 +74,7 @@ gboolean session_view_files_read(const struct session_view_files *files, int vie
                                  SessionPicture func, gpointer data, GError **error) {
     const char *path = files->paths->pdata[view];
     const gsize texels = (gsize)files->grid.width * (gsize)files->grid.height;
-    const gboolean whole = texels * files->lights.n * 3 * sizeof(float) <= MOST_BYTES;
+    const gboolean whole = texels * files->lights.n * 3 * sizeof(float) <= MAX_BYTES;
     g_autoptr(ExrFile) file = whole ? exr_read(path, error) : exr_read_headers(path, error);
     if (!file)
         return FALSE;

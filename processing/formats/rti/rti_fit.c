@@ -7,7 +7,7 @@
 
 #define TERMS RTI_PTM_TERMS
 /* relative to the largest pivot; smaller ones mean that the lights do not determine all terms */
-#define LEAST_PIVOT 1e-6
+#define MIN_PIVOT 1e-6
 
 struct normal {
     double a[TERMS][TERMS], b[TERMS];
@@ -25,7 +25,7 @@ static gboolean rti_solve(const struct normal *normal, double ret[TERMS]) {
                 sum -= l[i][k] * l[j][k];
             if (i != j)
                 l[i][j] = sum / l[j][j];
-            else if (sum > LEAST_PIVOT * largest)
+            else if (sum > MIN_PIVOT * largest)
                 l[i][i] = sqrt(sum);
             else
                 return FALSE;

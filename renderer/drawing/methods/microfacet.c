@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define LEAST_VIEW 0.1
-#define LEAST      1e-3
+#define MIN_VIEW 0.1
+#define LEAST    1e-3
 
 struct vec3 microfacet_half(struct vec3 h, struct vec3 n, enum method_rotation rotation) {
     const double z = vec3_dot(n, h), size = hypot(n.x, n.z);
@@ -35,7 +35,7 @@ static double microfacet_shine(const struct microfacet *s, struct vec3 h, double
 
 void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct vec3 view,
                          struct vec3 light, enum method_rotation rotation, double ret[3]) {
-    const double nl = vec3_dot(n, light), nv = fmax(vec3_dot(n, view), LEAST_VIEW);
+    const double nl = vec3_dot(n, light), nv = fmax(vec3_dot(n, view), MIN_VIEW);
     const struct vec3 sum = {view.x + light.x, view.y + light.y, view.z + light.z};
     const double length = fmax(sqrt(vec3_dot(sum, sum)), LEAST);
     const struct vec3 h = {sum.x / length, sum.y / length, sum.z / length};

@@ -14,8 +14,8 @@ struct MdfTexture {
     struct direction_textures views; /* directions of views; 0 for factors */
     /* W_1 … W_c by direction, four per layer, and W_0 in the last layer. */
     guint factors;
-    int n_terms;               /* c, see mdf_factors.h; 0 for views */
-    double scale_mm, least_mm; /* depth of a view = least_mm + scale_mm · value */
+    int n_terms;             /* c, see mdf_factors.h; 0 for views */
+    double scale_mm, min_mm; /* depth of a view = min_mm + scale_mm · value */
     double width_mm, height_mm, deepest_mm;
     int width, height, n_views;
     float *theta_deg, *phi_deg; /* n_views elements */
@@ -87,7 +87,7 @@ static void halve(float *depth, int w, int h) {
 static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
                           const struct mdf_blocks *blocks, const Directions *directions) {
     gsize n = (gsize)t->width * t->height;
-    double least = blocks->least_mm, deepest = blocks->deepest_mm;
+    double least = blocks->min_mm, deepest = blocks->deepest_mm;
     g_autofree float *mean = pole_view(t, directions), *views = g_new(float, n *(t->n_views + 1));
     memcpy(views, t->depth_mm, sizeof(float) * n * t->n_views);
     memcpy(views + n * t->n_views, mean, sizeof(float) * n);
@@ -109,7 +109,7 @@ static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
         h = MAX(h / 2, 1);
     }
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, level);
-    texture->least_mm = least;
+    texture->min_mm = least;
     texture->scale_mm = deepest - least;
 }
 
@@ -266,7 +266,7 @@ static void mdf_texture_upload_volume(MdfTexture *texture) {
         for (int k = 0; k <= count; k++, slice++)
             for (gsize i = 0; i < n; i++) {
                 double mm =
-                    texture->least_mm + texture->scale_mm * values[n * (first + k % count) + i];
+                    texture->min_mm + texture->scale_mm * values[n * (first + k % count) + i];
                 bytes[n * slice + i] = (guint8)lrint(CLAMP(mm * scale, 0.0, 255.0));
             }
         first += count;
@@ -317,7 +317,7 @@ void mdf_texture_bind(const MdfTexture *texture, guint program) {
     direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
     gpu_bind_texture(program, "mdf_factors", MDF_FACTORS_UNIT, GL_TEXTURE_2D_ARRAY,
                      texture->factors);
-    glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->least_mm, texture->scale_mm);
+    glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->min_mm, texture->scale_mm);
     glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_map_layers(texture->n_terms));
     glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
     glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);

@@ -8,7 +8,7 @@
 #include "shadow_maps.h"
 #include "visibility.h"
 
-#define RELIEF_MAX_LAMPS SHADOW_MAPS_MOST
+#define RELIEF_MAX_LAMPS SHADOW_MAPS_MAX
 
 typedef struct Relief Relief; /* belongs to the thread of the GL context */
 

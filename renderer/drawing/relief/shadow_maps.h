@@ -8,8 +8,8 @@
 
 #include "visibility.h"
 
-#define SHADOW_MAPS_MOST  64                     /* number of lamps, VIEWER_MAX_LAMPS */
-#define SHADOW_MAPS_LAYER (6 * SHADOW_MAPS_MOST) /* largest number of layers */
+#define SHADOW_MAPS_MAX   64                    /* number of lamps, VIEWER_MAX_LAMPS */
+#define SHADOW_MAPS_LAYER (6 * SHADOW_MAPS_MAX) /* largest number of layers */
 
 typedef struct ShadowMaps ShadowMaps; /* belongs to the thread of the GL context */
 

@@ -11,7 +11,7 @@
 #include "plan/plan.h"
 #include "session/session.h"
 
-#define MOST_CHANGES 6
+#define MAX_CHANGES 6
 
 static const struct change automatic[] = {{"[capture]", "exposures_us = auto"},
                                           {"[capture]", "laser_exposure_us = auto"},
@@ -20,7 +20,7 @@ static const struct change automatic[] = {{"[capture]", "exposures_us = auto"},
 
 /* An operation with some changes of the session, and some of rig and world. */
 static struct operation *new_auto(const struct change *further, const struct change *rig) {
-    struct change changes[2 * MOST_CHANGES] = {0};
+    struct change changes[2 * MAX_CHANGES] = {0};
     int n = 0;
     for (; automatic[n].head; n++)
         changes[n] = automatic[n];

@@ -18,9 +18,9 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#define MANY     100  /* connections */
-#define OF_ONE   64   /* that one process may have (bus_server.c) */
-#define MOST_LOG 4000 /* bytes; a daemon that does not rest writes hundreds of thousands in 3 s */
+#define MANY    100  /* connections */
+#define OF_ONE  64   /* that one process may have (bus_server.c) */
+#define MAX_LOG 4000 /* bytes; a daemon that does not rest writes hundreds of thousands in 3 s */
 
 struct fixture {
     char *folder, *address, *log;
@@ -100,7 +100,7 @@ static void assert_short_log(struct fixture *fixture, const char *words) {
     gsize n = 0;
     g_assert_true(g_file_get_contents(fixture->log, &log, &n, NULL));
     g_test_message("%.2000s", log);
-    g_assert_cmpuint(n, <, MOST_LOG);
+    g_assert_cmpuint(n, <, MAX_LOG);
     assert_has(log, words);
 }
 

@@ -110,12 +110,12 @@ TEST(memory) {
 }
 
 /* Threads in place of processes: each with the rows of its part alone. */
-#define MOST_RANKS 4
+#define MAX_RANKS 4
 struct table {
     GMutex lock;
     GCond all;
     int n, here, round;
-    const void *given[MOST_RANKS];
+    const void *given[MAX_RANKS];
 };
 
 /* Returns when all ranks have called it. */
@@ -195,10 +195,10 @@ TEST(team) {
     g_autoptr(BtfMatrix) btf = bumps(35);
     const struct lpca_options options = {6, 4};
     g_autoptr(Lpca) alone = lpca_compute(btf, &options, NULL);
-    for (int n = 1; n <= MOST_RANKS; n *= 2) {
-        struct member members[MOST_RANKS] = {0};
+    for (int n = 1; n <= MAX_RANKS; n *= 2) {
+        struct member members[MAX_RANKS] = {0};
         struct table table = {.n = n};
-        GThread *threads[MOST_RANKS];
+        GThread *threads[MAX_RANKS];
         g_mutex_init(&table.lock);
         g_cond_init(&table.all);
         for (int i = 0; i < n; i++) {

@@ -120,7 +120,7 @@ static void reprojection_test_free(struct scene *scene) {
 
 static double predict(const struct scene *scene, const double at_mm[2], struct vec3 v,
                       struct reprojection_hit *ret) {
-    struct reprojection_tap taps[REPROJECTION_MOST_TAPS];
+    struct reprojection_tap taps[REPROJECTION_MAX_TAPS];
     const int n = reprojection_taps(scene->reprojection, at_mm, v, ret, taps);
     double sum = 0, weight = 0;
     for (int k = 0; k < n; k++) {
@@ -305,7 +305,7 @@ TEST(read) {
     g_assert_no_error(error);
     for (int i = 0; i < N_TEXELS; i += 11) {
         struct reprojection_hit hit, again;
-        struct reprojection_tap taps[REPROJECTION_MOST_TAPS];
+        struct reprojection_tap taps[REPROJECTION_MAX_TAPS];
         double at_mm[2];
         reprojection_texel_mm(read, i, at_mm);
         reprojection_taps(scene->reprojection, at_mm, vec3(0, 0, 1), &hit, taps);

@@ -7,7 +7,7 @@
 
 #include "pipeline/course.h"
 
-#define MOST_VIEWS 120
+#define MAX_VIEWS  120
 #define DEMO_VIEWS 60
 
 /* CPU time of the demo's views (60 × 60 lights, 26 laser positions, five cameras of 192² pixels),
@@ -40,14 +40,14 @@ static const struct time_left_rates known = {
 /* A computation of its own: tasks in the order they are queued, each to the thread that is free
  * first, of which each gets a part of a processor (speed). */
 struct course {
-    struct time_left_task tasks[TIME_LEFT_STAGES * MOST_VIEWS];
+    struct time_left_task tasks[TIME_LEFT_STAGES * MAX_VIEWS];
     int n, n_threads;
     double after_s, after_said_s, speed;
 };
 
 /* The largest error from a tenth to 19 twentieths of the time. Asked every hundredth of it. */
 static double worst_error(const struct course *course, const struct time_left_rates *rates) {
-    double begun_s[TIME_LEFT_STAGES * MOST_VIEWS], free_s[16] = {0}, views_s = 0, worst = 0;
+    double begun_s[TIME_LEFT_STAGES * MAX_VIEWS], free_s[16] = {0}, views_s = 0, worst = 0;
     for (int i = 0; i < course->n; i++) {
         int thread = 0;
         for (int t = 1; t < course->n_threads; t++)
@@ -60,7 +60,7 @@ static double worst_error(const struct course *course, const struct time_left_ra
     struct time_left_speed speed = {0};
     for (int percent = 1; percent <= 95; percent++) {
         const double now_s = percent / 100.0 * total_s;
-        struct time_left_task tasks[TIME_LEFT_STAGES * MOST_VIEWS];
+        struct time_left_task tasks[TIME_LEFT_STAGES * MAX_VIEWS];
         for (int i = 0; i < course->n; i++) {
             const double spent_s = (now_s - begun_s[i]) * course->speed;
             tasks[i] = course->tasks[i];
