@@ -47,7 +47,7 @@ static void section_clear(gpointer data) {
     g_ptr_array_unref(section->keys);
 }
 
-static void config_problem_clear(gpointer data) {
+static void problem_clear(gpointer data) {
     g_free(((struct config_problem *)data)->message);
 }
 
@@ -63,7 +63,7 @@ static gboolean G_GNUC_PRINTF(4, 5)
 }
 
 /* Adds a section. text is the trimmed text between the brackets. */
-static gboolean config_add_section(Config *config, const char *text, int line, GError **error) {
+static gboolean add_section(Config *config, const char *text, int line, GError **error) {
     if (!*text || strpbrk(text, "[]"))
         return syntax_error(error, config, line, "a section is written as [class] or [class name]");
     const gsize class_length = strcspn(text, " \t");
@@ -123,7 +123,7 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     return TRUE;
 }
 
-static gboolean config_parse_line(Config *config, char *text, int line, GError **error) {
+static gboolean parse_line(Config *config, char *text, int line, GError **error) {
     if (!g_utf8_validate(text, -1, NULL))
         return syntax_error(error, config, line, "not UTF-8");
     g_strstrip(text);
@@ -139,7 +139,7 @@ static gboolean config_parse_line(Config *config, char *text, int line, GError *
         return syntax_error(error, config, line,
                             "the section's ']' is missing, or text follows it");
     text[length - 1] = '\0';
-    return config_add_section(config, g_strstrip(text + 1), line, error);
+    return add_section(config, g_strstrip(text + 1), line, error);
 }
 
 /* Leaves out a line that cannot be understood, and records the problem. */
@@ -151,7 +151,7 @@ static void take_line(Config *config, char *text, int line) {
     const gboolean second = last && g_str_has_prefix(text, "driver") &&
                             strcspn(text, " \t=") == strlen("driver") &&
                             config_value(last, "driver", NULL);
-    if (config_parse_line(config, copy, line, &error))
+    if (parse_line(config, copy, line, &error))
         return;
     if (config->problems) {
         const struct config_problem problem = {g_strdup(error->message), line};
@@ -171,11 +171,11 @@ static void take_line(Config *config, char *text, int line) {
         g_autofree char *named =
             g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
         config->broken = TRUE;
-        if (config_add_section(config, named, line, NULL))
+        if (add_section(config, named, line, NULL))
             last_section(config)->broken = !config->problems;
     }
     if (second)
-        config_parse_line(config, text, line, NULL);
+        parse_line(config, text, line, NULL);
 }
 
 static int line_at(const char *text, const char *at) {
@@ -186,7 +186,7 @@ static int line_at(const char *text, const char *at) {
 }
 
 /* Returns FALSE if the file is not text. */
-static gboolean config_do_parse(Config *config, gsize length) {
+static gboolean do_parse(Config *config, gsize length) {
     const char *text = config->text;
     GError *error = NULL;
     if (input_file_is_utf16(text, length)) {
@@ -212,14 +212,14 @@ static Config *config_new(char *text, gsize length, const char *path, Mistakes *
     config->mistakes = mistakes;
     if (!mistakes) {
         config->problems = g_array_new(FALSE, TRUE, sizeof(struct config_problem));
-        g_array_set_clear_func(config->problems, config_problem_clear);
+        g_array_set_clear_func(config->problems, problem_clear);
     }
     config->path = g_strdup(path);
     config->text = text;
     config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
     g_array_set_clear_func(config->sections, section_clear);
     config->lines = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
-    if (!config_do_parse(config, length)) {
+    if (!do_parse(config, length)) {
         config_free(config);
         return NULL;
     }
@@ -229,7 +229,7 @@ static Config *config_new(char *text, gsize length, const char *path, Mistakes *
     return config;
 }
 
-static char *config_read_file(const char *path, gsize *ret_length, GError **error) {
+static char *read_file(const char *path, gsize *ret_length, GError **error) {
     GError *why = NULL;
     char *text = input_file_read(path, MAX_BYTES, ret_length, &why);
     if (!text)
@@ -241,13 +241,13 @@ Config *config_load_checked(const char *path, Mistakes *mistakes) {
     g_return_val_if_fail(path && mistakes, NULL);
     gsize length;
     GError *error = NULL;
-    char *text = config_read_file(path, &length, &error);
+    char *text = read_file(path, &length, &error);
     mistakes_add(mistakes, error);
     return text ? config_new(text, length, path, mistakes) : NULL;
 }
 
 /* Returns config. If there are mistakes, frees it, sets the error and returns NULL. */
-static Config *config_without(Config *config, const Mistakes *mistakes, GError **error) {
+static Config *without(Config *config, const Mistakes *mistakes, GError **error) {
     if (mistakes_report(mistakes, error))
         return config;
     config_free(config);
@@ -256,13 +256,13 @@ static Config *config_without(Config *config, const Mistakes *mistakes, GError *
 
 Config *config_load(const char *path, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
-    return config_without(config_load_checked(path, mistakes), mistakes, error);
+    return without(config_load_checked(path, mistakes), mistakes, error);
 }
 
 Config *config_load_lenient(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
     gsize length;
-    g_autofree char *bytes = config_read_file(path, &length, error);
+    g_autofree char *bytes = read_file(path, &length, error);
     if (!bytes)
         return NULL;
     for (gsize i = 0; i < length; i++)
@@ -292,7 +292,7 @@ Config *config_parse_checked(const char *text, const char *path, Mistakes *mista
 
 Config *config_parse(const char *text, const char *path, GError **error) {
     g_autoptr(Mistakes) mistakes = mistakes_new();
-    return config_without(config_parse_checked(text, path, mistakes), mistakes, error);
+    return without(config_parse_checked(text, path, mistakes), mistakes, error);
 }
 
 gboolean config_has_all_sections(const Config *config) {
@@ -360,12 +360,12 @@ char *config_resolve(const Config *config, const char *path) {
     return g_canonicalize_filename(path, folder);
 }
 
-static GError *config_error_at(enum config_error code, const Config *config,
-                               const struct config_section *section, const char *key,
-                               const char *format, va_list args) G_GNUC_PRINTF(5, 0);
-static GError *config_error_at(enum config_error code, const Config *config,
-                               const struct config_section *section, const char *key,
-                               const char *format, va_list args) {
+static GError *error_at(enum config_error code, const Config *config,
+                        const struct config_section *section, const char *key, const char *format,
+                        va_list args) G_GNUC_PRINTF(5, 0);
+static GError *error_at(enum config_error code, const Config *config,
+                        const struct config_section *section, const char *key, const char *format,
+                        va_list args) {
     GError *made = error_details_new_valist(CONFIG_ERROR, (gint)code, NULL, format, args);
     int line = section ? section->line : 0;
     if (section && key)
@@ -382,7 +382,7 @@ gboolean config_set_error(GError **error, enum config_error code,
                           ...) {
     va_list args;
     va_start(args, format);
-    GError *made = config_error_at(code, section->config, section, key, format, args);
+    GError *made = error_at(code, section->config, section, key, format, args);
     va_end(args);
     g_propagate_error(error, made);
     return FALSE;
@@ -393,7 +393,7 @@ gboolean config_mistake(Mistakes *mistakes, enum config_error code,
                         ...) {
     va_list args;
     va_start(args, format);
-    GError *made = config_error_at(code, section->config, section, key, format, args);
+    GError *made = error_at(code, section->config, section, key, format, args);
     va_end(args);
     return mistakes_add(mistakes, made);
 }
@@ -401,7 +401,7 @@ gboolean config_mistake(Mistakes *mistakes, enum config_error code,
 gboolean config_lacks(Mistakes *mistakes, const Config *config, const char *format, ...) {
     va_list args;
     va_start(args, format);
-    GError *made = config_error_at(CONFIG_ERROR_MISSING, config, NULL, NULL, format, args);
+    GError *made = error_at(CONFIG_ERROR_MISSING, config, NULL, NULL, format, args);
     va_end(args);
     return mistakes_add(mistakes, made);
 }

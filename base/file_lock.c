@@ -26,7 +26,7 @@ static glong read_holder(int fd) {
     return holder;
 }
 
-static int file_lock_fail(const char *path, int fd, int saved, const char *what, GError **error) {
+static int fail(const char *path, int fd, int saved, const char *what, GError **error) {
     if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
                     "%s: process %ld is writing %s; wait until it has ended", path, read_holder(fd),
@@ -46,7 +46,7 @@ int file_lock_take(const char *path, const char *what, GError **error) {
         struct stat opened, named;
 
         if (fd < 0 || fcntl(fd, F_OFD_SETLK, &whole) != 0)
-            return file_lock_fail(path, fd, errno, what, error);
+            return fail(path, fd, errno, what, error);
         /* The previous holder may have removed the file after it was opened here. A lock on a
          * removed file excludes nobody. */
         if (fstat(fd, &opened) == 0 && lstat(path, &named) == 0 && opened.st_dev == named.st_dev &&

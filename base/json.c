@@ -37,7 +37,7 @@ static void append_double(GString *to, double value) {
     g_string_append(to, text);
 }
 
-static void json_append(GString *to, GVariant *value);
+static void append(GString *to, GVariant *value);
 
 static void append_children(GString *to, GVariant *value) {
     const gboolean object = g_variant_is_of_type(value, G_VARIANT_TYPE("a{s*}"));
@@ -52,15 +52,15 @@ static void append_children(GString *to, GVariant *value) {
             g_autoptr(GVariant) member = g_variant_get_child_value(child, 1);
             json_append_string(to, g_variant_get_string(key, NULL));
             g_string_append(to, ": ");
-            json_append(to, member);
+            append(to, member);
         } else {
-            json_append(to, child);
+            append(to, child);
         }
     }
     g_string_append_c(to, object ? '}' : ']');
 }
 
-static void json_append(GString *to, GVariant *value) {
+static void append(GString *to, GVariant *value) {
     switch (g_variant_classify(value)) {
     case G_VARIANT_CLASS_BOOLEAN:
         g_string_append(to, g_variant_get_boolean(value) ? "true" : "false");
@@ -79,7 +79,7 @@ static void json_append(GString *to, GVariant *value) {
                                         ? g_variant_get_maybe(value)
                                         : g_variant_get_variant(value);
         if (inner)
-            json_append(to, inner);
+            append(to, inner);
         else
             g_string_append(to, "null");
         break;
@@ -100,6 +100,6 @@ static void json_append(GString *to, GVariant *value) {
 char *json_text(GVariant *value) {
     g_autoptr(GVariant) owned = g_variant_ref_sink(value);
     GString *text = g_string_new(NULL);
-    json_append(text, owned);
+    append(text, owned);
     return g_string_free(text, FALSE);
 }

@@ -36,7 +36,7 @@ void nearest_consider(struct nearest *nearest, const char *name) {
 /* Returns the options that may have been meant. For an unknown letter "-s", these are all options
  * that begin with "s" and have no short form. For "--sise=3", it is the option that is spelt most
  * like it. */
-static char *nearest_options(const char *wrong, const GOptionEntry *const *tables) {
+static char *options(const char *wrong, const GOptionEntry *const *tables) {
     const gboolean letter = wrong[1] != '-';
     g_autofree char *name = g_strndup(wrong + 2, strcspn(wrong + 2, "="));
     struct nearest nearest = nearest_new(name);
@@ -59,7 +59,7 @@ void nearest_add_option(GError *error, const GOptionEntry *const *tables) {
     if (!wrong || !wrong[2] ||
         !g_error_matches(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION))
         return;
-    g_autofree char *meant = nearest_options(wrong + 1, tables);
+    g_autofree char *meant = options(wrong + 1, tables);
     if (!*meant)
         return;
     char *message = g_strdup_printf("%s; did you mean %s?", error->message, meant);

@@ -30,7 +30,7 @@ static int open_folder(const char *directory, const char *relative, gboolean all
     return folder;
 }
 
-static void new_file_clear(struct new_file *file) {
+static void clear(struct new_file *file) {
     const int saved = errno;
 
     if (file->fd >= 0)
@@ -57,7 +57,7 @@ gboolean new_file_begin(struct new_file *file, const char *directory, const char
     }
     if (file->fd >= 0)
         return TRUE;
-    new_file_clear(file);
+    clear(file);
     return FALSE;
 }
 
@@ -112,7 +112,7 @@ gboolean new_file_commit(struct new_file *file, gboolean sync) {
         return FALSE;
     }
     ok = !sync || fsync(file->folder) == 0;
-    new_file_clear(file);
+    clear(file);
     return ok;
 }
 
@@ -121,7 +121,7 @@ void new_file_abandon(struct new_file *file) {
 
     unlinkat(file->folder, file->beside, 0);
     errno = saved;
-    new_file_clear(file);
+    clear(file);
 }
 
 /* Removes a file, or a folder that contains a file of output_file.h. */

@@ -39,8 +39,8 @@ static gboolean value_error(GError **error, const char *format, ...) {
     return FALSE;
 }
 
-static gboolean options_check_range(const struct option *option, double value, const char *text,
-                                    GError **error) {
+static gboolean check_range(const struct option *option, double value, const char *text,
+                            GError **error) {
     if (!is_limited(option) || (value >= option->min && value <= option->max))
         return TRUE;
     g_autofree char *range = range_text(option);
@@ -58,7 +58,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
                            option->unit ? "; write only the number)" : "");
     *ret = value;
-    return options_check_range(option, value, text, error);
+    return check_range(option, value, text, error);
 }
 
 static gboolean parse_int(const struct option *option, const char *text, int *ret, GError **error) {
@@ -70,7 +70,7 @@ static gboolean parse_int(const struct option *option, const char *text, int *re
     if (errno == ERANGE || value < G_MININT || value > G_MAXINT)
         return value_error(error, "%s is out of range", text);
     *ret = (int)value;
-    return options_check_range(option, (double)value, text, error);
+    return check_range(option, (double)value, text, error);
 }
 
 static gboolean parse_share(const char *text, double *ret, GError **error) {

@@ -38,7 +38,7 @@ struct OutputFile {
     char *lock_path;
 };
 
-static gboolean output_file_fail(const char *path, GError **error) {
+static gboolean fail(const char *path, GError **error) {
     const int saved = errno;
     const gboolean full = saved == ENOSPC || saved == EDQUOT;
     g_set_error(error, DATA_ERROR, DATA_ERROR_IO, "%s: cannot be written: %s%s", path,
@@ -50,12 +50,12 @@ gboolean output_file_write(const char *path, const void *bytes, gsize n, GError 
     g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
     struct new_file file;
     if (!new_file_begin(&file, folder, name))
-        return output_file_fail(path, error);
+        return fail(path, error);
     if (!new_file_put(&file, bytes, n)) {
         new_file_abandon(&file);
-        return output_file_fail(path, error);
+        return fail(path, error);
     }
-    return new_file_commit(&file, TRUE) || output_file_fail(path, error);
+    return new_file_commit(&file, TRUE) || fail(path, error);
 }
 
 gboolean output_file_move(const char *from, const char *to) {
@@ -95,7 +95,7 @@ gboolean output_file_move_folder(const char *folder, const char *path, GError **
 }
 
 /* Reads up to LOOKED_AT bytes of a file, from the offset at on. */
-static GByteArray *output_file_read_part(int fd, goffset at) {
+static GByteArray *read_part(int fd, goffset at) {
     GByteArray *bytes = g_byte_array_new();
     guint8 some[1 << 14];
     gssize n;
@@ -104,12 +104,12 @@ static GByteArray *output_file_read_part(int fd, goffset at) {
     return bytes;
 }
 
-static gboolean output_file_begins(const GByteArray *bytes, const char *what) {
+static gboolean begins(const GByteArray *bytes, const char *what) {
     return bytes->len >= strlen(what) && memcmp(bytes->data, what, strlen(what)) == 0;
 }
 
-static gboolean output_file_is_png(const GByteArray *bytes) {
-    return output_file_begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
+static gboolean is_png(const GByteArray *bytes) {
+    return begins(bytes, "\x89PNG") && bytes->len > PNG_HEAD;
 }
 
 /* Returns the bytes that mark the kind in a PNG, an EXR or another file. In the first two, a length
@@ -117,11 +117,11 @@ static gboolean output_file_is_png(const GByteArray *bytes) {
 static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
     GByteArray *mark = g_byte_array_new();
     const guint32 length = (guint32)strlen(kind);
-    if (output_file_is_png(of)) {
+    if (is_png(of)) {
         const guint32 all = GUINT32_TO_BE(length + (guint32)sizeof KIND);
         g_byte_array_append(mark, (const guint8 *)&all, sizeof all);
         g_byte_array_append(mark, (const guint8 *)"tEXt" KIND, sizeof "tEXt" KIND);
-    } else if (output_file_begins(of, EXR_MAGIC)) {
+    } else if (begins(of, EXR_MAGIC)) {
         const guint32 its = GUINT32_TO_LE(length);
         g_byte_array_append(mark, (const guint8 *)KIND "\0string", sizeof KIND "\0string");
         g_byte_array_append(mark, (const guint8 *)&its, sizeof its);
@@ -133,8 +133,8 @@ static GByteArray *output_file_mark(const GByteArray *of, const char *kind) {
 }
 
 /* Returns whether the bytes contain the mark. In a text, no letter may follow it. */
-static gboolean output_file_has(const GByteArray *bytes, const GByteArray *mark) {
-    const gboolean text = !output_file_is_png(bytes) && !output_file_begins(bytes, EXR_MAGIC);
+static gboolean has(const GByteArray *bytes, const GByteArray *mark) {
+    const gboolean text = !is_png(bytes) && !begins(bytes, EXR_MAGIC);
     const guint8 *at = memmem(bytes->data, bytes->len, mark->data, mark->len);
     const guint8 *next = at ? at + mark->len : NULL;
     return at && (!text || next == bytes->data + bytes->len || !g_ascii_isalnum(*next));
@@ -145,12 +145,11 @@ static gboolean output_file_is(const char *path, const struct stat *status, cons
     const int fd = kind ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY) : -1;
     if (fd < 0)
         return FALSE;
-    g_autoptr(GByteArray) begin = output_file_read_part(fd, 0);
-    g_autoptr(GByteArray) end =
-        output_file_read_part(fd, MAX(0, status->st_size - (goffset)LOOKED_AT));
+    g_autoptr(GByteArray) begin = read_part(fd, 0);
+    g_autoptr(GByteArray) end = read_part(fd, MAX(0, status->st_size - (goffset)LOOKED_AT));
     g_autoptr(GByteArray) mark = output_file_mark(begin, kind);
     close(fd);
-    return output_file_has(output_file_begins(begin, "%PDF") ? end : begin, mark);
+    return has(begins(begin, "%PDF") ? end : begin, mark);
 }
 
 static gboolean output_file_exists(const struct OutputFile *file, GError **error) {
@@ -165,7 +164,7 @@ static gboolean output_file_exists(const struct OutputFile *file, GError **error
     return FALSE;
 }
 
-static gboolean output_file_is_no_file(const char *path, mode_t mode, GError **error) {
+static gboolean is_no_file(const char *path, mode_t mode, GError **error) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s is a %s: give the name of a file", path,
                 S_ISDIR(mode)    ? "folder"
                 : S_ISSOCK(mode) ? "socket"
@@ -174,7 +173,7 @@ static gboolean output_file_is_no_file(const char *path, mode_t mode, GError **e
 }
 
 /* Sets found, target and before. */
-static gboolean output_file_decide(struct OutputFile *file, gboolean force, GError **error) {
+static gboolean decide(struct OutputFile *file, gboolean force, GError **error) {
     g_autofree char *folder = g_path_get_dirname(file->path);
     struct stat link_status;
     const gboolean named = lstat(file->path, &link_status) == 0;
@@ -182,7 +181,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
     if (!named || stat(file->path, &file->before) != 0) {
         file->found = FOUND_NOTHING;
         if (!*file->path || g_str_has_suffix(file->path, "/"))
-            return output_file_is_no_file(file->path, S_IFDIR, error);
+            return is_no_file(file->path, S_IFDIR, error);
         if (named) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
                         "%s is a symbolic link to a file that does not exist: remove it, or give "
@@ -193,7 +192,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
         if (access(folder, W_OK | X_OK) == 0)
             return TRUE;
         if (errno != ENOENT)
-            return output_file_fail(file->path, error);
+            return fail(file->path, error);
         g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
                     "%s: cannot be written: there is no folder %s; make it first", file->path,
                     folder);
@@ -201,14 +200,14 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
     }
     if (S_ISCHR(file->before.st_mode) || S_ISFIFO(file->before.st_mode)) {
         file->found = FOUND_STREAM;
-        return access(file->path, W_OK) == 0 || output_file_fail(file->path, error);
+        return access(file->path, W_OK) == 0 || fail(file->path, error);
     }
     if (!S_ISREG(file->before.st_mode))
-        return output_file_is_no_file(file->path, file->before.st_mode, error);
+        return is_no_file(file->path, file->before.st_mode, error);
     if (S_ISLNK(link_status.st_mode)) {
         char *resolved = realpath(file->path, NULL);
         if (!resolved)
-            return output_file_fail(file->path, error);
+            return fail(file->path, error);
         g_free(file->target);
         file->target = g_strdup(resolved);
         free(resolved);
@@ -219,7 +218,7 @@ static gboolean output_file_decide(struct OutputFile *file, gboolean force, GErr
     g_free(folder);
     folder = g_path_get_dirname(file->target);
     if (access(folder, W_OK | X_OK) != 0)
-        return output_file_fail(file->path, error);
+        return fail(file->path, error);
     file->found = own ? FOUND_OWN : FOUND_OTHER;
     file->note =
         own ? g_strdup_printf("it replaces the “%s” that Mesorig had written there", file->kind)
@@ -232,7 +231,7 @@ OutputFile *output_file_new(const char *path, const char *kind, gboolean force, 
     file->path = g_strdup(path);
     file->kind = g_strdup(kind);
     file->lock = -1;
-    return output_file_decide(file, force, error) ? g_steal_pointer(&file) : NULL;
+    return decide(file, force, error) ? g_steal_pointer(&file) : NULL;
 }
 
 OutputFile *output_file_new_locked(const char *path, const char *kind, gboolean force,
@@ -291,7 +290,7 @@ const char *output_file_path(OutputFile *file, GError **error) {
             break;
     }
     if (!file->folder) {
-        output_file_fail(file->path, error);
+        fail(file->path, error);
         return NULL;
     }
     if (!file->written)
@@ -300,7 +299,7 @@ const char *output_file_path(OutputFile *file, GError **error) {
 }
 
 /* Returns a PNG with the kind after its header. */
-static GByteArray *output_file_mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
+static GByteArray *mark_png(const guint8 *png, gsize n, const GByteArray *chunk) {
     GByteArray *ret = g_byte_array_new();
     const guint32 sum = GUINT32_TO_BE((guint32)crc32(0, chunk->data + 4, chunk->len - 4));
     g_byte_array_append(ret, png, PNG_HEAD);
@@ -315,11 +314,11 @@ static GByteArray *output_file_mark_png(const guint8 *png, gsize n, const GByteA
 static GByteArray *output_file_marked(const guint8 *bytes, gsize n, const char *kind) {
     const GByteArray all = {(guint8 *)bytes, (guint)n};
     g_autoptr(GByteArray) mark = output_file_mark(&all, kind);
-    const gboolean pdf = output_file_begins(&all, "%PDF"), xml = output_file_begins(&all, "<");
-    if (output_file_has(&all, mark))
+    const gboolean pdf = begins(&all, "%PDF"), xml = begins(&all, "<");
+    if (has(&all, mark))
         return NULL;
-    if (output_file_is_png(&all))
-        return output_file_mark_png(bytes, n, mark);
+    if (is_png(&all))
+        return mark_png(bytes, n, mark);
     const guint8 *end = pdf ? bytes + n : xml ? memchr(bytes, '>', n) : NULL;
     if (!end)
         return NULL;
@@ -333,7 +332,7 @@ static GByteArray *output_file_marked(const guint8 *bytes, gsize n, const char *
     return ret;
 }
 
-static gboolean output_file_add_kind(const struct OutputFile *file, GError **error) {
+static gboolean add_kind(const struct OutputFile *file, GError **error) {
     struct stat status;
     if (!file->kind || stat(file->written, &status) != 0 || status.st_size > MAX_MARK)
         return TRUE;
@@ -347,7 +346,7 @@ static gboolean output_file_add_kind(const struct OutputFile *file, GError **err
 }
 
 /* Copies the file to a device or pipe. Opening a pipe waits for its reader. */
-static gboolean output_file_stream(const struct OutputFile *file) {
+static gboolean stream(const struct OutputFile *file) {
     guint8 some[1 << 16];
     gssize n = 0;
     const int from = open(file->written, O_RDONLY | O_CLOEXEC);
@@ -375,7 +374,7 @@ static gboolean output_file_sync(const char *path, int flags) {
 }
 
 /* Returns whether the file that may be replaced is still the one that was examined. */
-static gboolean output_file_unchanged(const struct OutputFile *file) {
+static gboolean unchanged(const struct OutputFile *file) {
     struct stat now;
     const struct stat *before = &file->before;
     if (lstat(file->target, &now) != 0)
@@ -386,13 +385,13 @@ static gboolean output_file_unchanged(const struct OutputFile *file) {
 }
 
 /* Gives the file its name. Returns FALSE and sets errno on failure. */
-static gboolean output_file_deliver(const struct OutputFile *file) {
+static gboolean deliver(const struct OutputFile *file) {
     struct stat now;
     if (!output_file_sync(file->written, 0))
         return FALSE;
     if (file->found == FOUND_NOTHING || lstat(file->target, &now) != 0)
         return output_file_move(file->written, file->target);
-    if (!output_file_unchanged(file)) {
+    if (!unchanged(file)) {
         errno = EEXIST;
         return FALSE;
     }
@@ -400,7 +399,7 @@ static gboolean output_file_deliver(const struct OutputFile *file) {
 }
 
 /* Moves the finished file next to its place, as NAME-XXXXXXXX.END, and reports that name. */
-static gboolean output_file_keep(struct OutputFile *file, GError **error) {
+static gboolean keep(struct OutputFile *file, GError **error) {
     const int saved = errno;
     const char *name = strrchr(file->target, '/'), *end = strrchr(file->target, '.');
     if (!end || end <= (name ? name + 1 : file->target))
@@ -420,7 +419,7 @@ static gboolean output_file_keep(struct OutputFile *file, GError **error) {
 }
 
 /* Makes the error name the output instead of the path at which it is written. */
-static void output_file_rename_error(const struct OutputFile *file, GError **error) {
+static void rename_error(const struct OutputFile *file, GError **error) {
     if (!file->written || !error || !*error || !strstr((*error)->message, file->written))
         return;
     g_auto(GStrv) parts = g_strsplit((*error)->message, file->written, -1);
@@ -430,14 +429,14 @@ static void output_file_rename_error(const struct OutputFile *file, GError **err
 
 gboolean output_file_end(OutputFile *file, gboolean written, GError **error) {
     g_autofree char *folder = g_path_get_dirname(file->target);
-    if (!written || !output_file_add_kind(file, error)) {
-        output_file_rename_error(file, error);
+    if (!written || !add_kind(file, error)) {
+        rename_error(file, error);
         return FALSE;
     }
     if (file->found == FOUND_STREAM)
-        return output_file_stream(file) || output_file_keep(file, error);
-    if (!output_file_deliver(file))
-        return output_file_keep(file, error);
+        return stream(file) || keep(file, error);
+    if (!deliver(file))
+        return keep(file, error);
     g_clear_pointer(&file->written, g_free);
     if (!output_file_sync(folder, O_DIRECTORY))
         /* Some file systems cannot do this; the file is written nevertheless. */

@@ -58,7 +58,7 @@ static char find_separator(const char *text) {
 }
 
 /* Splits a line into trimmed fields. Returns NULL if a quote is not closed. */
-static GPtrArray *text_table_split(const char *text, char separator) {
+static GPtrArray *split(const char *text, char separator) {
     g_autoptr(GPtrArray) fields = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GString) field = g_string_new(NULL);
     gboolean quoted = FALSE;
@@ -124,7 +124,7 @@ static gboolean take_line(TextTable *table, const char *text, int line, GError *
         return TRUE;
     if (!table->names)
         table->separator = find_separator(text);
-    g_autoptr(GPtrArray) fields = text_table_split(text, table->separator);
+    g_autoptr(GPtrArray) fields = split(text, table->separator);
     if (!fields)
         return data_error_fail(table->path, line, error, "a quote is not closed");
     return table->names ? take_row(table, fields, line, error)

@@ -6,8 +6,8 @@
 
 static const struct work none;
 
-static void work_report(const struct work *work, const char *stage, int done, int total,
-                        gint64 begun_us) {
+static void report(const struct work *work, const char *stage, int done, int total,
+                   gint64 begun_us) {
     const double spent_s = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     const struct work_progress now = {stage, done, total,
                                       done > total / 20 ? spent_s / done * (total - done) : -1};
@@ -20,7 +20,7 @@ gboolean work_tell(const struct work *work, const char *stage, int done, int tot
     work = work ? work : &none;
     if (g_cancellable_set_error_if_cancelled(work->cancellable, error))
         return FALSE;
-    work_report(work, stage, done, total, begun_us);
+    report(work, stage, done, total, begun_us);
     return TRUE;
 }
 
@@ -78,12 +78,12 @@ gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBl
         g_cond_wait_until(&loop.changed, &loop.mutex, g_get_monotonic_time() + REPORT_US);
         const int done = reported = loop.done;
         g_mutex_unlock(&loop.mutex);
-        work_report(work, stage, done, n, begun_us);
+        report(work, stage, done, n, begun_us);
         g_mutex_lock(&loop.mutex);
     }
     g_mutex_unlock(&loop.mutex);
     if (reported < 0)
-        work_report(work, stage, loop.done, n, begun_us);
+        report(work, stage, loop.done, n, begun_us);
     for (int i = 0; i < n_threads; i++)
         g_thread_join(threads[i]);
     g_mutex_clear(&loop.mutex);

@@ -70,7 +70,7 @@ const struct command *const *cli_commands(void) {
     return commands;
 }
 
-static void cli_print_help(void) {
+static void print_help(void) {
     g_print("Usage: mesorig COMMAND …\n");
     for (gsize i = 0; commands[i]; i++) {
         for (gsize k = 0; k < G_N_ELEMENTS(groups); k++)
@@ -85,7 +85,7 @@ static void cli_print_help(void) {
 int cli_main(int argc, char **argv) {
     static const char *const help[] = {"--help", "-h", "help", NULL};
     if (argc < 2 || g_strv_contains(help, argv[1])) {
-        cli_print_help();
+        print_help();
         return argc < 2 ? CLI_USAGE : CLI_DONE;
     }
     if (strcmp(argv[1], "--version") == 0) {

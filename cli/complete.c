@@ -155,7 +155,7 @@ static void offer_options(const struct command *command, const char *typed) {
 }
 
 /* The last of n words is to be completed. Bash treats "=" as a separate word. */
-static void complete_arguments(const struct command *command, char *const *words, int n) {
+static void arguments(const struct command *command, char *const *words, int n) {
     const char *typed = words[n - 1];
     const GOptionEntry *open = NULL; /* an option whose value is the next word */
     int number = 0;
@@ -194,7 +194,7 @@ void complete_words(const struct command *const *commands, char *const *words, i
         else if (strcmp(name, words[0]) == 0 && (*at)->children)
             complete_words((*at)->children, words + 1, n - 1);
         else if (strcmp(name, words[0]) == 0)
-            complete_arguments(*at, words + 1, n - 1);
+            arguments(*at, words + 1, n - 1);
     }
     if (n == 1 && *words[0] == '-')
         offer("", "--help", words[0], "What it does and takes");

@@ -94,7 +94,7 @@ double axis_move_time_s(const struct axis_motion *motion, double from_deg, doubl
     return leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_ms / 1000;
 }
 
-static gint64 axis_to_us(double seconds) {
+static gint64 to_us(double seconds) {
     return (gint64)MIN(ceil(seconds * 1e6), 1e15);
 }
 
@@ -152,20 +152,20 @@ void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
     axis->state->data = data;
 }
 
-static void axis_on_retry(gpointer data);
+static void on_retry(gpointer data);
 
 /* A stop has failed: tries again after a pause. */
-static void axis_not_stopped(Axis *axis, const GError *error) {
+static void not_stopped(Axis *axis, const GError *error) {
     struct axis_state *state = axis->state;
     state->doubt = state->unsafe = TRUE;
     state->retrying = FALSE;
     cancel_timers(axis);
     state->pause_us = state->pause_us ? MIN(2 * state->pause_us, MAX_PAUSE_US) : FIRST_PAUSE_US;
-    state->retry = clock_call_in(axis->device.clock, state->pause_us, axis_on_retry, axis);
+    state->retry = clock_call_in(axis->device.clock, state->pause_us, on_retry, axis);
     device_report_safety(&axis->device, error);
 }
 
-static void axis_stands(Axis *axis) {
+static void stands(Axis *axis) {
     struct axis_state *state = axis->state;
     cancel_timers(axis);
     state->doubt = state->unsafe = state->retrying = FALSE;
@@ -174,27 +174,27 @@ static void axis_stands(Axis *axis) {
 }
 
 /* Call it last: the listener may close the axis. */
-static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
+static void end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
     const gboolean stop_failed = state->stopping || state->unsafe;
     cancel_timers(axis);
     state->activity = IDLE;
     state->driver_moves = state->stopping = state->turning = FALSE;
     if (event != AXIS_FAULT) {
-        axis_stands(axis);
+        stands(axis);
     } else if (stop_failed) {
-        axis_not_stopped(axis, error);
+        not_stopped(axis, error);
     } else {
         state->doubt = TRUE;
-        state->retry = clock_call_in(axis->device.clock, 0, axis_on_retry, axis);
+        state->retry = clock_call_in(axis->device.clock, 0, on_retry, axis);
     }
     if (state->func)
         state->func(axis, event, error, state->data);
 }
 
-static void axis_do_fault(Axis *axis, const GError *error) {
+static void do_fault(Axis *axis, const GError *error) {
     axis->state->homed = FALSE;
-    axis_end(axis, AXIS_FAULT, error);
+    end(axis, AXIS_FAULT, error);
 }
 
 static const char *activity_name(const Axis *axis) {
@@ -203,7 +203,7 @@ static const char *activity_name(const Axis *axis) {
                                                           : "moving";
 }
 
-static void axis_on_deadline(gpointer data) {
+static void on_deadline(gpointer data) {
     Axis *axis = data;
     axis->state->deadline = 0;
     g_autoptr(GError) error = device_error_new(
@@ -211,21 +211,21 @@ static void axis_on_deadline(gpointer data) {
         "still %s at its deadline, last seen at %.3f°" ERROR_ADVICE "check drive and cable",
         activity_name(axis), axis->driver->position(axis));
     if (axis->state->retrying)
-        axis_not_stopped(axis, error);
+        not_stopped(axis, error);
     else
-        axis_do_fault(axis, error);
+        do_fault(axis, error);
 }
 
 static void set_deadline(Axis *axis, double predicted_s) {
     struct axis_state *state = axis->state;
     clock_cancel(axis->device.clock, &state->deadline);
-    state->deadline = clock_call_in(axis->device.clock,
-                                    axis_to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
-                                    axis_on_deadline, axis);
+    state->deadline =
+        clock_call_in(axis->device.clock, to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
+                      on_deadline, axis);
 }
 
 /* Makes an attempt of the class to stop the axis. */
-static void axis_on_retry(gpointer data) {
+static void on_retry(gpointer data) {
     Axis *axis = data;
     struct axis_state *state = axis->state;
     g_autoptr(GError) error = NULL;
@@ -239,16 +239,16 @@ static void axis_on_retry(gpointer data) {
         return;
     }
     state->stopping = FALSE;
-    axis_not_stopped(axis, error);
+    not_stopped(axis, error);
 }
 
 /* Cancels the attempts, because another command follows. */
-static void axis_drop_retry(Axis *axis) {
+static void drop_retry(Axis *axis) {
     axis->state->retrying = FALSE;
     cancel_timers(axis);
 }
 
-static gboolean axis_check_idle(const Axis *axis, GError **error) {
+static gboolean check_idle(const Axis *axis, GError **error) {
     if (axis->state->activity == IDLE)
         return TRUE;
     return device_error_set(error, DEVICE_ERROR_BUSY, axis->device.who,
@@ -258,17 +258,17 @@ static gboolean axis_check_idle(const Axis *axis, GError **error) {
 gboolean axis_home(Axis *axis, GError **error) {
     struct axis_state *state = axis->state;
     const struct axis_motion *motion = &axis->motion;
-    if (!axis_check_idle(axis, error) || !device_ask_permit(&axis->device, error))
+    if (!check_idle(axis, error) || !device_ask_permit(&axis->device, error))
         return FALSE;
     state->homed = FALSE;
     state->activity = HOMING;
     state->driver_moves = TRUE;
-    axis_drop_retry(axis);
+    drop_retry(axis);
     if (!axis->driver->home(axis, error)) {
         state->activity = IDLE;
         state->driver_moves = FALSE;
         if (state->doubt)
-            state->retry = clock_call_in(axis->device.clock, state->pause_us, axis_on_retry, axis);
+            state->retry = clock_call_in(axis->device.clock, state->pause_us, on_retry, axis);
         return FALSE;
     }
     double way = motion->wraps ? 360 : motion->max_deg - motion->min_deg;
@@ -279,13 +279,13 @@ gboolean axis_home(Axis *axis, GError **error) {
 static void on_settled(gpointer data) {
     Axis *axis = data;
     axis->state->settle = 0;
-    axis_end(axis, axis->state->stopping ? AXIS_STOPPED : AXIS_ARRIVED, NULL);
+    end(axis, axis->state->stopping ? AXIS_STOPPED : AXIS_ARRIVED, NULL);
 }
 
 static void axis_settle(Axis *axis, double seconds) {
     axis->state->driver_moves = FALSE;
     clock_cancel(axis->device.clock, &axis->state->settle);
-    axis->state->settle = clock_call_in(axis->device.clock, axis_to_us(seconds), on_settled, axis);
+    axis->state->settle = clock_call_in(axis->device.clock, to_us(seconds), on_settled, axis);
 }
 
 static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
@@ -296,9 +296,9 @@ static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
     return FALSE;
 }
 
-static gboolean axis_check_move(const Axis *axis, double target_deg, GError **error) {
+static gboolean check_move(const Axis *axis, double target_deg, GError **error) {
     const struct axis_motion *motion = &axis->motion;
-    if (!axis_check_idle(axis, error))
+    if (!check_idle(axis, error))
         return FALSE;
     if (!axis->state->homed)
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
@@ -316,7 +316,7 @@ static gboolean axis_check_move(const Axis *axis, double target_deg, GError **er
 gboolean axis_move(Axis *axis, double target_deg, GError **error) {
     struct axis_state *state = axis->state;
     const struct axis_motion *motion = &axis->motion;
-    if (!axis_check_move(axis, target_deg, error))
+    if (!check_move(axis, target_deg, error))
         return FALSE;
     double from = axis->driver->position(axis);
     double way = axis_way_deg(motion, from, target_deg);
@@ -355,7 +355,7 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
             "its driver, %s, does not report positions during a motion" ERROR_ADVICE
             "let it stand for pictures: [capture] motion = standing",
             axis->driver->info.name);
-    if (!axis_check_move(axis, from + by_deg, error))
+    if (!check_move(axis, from + by_deg, error))
         return FALSE;
     if (!(by_deg > 0) || !(speed_deg_s > 0) || speed_deg_s > motion->speed_deg_s)
         return device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
@@ -370,7 +370,7 @@ gboolean axis_turn(Axis *axis, double by_deg, double speed_deg_s, GError **error
     state->turn_speed_deg_s = speed_deg_s;
     state->n_passed = 0;
     state->steady_us = clock_now_us(axis->device.clock) +
-                       axis_to_us(speed_deg_s / motion->accel_deg_s2 + 1e-3 * motion->report_ms);
+                       to_us(speed_deg_s / motion->accel_deg_s2 + 1e-3 * motion->report_ms);
     state->driver_moves = TRUE;
     if (!axis->driver->turn(axis, state->target_deg, speed_deg_s, error)) {
         state->activity = IDLE;
@@ -445,10 +445,10 @@ gboolean axis_stop(Axis *axis, GError **error) {
         return TRUE;
     }
     GError *failed = NULL;
-    axis_drop_retry(axis);
+    drop_retry(axis);
     if (!axis->driver->stop(axis, &failed)) {
         state->stopping = FALSE;
-        axis_not_stopped(axis, failed);
+        not_stopped(axis, failed);
         g_propagate_error(error, failed);
         return FALSE;
     }
@@ -506,30 +506,30 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
         if (!owned)
             owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "a fault");
         if (state->retrying)
-            axis_not_stopped(axis, owned);
+            not_stopped(axis, owned);
         else if (state->activity != IDLE || !state->doubt) /* otherwise it was reported before */
-            axis_do_fault(axis, owned);
+            do_fault(axis, owned);
         return;
     }
     if (state->retrying)
-        axis_stands(axis);
+        stands(axis);
     if (!state->driver_moves)
         return;
     if (event == AXIS_HOMED && state->activity == HOMING) {
         state->homed = TRUE;
         state->slack_unknown = FALSE;
-        axis_end(axis, state->stopping ? AXIS_STOPPED : AXIS_HOMED, NULL);
+        end(axis, state->stopping ? AXIS_STOPPED : AXIS_HOMED, NULL);
     } else if (event == AXIS_STOPPED && state->stopping) {
-        axis_end(axis, AXIS_STOPPED, NULL);
+        end(axis, AXIS_STOPPED, NULL);
     } else if (event == AXIS_ARRIVED && state->activity == MOVING) {
         if (state->stopping || state->doubt) {
-            axis_end(axis, AXIS_STOPPED, NULL);
+            end(axis, AXIS_STOPPED, NULL);
         } else if (!state->another_leg) {
             axis_settle(axis, axis->motion.settle_ms / 1000);
         } else {
             state->another_leg = FALSE;
             if (!start_leg(axis, state->target_deg, &owned))
-                axis_do_fault(axis, owned);
+                do_fault(axis, owned);
         }
     }
 }

@@ -88,8 +88,7 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
 }
 
 /* Call it last: the listener may close the camera. */
-static void camera_notify(Camera *camera, enum camera_event event, Frame *frame,
-                          const GError *error) {
+static void notify(Camera *camera, enum camera_event event, Frame *frame, const GError *error) {
     if (camera->state->func)
         camera->state->func(camera, event, frame, error, camera->state->data);
 }
@@ -148,12 +147,12 @@ void camera_disarm(Camera *camera) {
     camera->driver->disarm(camera);
 }
 
-static void camera_fault(Camera *camera, const GError *error) {
+static void fault(Camera *camera, const GError *error) {
     camera_disarm(camera);
-    camera_notify(camera, CAMERA_FAULT, NULL, error);
+    notify(camera, CAMERA_FAULT, NULL, error);
 }
 
-static void camera_on_deadline(gpointer data) {
+static void on_deadline(gpointer data) {
     Camera *camera = data;
     camera->state->deadline = 0;
     g_autoptr(GError) error = device_error_new(
@@ -162,7 +161,7 @@ static void camera_on_deadline(gpointer data) {
         "check its cable",
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
-    camera_fault(camera, error);
+    fault(camera, error);
 }
 
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
@@ -183,7 +182,7 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
     }
     gint64 wait_us = camera->format.trigger_us + state->settings.exposure_us +
                      DEADLINE_READOUTS * camera->format.readout_us + DEADLINE_EXTRA_US;
-    state->deadline = clock_call_in(camera->device.clock, wait_us, camera_on_deadline, camera);
+    state->deadline = clock_call_in(camera->device.clock, wait_us, on_deadline, camera);
     return TRUE;
 }
 
@@ -234,10 +233,10 @@ static void remember(Camera *camera, const Frame *frame, guint64 hash) {
     state->seen[state->n_seen++ % N_SEEN] = (struct seen){hash, frame->shot};
 }
 
-static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
-                              const char *format, ...) G_GNUC_PRINTF(4, 5);
-static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
-                              const char *format, ...) {
+static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
+                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
+                       const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
@@ -248,52 +247,50 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
     const struct camera_state *state = camera->state;
     gint64 before_us = state->triggered_us - frame->exposure_start_us;
     if (before_us > 0)
-        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "its exposure began %" G_GINT64_FORMAT " µs before the trigger",
-                             before_us);
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "its exposure began %" G_GINT64_FORMAT " µs before the trigger", before_us);
     gint64 asked_us = state->settings.exposure_us;
     gint64 took_us = frame->exposure_end_us - frame->exposure_start_us;
     if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20 ||
         frame->exposure_us != asked_us)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT,
-                             took_us, asked_us);
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT, took_us,
+                      asked_us);
     if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "its time stamp is in the future, by %" G_GINT64_FORMAT " µs",
-                             frame->exposure_end_us - clock_now_us(camera->device.clock));
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "its time stamp is in the future, by %" G_GINT64_FORMAT " µs",
+                      frame->exposure_end_us - clock_now_us(camera->device.clock));
     return TRUE;
 }
 
-static gboolean camera_check_frame(const Camera *camera, const Frame *frame, guint64 hash,
-                                   GError **error) {
+static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 hash,
+                            GError **error) {
     const struct camera_state *state = camera->state;
     const struct camera_format *format = &camera->format;
     if (frame->shot != state->shot)
-        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT,
-                             frame->shot, state->shot);
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT, frame->shot,
+                      state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
-        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                             "it is an old frame: its frame id %" G_GUINT64_FORMAT
-                             " was seen before (last: %" G_GUINT64_FORMAT ")",
-                             frame->id, state->last_id);
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "it is an old frame: its frame id %" G_GUINT64_FORMAT
+                      " was seen before (last: %" G_GUINT64_FORMAT ")",
+                      frame->id, state->last_id);
     if (frame->width != format->width || frame->height != format->height ||
         frame->cfa != format->cfa || frame->bits != format->bits)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
-                             frame->height, cfa_name(frame->cfa), frame->bits, format->width,
-                             format->height, cfa_name(format->cfa), format->bits);
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
+                      frame->height, cfa_name(frame->cfa), frame->bits, format->width,
+                      format->height, cfa_name(format->cfa), format->bits);
     if (frame->incomplete)
-        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                             "some of its data was lost on the way");
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "some of its data was lost on the way");
     if (!check_times(camera, frame, error))
         return FALSE;
     for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++)
         if (state->seen[i].hash == hash && state->seen[i].shot != state->shot)
-            return camera_refuse(camera, DEVICE_ERROR_STALE, error,
-                                 "it repeats the frame of shot %" G_GUINT64_FORMAT " bit for bit",
-                                 state->seen[i].shot);
+            return refuse(camera, DEVICE_ERROR_STALE, error,
+                          "it repeats the frame of shot %" G_GUINT64_FORMAT " bit for bit",
+                          state->seen[i].shot);
     return TRUE;
 }
 
@@ -302,7 +299,7 @@ void camera_report_exposed(Camera *camera) {
     if (!state->waiting || state->exposed)
         return;
     state->exposed = TRUE;
-    camera_notify(camera, CAMERA_EXPOSED, NULL, NULL);
+    notify(camera, CAMERA_EXPOSED, NULL, NULL);
 }
 
 void camera_report_frame(Camera *camera, Frame *frame) {
@@ -313,16 +310,16 @@ void camera_report_frame(Camera *camera, Frame *frame) {
         remember(camera, frame, hash);
         return;
     }
-    gboolean accepted = camera_check_frame(camera, frame, hash, &error);
+    gboolean accepted = check_frame(camera, frame, hash, &error);
     if (accepted)
         remember(camera, frame, hash);
     end_wait(camera);
-    camera_notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
+    notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
 }
 
 void camera_report_fault(Camera *camera, GError *error) {
     g_autoptr(GError) owned = error;
     if (!owned)
         owned = device_error_new(DEVICE_ERROR_DISCONNECTED, camera->device.who, "a fault");
-    camera_fault(camera, owned);
+    fault(camera, owned);
 }

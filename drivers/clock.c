@@ -51,18 +51,18 @@ static void set_alarm(Clock *clock) {
         g_source_set_ready_time(clock->source, call ? MAX(call->at_us, 0) : -1);
 }
 
-static gboolean clock_prepare(GSource *source, gint *timeout) {
+static gboolean prepare(GSource *source, gint *timeout) {
     *timeout = -1;
     return is_due(((struct clock_source *)source)->clock);
 }
 
-static gboolean clock_check(GSource *source) {
+static gboolean check(GSource *source) {
     return is_due(((struct clock_source *)source)->clock);
 }
 
 /* Makes one call in each iteration of the main loop, so that sources that the call has made ready
  * run before time jumps on. */
-static gboolean clock_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     g_autoptr(Clock) clock = clock_ref(((struct clock_source *)source)->clock);
     if (!is_due(clock)) {
         set_alarm(clock);
@@ -79,8 +79,7 @@ static gboolean clock_dispatch(GSource *source, GSourceFunc unused, gpointer unu
     return G_SOURCE_CONTINUE;
 }
 
-static GSourceFuncs source_funcs = {
-    .prepare = clock_prepare, .check = clock_check, .dispatch = clock_dispatch};
+static GSourceFuncs source_funcs = {.prepare = prepare, .check = check, .dispatch = dispatch};
 
 static Clock *clock_new(gboolean is_virtual) {
     Clock *clock = g_new0(Clock, 1);

@@ -91,7 +91,7 @@ gboolean device_is_unsafe(const struct device *device) {
 }
 
 /* The function may close the device. */
-static void device_on_tell(gpointer data) {
+static void on_tell(gpointer data) {
     struct device *device = data;
     device->tell = 0;
     if (device->told_unsafe == device_is_unsafe(device))
@@ -101,16 +101,16 @@ static void device_on_tell(gpointer data) {
         device->watch(device, device->unsafe, device->watch_data);
 }
 
-static void device_tell_later(struct device *device) {
+static void tell_later(struct device *device) {
     if (device->tell == 0 && device->told_unsafe != device_is_unsafe(device))
-        device->tell = clock_call_in(device->clock, 0, device_on_tell, device);
+        device->tell = clock_call_in(device->clock, 0, on_tell, device);
 }
 
 void device_watch_safety(struct device *device, DeviceSafetyFunc func, gpointer data) {
     device->watch = func;
     device->watch_data = data;
     device->told_unsafe = FALSE;
-    device_tell_later(device);
+    tell_later(device);
 }
 
 void device_report_safety(struct device *device, const GError *unsafe) {
@@ -118,7 +118,7 @@ void device_report_safety(struct device *device, const GError *unsafe) {
         g_clear_error(&device->unsafe);
     else if (!device->unsafe)
         device->unsafe = g_error_copy(unsafe);
-    device_tell_later(device);
+    tell_later(device);
 }
 
 void device_clear(struct device *device) {

@@ -1,6 +1,6 @@
 #include "found.h"
 
-static void found_do_free(gpointer data) {
+static void do_free(gpointer data) {
     struct found *found = data;
     g_free(found->bus);
     g_free(found->address);
@@ -32,5 +32,5 @@ struct found *found_add(GPtrArray *to, const char *bus, const char *address, con
 }
 
 GPtrArray *found_list_new(void) {
-    return g_ptr_array_new_with_free_func(found_do_free);
+    return g_ptr_array_new_with_free_func(do_free);
 }

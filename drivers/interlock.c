@@ -86,7 +86,7 @@ static const struct listener *next_listener(const Interlock *interlock, guint af
     return NULL;
 }
 
-static void interlock_set(Interlock *interlock, gboolean closed, gboolean lost) {
+static void set(Interlock *interlock, gboolean closed, gboolean lost) {
     interlock->state->lost = lost;
     if (interlock->state->closed == closed)
         return;
@@ -101,9 +101,9 @@ static void interlock_set(Interlock *interlock, gboolean closed, gboolean lost) 
 }
 
 void interlock_report(Interlock *interlock, gboolean closed) {
-    interlock_set(interlock, closed != FALSE, FALSE);
+    set(interlock, closed != FALSE, FALSE);
 }
 
 void interlock_report_lost(Interlock *interlock) {
-    interlock_set(interlock, FALSE, TRUE);
+    set(interlock, FALSE, TRUE);
 }

@@ -25,8 +25,7 @@ static gboolean lamps_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the bank. */
-static void lamps_answer(gpointer device, int index, gboolean on, gint64 at_us,
-                         const GError *error) {
+static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     LampBank *bank = device;
     if (bank->state->func)
         bank->state->func(bank, index, on, at_us, error, bank->state->data);
@@ -50,7 +49,7 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
         lamps_close(bank);
         return NULL;
     }
-    bank->state->lights = lights_new(bank, bank->n, TRUE, lamps_send, lamps_answer);
+    bank->state->lights = lights_new(bank, bank->n, TRUE, lamps_send, answer);
     return bank;
 }
 
@@ -105,5 +104,5 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
 void lamps_lost(LampBank *bank, GError *error) {
     g_autoptr(GError) owned = error;
     lights_lost(bank->state->lights, owned);
-    lamps_answer(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
+    answer(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
 }

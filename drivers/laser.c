@@ -25,8 +25,7 @@ static gboolean laser_send(gpointer device, int index, gboolean on, GError **err
 }
 
 /* Call it last: the listener may close the laser. */
-static void laser_answer(gpointer device, int index, gboolean on, gint64 at_us,
-                         const GError *error) {
+static void answer(gpointer device, int index, gboolean on, gint64 at_us, const GError *error) {
     Laser *laser = device;
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
@@ -52,7 +51,7 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
         laser_close(laser);
         return NULL;
     }
-    laser->state->lights = lights_new(laser, 1, FALSE, laser_send, laser_answer);
+    laser->state->lights = lights_new(laser, 1, FALSE, laser_send, answer);
     return laser;
 }
 
@@ -73,16 +72,16 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
 static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
     if (laser_is_on(laser) && !lights_set(laser->state->lights, 0, FALSE, &error))
-        laser_answer(laser, 0, FALSE, clock_now_us(laser->device.clock), error);
+        answer(laser, 0, FALSE, clock_now_us(laser->device.clock), error);
 }
 
 void laser_lost(Laser *laser, GError *error) {
     g_autoptr(GError) owned = error;
     lights_lost(laser->state->lights, owned);
-    laser_answer(laser, 0, TRUE, clock_now_us(laser->device.clock), owned);
+    answer(laser, 0, TRUE, clock_now_us(laser->device.clock), owned);
 }
 
-static void laser_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
     if (!closed)
         trip(data);
 }
@@ -94,7 +93,7 @@ void laser_guard(Laser *laser, Interlock *interlock) {
     state->guard = interlock;
     if (!interlock)
         return;
-    state->guard_id = interlock_listen(interlock, laser_on_interlock, laser);
+    state->guard_id = interlock_listen(interlock, on_interlock, laser);
     if (!interlock_is_closed(interlock))
         trip(laser);
 }

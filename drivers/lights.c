@@ -134,7 +134,7 @@ static void lights_retry(gpointer data);
 
 /* Reports whether the device is safe, and schedules a new attempt for outputs that should be
  * off. */
-static void lights_settle(struct lights *lights, const GError *error) {
+static void settle(struct lights *lights, const GError *error) {
     gboolean due = FALSE;
     for (int i = 0; i < lights->n; i++)
         due |= must_go_off(lights, i) && !off_is_due(lights, i);
@@ -150,8 +150,8 @@ static void lights_settle(struct lights *lights, const GError *error) {
 }
 
 /* Updates the state of the lights from the answer to a command, or from its lack. */
-static void lights_take(struct lights *lights, const struct command *command, gint64 now,
-                        const GError *error) {
+static void take(struct lights *lights, const struct command *command, gint64 now,
+                 const GError *error) {
     if (!error || command->on)
         lights->pause_us = 0; /* an "on" that failed is followed by "off" without a pause */
     else
@@ -163,7 +163,7 @@ static void lights_take(struct lights *lights, const struct command *command, gi
         else if (covers(command, i))
             took_off(&lights->list[i], command, error != NULL);
     }
-    lights_settle(lights, error);
+    settle(lights, error);
 }
 
 /* Removes the overdue "off" to the same light before this one, unless an "on" was sent between
@@ -182,7 +182,7 @@ static void forget_older(struct lights *lights, const struct command *command) {
     }
 }
 
-static void lights_on_deadline(gpointer data) {
+static void on_deadline(gpointer data) {
     struct command *command = data;
     struct lights *lights = command->lights;
     struct device *device = lights->device;
@@ -200,7 +200,7 @@ static void lights_on_deadline(gpointer data) {
     command->overdue = TRUE;
     if (!copy.on)
         forget_older(lights, command);
-    lights_take(lights, &copy, now, error);
+    take(lights, &copy, now, error);
     if (!copy.retry)
         lights->answer(device, copy.index, copy.on, now, error);
 }
@@ -222,14 +222,13 @@ static gboolean lights_command(struct lights *lights, int index, gboolean on, gb
     g_queue_push_tail(&lights->commands, command);
     GError *failed = NULL;
     if (lights->send(lights->device, index, on, &failed)) {
-        command->deadline =
-            clock_call_in(lights->device->clock, DEADLINE_US, lights_on_deadline, command);
+        command->deadline = clock_call_in(lights->device->clock, DEADLINE_US, on_deadline, command);
         return TRUE;
     }
     if (!failed)
         failed = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who, "refused");
     g_queue_remove(&lights->commands, command);
-    lights_take(lights, command, clock_now_us(lights->device->clock), failed);
+    take(lights, command, clock_now_us(lights->device->clock), failed);
     command_free(command);
     g_propagate_error(error, failed);
     return FALSE;
@@ -302,8 +301,8 @@ static void believe(struct lights *lights, int index) {
     g_autoptr(GError) error = device_error_new(DEVICE_ERROR_PROTOCOL, lights->device->who,
                                                "it reports light without a command" ERROR_ADVICE
                                                "check what else switches it");
-    lights_take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
-    lights_settle(lights, error);
+    take(lights, &unknown, clock_now_us(lights->device->clock), NULL);
+    settle(lights, error);
 }
 
 void lights_report(struct lights *lights, int index, gboolean on, const GError *error) {
@@ -317,7 +316,7 @@ void lights_report(struct lights *lights, int index, gboolean on, const GError *
     take_command(lights, command);
     const gboolean heard = !command->retry && !command->overdue;
     if (!command->overdue || !error)
-        lights_take(lights, command, now, error);
+        take(lights, command, now, error);
     command_free(command);
     if (heard)
         lights->answer(lights->device, index, on, now, error);

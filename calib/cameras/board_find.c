@@ -26,9 +26,9 @@
 #define RIDGE  0.05
 #define FEWEST 1e-3
 
-static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
+static GArray *refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-static GArray *board_find_refuse(GError **error, const char *format, ...) {
+static GArray *refuse(GError **error, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     g_propagate_error(error, g_error_new_valist(BOARD_ERROR, BOARD_ERROR_SPEC, format, arguments));
@@ -89,8 +89,8 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
  * h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y², f and g being the projections with and without
  * distortion, J and S their first derivatives. Perspective is common to both and keeps edges
  * straight; only distortion remains. */
-static void board_find_straighten(const struct board *board, BoardProject project,
-                                  gconstpointer data, const double at[2], struct corner_guess *to) {
+static void straighten(const struct board *board, BoardProject project, gconstpointer data,
+                       const double at[2], struct corner_guess *to) {
     const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
     double s[2][2], a[3][3], b[2][3];
     const double(*j)[2] = to->px_a_mm;
@@ -149,7 +149,7 @@ static void guess_all(const struct board *board, BoardProject project, gconstpoi
         if (board->circle_mm > 0)
             put_off_centre(board, project, data, at, to);
         if (shift_px)
-            board_find_straighten(board, project, data, at, to);
+            straighten(board, project, data, at, to);
     }
 }
 
@@ -350,19 +350,18 @@ static gboolean plane_of_markers(const struct picture *picture, struct board *bo
     g_autoptr(GArray) mirrored =
         vision_find_markers(picture, board->dictionary, border, TRUE, NULL);
     if (mirrored && mirrored->len >= MAX(4, found->len))
-        board_find_refuse(
-            error,
-            "the board is mirrored: the picture is flipped, or the board was printed mirrored");
+        refuse(error,
+               "the board is mirrored: the picture is flipped, or the board was printed mirrored");
     else if (n >= 2)
-        board_find_refuse(error,
-                          "its markers do not lie as on the board of %d × %d: it is another board, "
-                          "or bent",
-                          board->columns, board->rows);
+        refuse(error,
+               "its markers do not lie as on the board of %d × %d: it is another board, "
+               "or bent",
+               board->columns, board->rows);
     else if (n == 0)
-        board_find_refuse(error, found->len ? "the visible markers are not the board's"
-                                            : "no board is visible");
+        refuse(error,
+               found->len ? "the visible markers are not the board's" : "no board is visible");
     else
-        board_find_refuse(error, "only one marker of the board is visible");
+        refuse(error, "only one marker of the board is visible");
     return FALSE;
 }
 
@@ -404,8 +403,8 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
         else
-            board_find_refuse(error, "no chessboard of %d × %d squares is completely visible",
-                              board->columns, board->rows);
+            refuse(error, "no chessboard of %d × %d squares is completely visible", board->columns,
+                   board->rows);
         return FALSE;
     }
     for (int reversed = 0; reversed < 2; reversed++) {
@@ -420,7 +419,7 @@ static gboolean plane_of_chessboard(const struct picture *picture, struct board 
         if (!unlike || open)
             return TRUE;
     }
-    board_find_refuse(error, "the chessboard's colours are not those of the board");
+    refuse(error, "the chessboard's colours are not those of the board");
     return FALSE;
 }
 
@@ -441,8 +440,7 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
         if (own)
             g_propagate_error(error, g_steal_pointer(&own));
         else
-            board_find_refuse(error, "no grid of %d × %d circles is completely visible", columns,
-                              board->rows);
+            refuse(error, "no grid of %d × %d circles is completely visible", columns, board->rows);
         return FALSE;
     }
     for (int turned = 0; turned < 2; turned++) {
@@ -454,7 +452,7 @@ static gboolean plane_of_circles(const struct picture *picture, struct board *bo
             (m[0][0] * m[1][1] - m[1][0] * m[0][1] < 0 || board->print == BOARD_STAGGERED))
             return TRUE;
     }
-    board_find_refuse(error, "the circles do not lie on a plane");
+    refuse(error, "the circles do not lie on a plane");
     return FALSE;
 }
 
@@ -488,16 +486,14 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
                                  : plane_of_chessboard)(picture, board, map.h, from, seen, error))
         return NULL;
     if (board->print == BOARD_CHARUCO && board->white_first != specified->white_first && !fine)
-        return board_find_refuse(error, "the board's first square is %s: %s --board",
-                                 board->white_first ? "white" : "black",
-                                 board->white_first ? "add first=white to"
-                                                    : "take first=white out of");
+        return refuse(error, "the board's first square is %s: %s --board",
+                      board->white_first ? "white" : "black",
+                      board->white_first ? "add first=white to" : "take first=white out of");
     /* A flipped picture looks like a board seen from below. The picture's y points down. */
     if (!slopes(by_homography, FALSE, map.h, middle, m) ||
         m[0][0] * m[1][1] - m[1][0] * m[0][1] > 0)
-        return board_find_refuse(error,
-                                 "the board is mirrored: the picture is flipped, or the board was "
-                                 "printed mirrored");
+        return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
+                             "printed mirrored");
     g_autoptr(GArray) corners = fit_by_map(picture, board, &map, from, seen);
     if (fine) { /* once more by all corners found: they are more accurate than the detector's */
         g_array_set_size(from, 2 * corners->len);
@@ -513,10 +509,10 @@ GArray *board_find(const struct picture *picture, const struct board *specified,
     }
     if (corners->len >= MIN_CORNERS)
         return g_steal_pointer(&corners);
-    return board_find_refuse(error,
-                             "only %u corners of the board are clear enough; more light, a sharper "
-                             "focus or larger squares help",
-                             corners->len);
+    return refuse(error,
+                  "only %u corners of the board are clear enough; more light, a sharper "
+                  "focus or larger squares help",
+                  corners->len);
 }
 
 struct points { /* points of the board with the values that the picture should show */

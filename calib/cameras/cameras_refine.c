@@ -132,7 +132,7 @@ static gboolean is_outlier(const struct bundle *b, const struct bundle_observati
 
 /* Rejects outliers and estimates each camera's noise from the others: σ² = Σ r² / (n (1 − p /
  * N)), p / N being the share of the parameters in all N residuals. */
-static void cameras_refine_weigh(struct cameras_work *work) {
+static void weigh(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, r;
     double used = 0;
@@ -238,7 +238,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
 }
 
 /* Flags the outliers of one picture; returns whether few enough of its corners are. */
-static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
+static gboolean is_good(struct cameras_work *work, int picture) {
     struct bundle *b = &work->bundle;
     int rejected = 0, all = 0;
     double r;
@@ -263,7 +263,7 @@ static void retry_pictures(struct cameras_work *work) {
         const struct bundle_lay lay_before = *lay;
         const struct bundle_stop stop_before = *stop;
         seen->corners = g_steal_pointer(&seen->set_aside);
-        if (solve_picture(work, i) && cameras_refine_is_good(work, i)) {
+        if (solve_picture(work, i) && is_good(work, i)) {
             g_clear_pointer(&seen->why, g_free);
             continue;
         }
@@ -298,7 +298,7 @@ gboolean cameras_refine(struct cameras_work *work, GError **error) {
             if (!fit_wobble(work, error))
                 return FALSE;
         }
-        cameras_refine_weigh(work);
+        weigh(work);
         weigh_pictures(work);
         drop_pictures(work);
         if (!cameras_progress(work, error))

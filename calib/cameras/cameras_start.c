@@ -71,13 +71,13 @@ static gboolean lay_by_picture(const struct cameras_work *work, const struct see
     return fabs(n.z) > 0.05;
 }
 
-static int cameras_start_by_size(gconstpointer a, gconstpointer b) {
+static int by_size(gconstpointer a, gconstpointer b) {
     const double *x = a, *y = b;
     return (*x > *y) - (*x < *y);
 }
 
 double cameras_median(GArray *values) {
-    g_array_sort(values, cameras_start_by_size);
+    g_array_sort(values, by_size);
     return g_array_index(values, double, values->len / 2);
 }
 

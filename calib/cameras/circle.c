@@ -38,8 +38,8 @@ static int residuals(void *data, int m, int n, const double *p, double *ret, int
 /* Collects pixels about the expected edge and sets initial parameters: the ellipse is the image of
  * the circle by the guess's slopes m, |L d| = |m⁻¹ d| / radius. FALSE: too few of them lie in the
  * picture, or they show no edge. */
-static gboolean circle_gather(const struct picture *picture, const struct board *board,
-                              const struct corner_guess *guess, struct pixels *to, double p[N]) {
+static gboolean gather(const struct picture *picture, const struct board *board,
+                       const struct corner_guess *guess, struct pixels *to, double p[N]) {
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0], radius = board->circle_mm / 2;
     const double away = (board->print == BOARD_STAGGERED ? M_SQRT2 : 1) * board->square_mm;
@@ -94,7 +94,7 @@ gboolean circle_fit(const struct picture *picture, const struct board *board, in
     g_autofree struct pixels *pixels = g_new(struct pixels, 1);
     double p[N], diag[N], qtf[N], wa[3][N];
     int pivot[N], calls;
-    if (!circle_gather(picture, board, guess, pixels, p))
+    if (!gather(picture, board, guess, pixels, p))
         return FALSE;
     const int n = pixels->n;
     g_autofree double *off = g_new(double, 2 * n), *jacobian = g_new(double, n *N);

@@ -78,9 +78,9 @@ static double straightened(const double by[3], double x, double y) {
 
 /* Collects the clear pixels around the guess. back: board's x, y by the picture's. FALSE: too few
  * of them lie in the picture. */
-static gboolean corner_gather(const struct picture *picture, const struct board *board, int id,
-                              const struct corner_guess *guess, const double back[2][2],
-                              struct pixels *to) {
+static gboolean gather(const struct picture *picture, const struct board *board, int id,
+                       const struct corner_guess *guess, const double back[2][2],
+                       struct pixels *to) {
     const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
                                 GUARD_PX * hypot(back[1][0], back[1][1])};
     const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
@@ -149,8 +149,7 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
 }
 
 /* Sum of squares, and the normal equations h · step = g: h = Σ d dᵀ, g = −Σ d r. */
-static double corner_sum(const struct pixels *pixels, const double p[N], double h[N * N],
-                         double g[N]) {
+static double sum(const struct pixels *pixels, const double p[N], double h[N * N], double g[N]) {
     const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
                             sin(p[TURN_2]), M_SQRT1_2 / p[BLUR], p[CONTRAST] * pixels->sign};
     double total = 0, d[N];
@@ -175,7 +174,7 @@ static double corner_sum(const struct pixels *pixels, const double p[N], double 
 static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
                          double *ret_total) {
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
-    *ret_total = corner_sum(pixels, p, h, g);
+    *ret_total = sum(pixels, p, h, g);
     for (int i = 0; i < STEPS; i++) {
         /* One damped step: (h + damping · diag h) · step = g. */
         double a[N * N], step[N];
@@ -188,7 +187,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
             next[k] = p[k] + step[k];
         next[BLUR] = MAX(next[BLUR], MIN_BLUR_PX);
         const gboolean good = solved && next[BLUR] < 2 * CORNER_MAX_BLUR_PX && next[CONTRAST] > 0;
-        const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
+        const double then = good ? sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
         if (!(then < *ret_total)) {
             damping = MAX(damping, 1e-4) * 10;
             if (damping > 1e4)
@@ -209,7 +208,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
 }
 
 /* Covariance of the position: variance · (h⁻¹) restricted to x and y. */
-static gboolean corner_covariance(const double h[N * N], double variance, double ret[2][2]) {
+static gboolean covariance(const double h[N * N], double variance, double ret[2][2]) {
     double a[N * N], b[2 * N] = {0};
     memcpy(a, h, sizeof a);
     b[AT_X] = b[N + AT_Y] = 1;
@@ -222,8 +221,8 @@ static gboolean corner_covariance(const double h[N * N], double variance, double
 }
 
 /* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
-static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
-                              const struct corner_guess *guess, struct corner *ret) {
+static gboolean do_fit(const struct picture *picture, const struct board *board, int id,
+                       const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
     double p[N], h[N * N], total;
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
@@ -238,7 +237,7 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
     const double(*m)[2] = guess->px_a_mm;
     const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
     const double back[2][2] = {{m[1][1] / det, -m[0][1] / det}, {-m[1][0] / det, m[0][0] / det}};
-    if (!(fabs(det) > 1e-6) || !corner_gather(picture, board, id, guess, back, &pixels))
+    if (!(fabs(det) > 1e-6) || !gather(picture, board, id, guess, back, &pixels))
         return FALSE;
     /* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
     double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
@@ -263,7 +262,7 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
         .contrast = p[CONTRAST]};
     const double moved_mm = MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
                                 fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y]));
-    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < CORNER_MAX_BLUR_PX &&
+    return covariance(h, variance, ret->covariance_px2) && p[BLUR] < CORNER_MAX_BLUR_PX &&
            moved_mm / board->square_mm < CORNER_MAX_MOVED &&
            p[CONTRAST] > CORNER_MIN_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
@@ -278,13 +277,13 @@ gboolean corner_fit(const struct picture *picture, const struct board *board, in
     struct corner_guess nearer = *guess;
     if (board->circle_mm > 0)
         return circle_fit(picture, board, id, guess, ret);
-    if (!corner_do_fit(picture, board, id, guess, ret))
+    if (!do_fit(picture, board, id, guess, ret))
         return FALSE;
     if (hypot(ret->x_px - guess->x_px, ret->y_px - guess->y_px) < NEAR_PX)
         return TRUE;
     nearer.x_px = ret->x_px;
     nearer.y_px = ret->y_px;
-    return corner_do_fit(picture, board, id, &nearer, ret);
+    return do_fit(picture, board, id, &nearer, ret);
 }
 
 GArray *corner_fit_all(const struct picture *picture, const struct board *board,

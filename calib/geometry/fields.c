@@ -43,8 +43,8 @@ gboolean fields_refuse(const char *path, const char *group, const char *key, GEr
 }
 
 /* Reads f->n numbers separated by semicolons and checks each against the bounds. */
-static gboolean fields_read_field(GKeyFile *file, const char *path, const char *group,
-                                  const struct field *f, gpointer to, GError **error) {
+static gboolean read_field(GKeyFile *file, const char *path, const char *group,
+                           const struct field *f, gpointer to, GError **error) {
     g_autofree char *value = g_key_file_get_string(file, group, f->name, NULL);
     if (!value)
         return f->optional || fields_refuse(path, group, f->name, error,
@@ -83,7 +83,7 @@ gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                                  "is not known; a newer version may have written it");
     }
     for (const struct field *f = fields; f->name; f++)
-        if (!fields_read_field(file, path, group, f, to, error))
+        if (!read_field(file, path, group, f, to, error))
             return FALSE;
     return TRUE;
 }

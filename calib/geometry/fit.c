@@ -40,7 +40,7 @@ static double known_residual(const struct fit *fit, const double *x, int i) {
 }
 
 /* Computes the residuals f; returns the weighted sum of squares. */
-static double fit_evaluate(const struct work *work, const double *x, double *f) {
+static double evaluate(const struct work *work, const double *x, double *f) {
     const struct fit *fit = work->fit;
     double sum = 0;
     fit->residuals(x, f, fit->data);
@@ -79,7 +79,7 @@ static void differentiate(const struct work *work, const double *x) {
 }
 
 /* h = Jᵀ W J / σ² plus priors, g = −Jᵀ W f / σ² of both; h has both triangles. */
-static void fit_normal_equations(const struct work *work, const double *x, double *h, double *g) {
+static void normal_equations(const struct work *work, const double *x, double *h, double *g) {
     const struct fit *fit = work->fit;
     const int n = work->n, k = work->n_depends;
     memset(h, 0, sizeof(double) * (gsize)n * (gsize)n);
@@ -105,14 +105,14 @@ static void fit_normal_equations(const struct work *work, const double *x, doubl
 }
 
 /* Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
-static void fit_do_solve(const struct work *work, double *x) {
+static void do_solve(const struct work *work, double *x) {
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),
                       *next = g_new0(double, n);
-    double damping = 1e-6, now = fit_evaluate(work, x, work->f);
+    double damping = 1e-6, now = evaluate(work, x, work->f);
     for (int i = 0; i < STEPS; i++) {
         differentiate(work, x);
-        fit_normal_equations(work, x, h, g);
+        normal_equations(work, x, h, g);
         double then = G_MAXDOUBLE;
         while (damping < MAX_DAMPING) {
             /* One damped step (h + damping · diag h) dx = g. */
@@ -123,7 +123,7 @@ static void fit_do_solve(const struct work *work, double *x) {
             if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) == 0) {
                 for (int j = 0; j < n; j++)
                     next[j] = x[j] + b[j];
-                then = fit_evaluate(work, next, work->moved);
+                then = evaluate(work, next, work->moved);
             }
             if (then < now)
                 break;
@@ -141,7 +141,7 @@ static void fit_do_solve(const struct work *work, double *x) {
     }
 }
 
-static double fit_size_of(const struct fit *fit, const double *residuals, int i) {
+static double size_of(const struct fit *fit, const double *residuals, int i) {
     double sum = 0;
     for (int k = 0; k < fit->dimension; k++)
         sum += residuals[i * fit->dimension + k] * residuals[i * fit->dimension + k];
@@ -160,23 +160,23 @@ int fit_compare_floats(gconstpointer a, gconstpointer b) {
 
 /* The robust scale is median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
  * deviates). hard: weights are 0 or 1. */
-static void fit_weigh(struct work *work, gboolean hard) {
+static void weigh(struct work *work, gboolean hard) {
     const struct fit *fit = work->fit;
     g_autofree double *sizes = g_new(double, fit->n_observations);
     for (int i = 0; i < fit->n_observations; i++)
-        sizes[i] = fit_size_of(fit, work->f, i);
+        sizes[i] = size_of(fit, work->f, i);
     qsort(sizes, (gsize)fit->n_observations, sizeof *sizes, fit_compare);
     const double median = sizes[fit->n_observations / 2];
     work->sigma = MAX(median / (fit->dimension == 1 ? 0.6745 : 1.1774), MIN_SIGMA);
     for (int i = 0; i < fit->n_observations; i++) {
-        double times = fit_size_of(fit, work->f, i) / work->sigma;
+        double times = size_of(fit, work->f, i) / work->sigma;
         work->weights[i] =
             hard ? times <= fit->reject : 1 / sqrt(1 + times * times / (SOFT * SOFT));
     }
 }
 
 /* Inverse of h by Cholesky decomposition with pivoting; rows of undetermined parameters are 0. */
-static double *fit_invert(int n, const double *h, int *ret_undetermined) {
+static double *invert(int n, const double *h, int *ret_undetermined) {
     g_autofree double *a = g_new(double, (gsize)n *(gsize)n), *scale = g_new0(double, n);
     g_autofree lapack_int *pivots = g_new(lapack_int, n);
     double *inverse = g_new0(double, (gsize)n *(gsize)n);
@@ -202,23 +202,23 @@ static double *fit_invert(int n, const double *h, int *ret_undetermined) {
 /* Final covariance. It is computed twice: first to find σ² = χ² per degree of freedom of the
  * observations used, then with the observations' errors scaled by σ, which sets their balance with
  * the priors. */
-static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
+static void finish(struct work *work, double *x, struct fit_result *ret) {
     const struct fit *fit = work->fit;
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n);
     double squares = 0;
-    fit_evaluate(work, x, work->f);
+    evaluate(work, x, work->f);
     ret->rejected = g_new0(guint8, fit->n_observations);
     for (int i = 0; i < fit->n_observations; i++) {
         ret->rejected[i] = work->weights[i] == 0;
         ret->n_used += !ret->rejected[i];
-        squares += ret->rejected[i] ? 0 : pow(fit_size_of(fit, work->f, i), 2);
+        squares += ret->rejected[i] ? 0 : pow(size_of(fit, work->f, i), 2);
     }
     for (int round = 0; round < 2; round++) {
         differentiate(work, x);
-        fit_normal_equations(work, x, h, g);
+        normal_equations(work, x, h, g);
         g_free(ret->covariance);
-        ret->covariance = fit_invert(n, h, &ret->undetermined);
+        ret->covariance = invert(n, h, &ret->undetermined);
         /* Effective number of parameters determined by the observations rather than the priors:
          * trace of H⁻¹ JᵀJ. */
         double sum = 0;
@@ -262,10 +262,10 @@ gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result 
         if (!isfinite(f[i]))
             return FALSE;
     for (int round = 0; round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
-        fit_weigh(&work, round >= SOFT_ROUNDS);
-        fit_do_solve(&work, parameters);
+        weigh(&work, round >= SOFT_ROUNDS);
+        do_solve(&work, parameters);
     }
-    fit_finish(&work, parameters, ret);
+    finish(&work, parameters, ret);
     return TRUE;
 }
 

@@ -203,7 +203,7 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
 
 /* Inverts distort() by Newton's method from the distorted point; a step is halved while it
  * increases the error. */
-static void rig_undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
+static void undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
     double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4], next[4];
 
     *x = xd;
@@ -243,7 +243,7 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
         return vec3_unit(
             mat3_mul_transposed(&camera->rotation, vec3(xd * across, yd * across, cos(theta))));
     }
-    rig_undistort(camera, xd, yd, &x, &y);
+    undistort(camera, xd, yd, &x, &y);
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 
@@ -288,7 +288,7 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble) {
 
 /* Rotates all that does not turn with the sample by sign · t. A camera sees the same with R Wᵀ
  * instead of R: each row of its rotation is rotated like a point. */
-static void rig_tilt(struct rig *rig, const double t[2], double sign) {
+static void tilt(struct rig *rig, const double t[2], double sign) {
     if (t[0] == 0 && t[1] == 0)
         return;
     for (int i = 0; i < rig->n_cameras; i++)
@@ -328,7 +328,7 @@ void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret) {
     rig_wobble_tilt(&rig->wobble, turntable_rad, t);
     if (ret != rig)
         *ret = *rig;
-    rig_tilt(ret, t, -1);
+    tilt(ret, t, -1);
 }
 
 void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret) {
@@ -336,7 +336,7 @@ void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret) {
     rig_wobble_tilt(&rig->wobble, turntable_rad, t);
     if (ret != rig)
         *ret = *rig;
-    rig_tilt(ret, t, 1);
+    tilt(ret, t, 1);
 }
 
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm) {

@@ -185,8 +185,8 @@ static int most_agreed(const struct edges *e, const struct ball_outline *given, 
 /* One Gauss-Newton step of min Σ (|e − c| − r)² over the agreeing edges e. FALSE: they do not
  * determine a circle. ret_sigma_px: the largest standard error of centre and radius, from the
  * residuals. */
-static gboolean ball_outline_improve(const struct edges *e, double within_px,
-                                     struct ball_outline *circle, double *ret_sigma_px) {
+static gboolean improve(const struct edges *e, double within_px, struct ball_outline *circle,
+                        double *ret_sigma_px) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
     struct mat3 a = {0};
     struct vec3 b = vec3(0, 0, 0), step, row[3];
@@ -252,7 +252,7 @@ gboolean ball_outline_find(const BallEdges *from, double reach_px, struct ball_o
     if (most_agreed(edges, given, reach_px, within_px, &circle) == 0)
         return FALSE;
     for (int round = 0; round < ROUNDS; round++)
-        if (!ball_outline_improve(edges, within_px, &circle, &sigma_px))
+        if (!improve(edges, within_px, &circle, &sigma_px))
             return FALSE;
     if (agreeing(edges, &circle, within_px) < SEEN * RAYS || !is_near(&circle, given, reach_px))
         return FALSE;

@@ -153,8 +153,8 @@ static void grow_least(struct window *w, int peak, double max_px, struct spot *s
 }
 
 /* Centroid and second moments of the spot's light above a share of its peak. */
-static void highlights_weigh(const struct window *w, const struct spot *spot, double share,
-                             struct highlight *ret) {
+static void weigh(const struct window *w, const struct spot *spot, double share,
+                  struct highlight *ret) {
     const float least = w->level + (float)share * spot->height;
     double sum = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
     for (int k = 0; k < spot->pixels; k++) {
@@ -246,7 +246,7 @@ static GArray *find_spots(struct window *w, const struct highlight_mean *mean, d
             spot.streak = FALSE;
         }
         spot.stays = highlights_stays(w, &spot, mean);
-        highlights_weigh(w, &spot, spot.share, &spot.light);
+        weigh(w, &spot, spot.share, &spot.light);
         g_array_append_val(spots, spot);
     }
     return spots;
@@ -315,8 +315,8 @@ static gboolean is_better(const struct spot *spot, const struct spot *best) {
     return !best || spot->energy > best->energy;
 }
 
-static const struct spot *highlights_choose(const struct window *w, const GArray *spots,
-                                            const struct highlight_mean *mean, char **ret_why) {
+static const struct spot *choose(const struct window *w, const GArray *spots,
+                                 const struct highlight_mean *mean, char **ret_why) {
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
@@ -341,7 +341,7 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
     background(&window);
     g_autoptr(GArray) spots = find_spots(&window, mean, max_px);
     char *why;
-    const struct spot *spot = highlights_choose(&window, spots, mean, &why);
+    const struct spot *spot = choose(&window, spots, mean, &why);
     if (spot) {
         /* Number of pixels of the spot that equal the maximum of their colour filter phase; each
          * phase may saturate at its own value. */
@@ -369,7 +369,7 @@ char *highlight_find(const struct picture *picture, const struct highlight_mean 
             struct highlight of;
             if (higher[i] <= spot->share)
                 continue;
-            highlights_weigh(&window, spot, higher[i], &of);
+            weigh(&window, spot, higher[i], &of);
             sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
             n++;
         }
@@ -417,9 +417,9 @@ static gboolean is_free(const struct lamp_target *target, int mark, double turnt
 }
 
 /* Measures one ball in one picture, if the geometry says that it shows the lamp. */
-static void highlights_measure_ball(const struct rig *rig, const struct lamp_target *target,
-                                    const struct highlight_picture *from, int mark, double reach_mm,
-                                    GArray *sights, GPtrArray *rejected) {
+static void measure_ball(const struct rig *rig, const struct lamp_target *target,
+                         const struct highlight_picture *from, int mark, double reach_mm,
+                         GArray *sights, GPtrArray *rejected) {
     const struct rig_camera *camera = &rig->cameras[from->camera];
     struct vec3 centre = lamp_mark_mm(target, mark, from->turntable_rad);
     struct vec3 eye = vec3_unit(vec3_sub(rig_camera_centre_mm(camera), centre));
@@ -463,6 +463,6 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
         return FALSE;
     }
     for (int mark = 0; mark < target->n; mark++)
-        highlights_measure_ball(rig, target, from, mark, reach_mm, sights, rejected);
+        measure_ball(rig, target, from, mark, reach_mm, sights, rejected);
     return TRUE;
 }

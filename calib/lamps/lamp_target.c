@@ -17,40 +17,38 @@ struct reader {
     const char *path;
 };
 
-static gboolean lamp_target_refuse(const struct reader *r, GError **error, const char *key,
-                                   const char *why) {
+static gboolean refuse(const struct reader *r, GError **error, const char *key, const char *why) {
     g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_TARGET, "%s: [target] %s: %s", r->path, key, why);
     return FALSE;
 }
 
-static gboolean lamp_target_read_list(const struct reader *r, const char *key, double min,
-                                      double *ret, gsize most, gsize *ret_n, GError **error) {
+static gboolean read_list(const struct reader *r, const char *key, double min, double *ret,
+                          gsize most, gsize *ret_n, GError **error) {
     g_autoptr(GError) cause = NULL;
     g_autofree double *list = g_key_file_get_double_list(r->file, "target", key, ret_n, &cause);
     if (!list || *ret_n == 0)
-        return lamp_target_refuse(r, error, key, cause ? cause->message : "is empty");
+        return refuse(r, error, key, cause ? cause->message : "is empty");
     if (*ret_n > most)
-        return lamp_target_refuse(r, error, key, "has too many numbers");
+        return refuse(r, error, key, "has too many numbers");
     for (gsize i = 0; i < *ret_n; i++) {
         if (!(list[i] >= min) || !(list[i] <= 1000)) {
             g_autofree char *why =
                 g_strdup_printf("%g is out of range: %g to 1000 mm", list[i], min);
-            return lamp_target_refuse(r, error, key, why);
+            return refuse(r, error, key, why);
         }
         ret[i] = list[i];
     }
     return TRUE;
 }
 
-static gboolean lamp_target_read_marks(const struct reader *r, struct lamp_target *target,
-                                       GError **error) {
+static gboolean read_marks(const struct reader *r, struct lamp_target *target, GError **error) {
     double numbers[3 * LAMP_MAX_MARKS];
     gsize n;
-    if (!lamp_target_read_list(r, "places_mm", -1000, numbers, G_N_ELEMENTS(numbers), &n, error))
+    if (!read_list(r, "places_mm", -1000, numbers, G_N_ELEMENTS(numbers), &n, error))
         return FALSE;
     if (n % 3 != 0)
-        return lamp_target_refuse(r, error, "places_mm",
-                                  "must be x;y;height of each post, or x;y;radius of each ball");
+        return refuse(r, error, "places_mm",
+                      "must be x;y;height of each post, or x;y;radius of each ball");
     target->n = (int)n / 3;
     for (int i = 0; i < target->n; i++) {
         target->marks[i] =
@@ -60,13 +58,12 @@ static gboolean lamp_target_read_marks(const struct reader *r, struct lamp_targe
                 "the height or radius of number %d is %g mm, and must be above 0.1; give "
                 "millimetres",
                 i + 1, target->marks[i].size_mm);
-            return lamp_target_refuse(r, error, "places_mm", why);
+            return refuse(r, error, "places_mm", why);
         }
         for (int j = 0; j < i; j++)
             if (hypot(target->marks[i].x_mm - target->marks[j].x_mm,
                       target->marks[i].y_mm - target->marks[j].y_mm) < 0.1)
-                return lamp_target_refuse(r, error, "places_mm",
-                                          "two posts or balls have the same position");
+                return refuse(r, error, "places_mm", "two posts or balls have the same position");
     }
     return TRUE;
 }
@@ -93,28 +90,28 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
     g_auto(GStrv) keys = g_key_file_get_keys(file, "target", NULL, NULL);
     for (char **key = keys; key && *key; key++)
         if (!g_strv_contains(known, *key))
-            return lamp_target_refuse(&r, error, *key, "is not a known key");
+            return refuse(&r, error, *key, "is not a known key");
     g_autofree char *kind = g_key_file_get_string(file, "target", "kind", NULL);
     if (g_strcmp0(kind, "poles") != 0 && g_strcmp0(kind, "balls") != 0)
-        return lamp_target_refuse(&r, error, "kind", "must be poles or balls");
+        return refuse(&r, error, "kind", "must be poles or balls");
     target->kind = g_str_equal(kind, "balls") ? LAMP_BALLS : LAMP_POLES;
     target->tolerance_mm = target->kind == LAMP_BALLS ? BALL_MM : POST_MM;
     if (g_key_file_has_key(file, "target", "tolerance_mm", NULL) &&
-        !lamp_target_read_list(&r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
+        !read_list(&r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
         return FALSE;
-    if (!lamp_target_read_list(&r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
-        !lamp_target_read_marks(&r, target, error))
+    if (!read_list(&r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
+        !read_marks(&r, target, error))
         return FALSE;
     if (target->plane_mm > 0 && target->plane_mm < 0.05) {
         g_autofree char *why =
             g_strdup_printf("%g mm is no height of a plate; give millimetres, or 0 if the posts or "
                             "balls stand on the turntable itself",
                             target->plane_mm);
-        return lamp_target_refuse(&r, error, "plane_mm", why);
+        return refuse(&r, error, "plane_mm", why);
     }
     if (target->kind == LAMP_BALLS)
         return TRUE;
-    return lamp_target_read_list(&r, "plate_mm", 1, target->plate_mm, 2, &n, error) &&
-           (n == 2 || lamp_target_refuse(&r, error, "plate_mm", "must be width;height")) &&
-           lamp_target_read_list(&r, "radius_mm", 0.05, &target->radius_mm, 1, &n, error);
+    return read_list(&r, "plate_mm", 1, target->plate_mm, 2, &n, error) &&
+           (n == 2 || refuse(&r, error, "plate_mm", "must be width;height")) &&
+           read_list(&r, "radius_mm", 0.05, &target->radius_mm, 1, &n, error);
 }

@@ -42,7 +42,7 @@ void plate_map_free(struct plate_map *map) {
     g_free(map);
 }
 
-static void shadows_clear_shot(gpointer data) {
+static void clear_shot(gpointer data) {
     struct shot *shot = data;
     g_free(shot->name);
     g_free(shot->values);
@@ -60,7 +60,7 @@ ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_
     view->camera = camera;
     view->turntable_rad = turntable_rad;
     view->shots = g_array_new(FALSE, FALSE, sizeof(struct shot));
-    g_array_set_clear_func(view->shots, shadows_clear_shot);
+    g_array_set_clear_func(view->shots, clear_shot);
     return view;
 }
 
@@ -88,8 +88,8 @@ static double median_of(const float *values, gsize n) {
 }
 
 /* Divides by the lamp's approximate irradiance on the plate, E cos θ. */
-static float *shadows_shade(const ShadowView *view, const struct picture *picture, int lamp,
-                            double arc_rad) {
+static float *shade(const ShadowView *view, const struct picture *picture, int lamp,
+                    double arc_rad) {
     gsize n = (gsize)picture->width * (gsize)picture->height;
     float *values = g_new(float, n);
     const struct rig *rig = view->rig;
@@ -119,7 +119,7 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
                     picture->height, view->map->width, view->map->height);
         return FALSE;
     }
-    g_autofree float *values = shadows_shade(view, picture, lamp, arc_rad);
+    g_autofree float *values = shade(view, picture, lamp, arc_rad);
     double level = median_of(values, n);
     if (!(level > 0)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
@@ -270,8 +270,8 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
 
 /* Measures a post's shadow, or the post itself (body): the shadow that a light at the camera
  * would cast. */
-static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm,
-                                 struct vec3 eye_mm, GArray *sights, GPtrArray *rejected) {
+static void measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm,
+                         GArray *sights, GPtrArray *rejected) {
     g_array_set_size(w->pixels, 0);
     w->hidden = w->near_end = 0;
     w->body = body;
@@ -333,9 +333,9 @@ void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct l
         struct window w = {
             .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
         for (w.mark = 0; w.mark < target->n; w.mark++) {
-            shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
+            measure_mark(&w, FALSE, lamp, eye, sights, rejected);
             if (body)
-                shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
+                measure_mark(&w, TRUE, lamp, eye, sights, NULL);
         }
     }
     share_sigmas(sights, first, FALSE);

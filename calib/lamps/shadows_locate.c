@@ -73,9 +73,8 @@ static double score_pose(ShadowView *const *views, int n, const struct lamp_targ
 }
 
 /* Grid search around the best pose so far, with the step halved in each round. */
-static double shadows_locate_search(ShadowView *const *views, int n,
-                                    const struct lamp_target *target, const double reach[3],
-                                    int every, struct plate_pose *best) {
+static double search(ShadowView *const *views, int n, const struct lamp_target *target,
+                     const double reach[3], int every, struct plate_pose *best) {
     double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
     step[2] = reach[2] / (0.35 * (target->plate_mm[0] + target->plate_mm[1]) / 2);
     for (int round = 0; round < 4; round++) {
@@ -109,7 +108,7 @@ static double find_pose(ShadowView *const *views, int n, const struct lamp_targe
     /* Steps of a post's radius: one of them always hits a shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
     *ret = (struct plate_pose){0, 0, 0};
-    return shadows_locate_search(views, n, target, reach, 1 + *ret_shots / MAX_SHOTS, ret);
+    return search(views, n, target, reach, 1 + *ret_shots / MAX_SHOTS, ret);
 }
 
 double shadows_score(ShadowView *const *views, int n, const struct lamp_target *target,

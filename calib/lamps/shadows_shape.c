@@ -69,9 +69,8 @@ static double cover(const struct window *w, const struct streak *streak, const s
 
 /* Gauss-Newton normal equations at p: a = Σ j jᵀ, b = Σ j r; returns Σ r². meat (may be NULL): Σ
  * r² j jᵀ, for the sandwich estimator. */
-static double shadows_shape_normal_equations(const struct window *w, const double p[N],
-                                             double blur_mm, double a[N][N], double b[N],
-                                             double (*meat)[N]) {
+static double normal_equations(const struct window *w, const double p[N], double blur_mm,
+                               double a[N][N], double b[N], double (*meat)[N]) {
     const double h = 0.01;
     double sum = 0;
     const struct blur blur = {PART_PX2 + p[4], blur_mm}, more = {PART_PX2 + p[4] + h, blur_mm};
@@ -113,7 +112,7 @@ static void add_usual(const struct window *w, double sum, const double p[N], dou
 }
 
 /* Solves a·x = b by Cholesky decomposition, in place; FALSE: a is not positive definite. */
-static gboolean shadows_shape_solve(double a[N][N], double x[N]) {
+static gboolean solve(double a[N][N], double x[N]) {
     for (int j = 0; j < N; j++) {
         for (int k = 0; k < j; k++)
             a[j][j] -= a[j][k] * a[j][k];
@@ -152,10 +151,10 @@ static double sandwich(double meat[N][N], const double unit[N]) {
 gboolean shadow_fit_shape(const struct window *w, double blur_mm, struct shape_fit *f) {
     double a[N][N], x[N], copy[N][N], step = HUGE_VAL;
     for (int i = 0; i < STEPS && step > 2e-4; i++) {
-        add_usual(w, shadows_shape_normal_equations(w, f->p, blur_mm, a, x, NULL), f->p, a, x);
+        add_usual(w, normal_equations(w, f->p, blur_mm, a, x, NULL), f->p, a, x);
         for (int k = 0; k < N; k++)
             a[k][k] *= 1 + 1e-3;
-        if (!shadows_shape_solve(a, x))
+        if (!solve(a, x))
             return FALSE;
         step = hypot(x[0], x[1]);
         double most = w->streak.to_mm / 2, scale = step > most ? most / step : 1;
@@ -166,13 +165,13 @@ gboolean shadow_fit_shape(const struct window *w, double blur_mm, struct shape_f
         f->p[4] = CLAMP(f->p[4] + x[4], 0, MAX_PX2);
     }
     double meat[N][N] = {{0}};
-    double sum = shadows_shape_normal_equations(w, f->p, blur_mm, a, x, meat);
+    double sum = normal_equations(w, f->p, blur_mm, a, x, meat);
     double noise = sum / MAX((int)w->pixels->len - N, 1);
     add_usual(w, sum, f->p, a, x);
     for (int k = 0; k < 2; k++) {
         double unit[N] = {k == 0, k == 1};
         memcpy(copy, a, sizeof copy);
-        if (!shadows_shape_solve(copy, unit))
+        if (!solve(copy, unit))
             return FALSE;
         f->variance[k] = MAX(sandwich(meat, unit), unit[k] * noise);
     }

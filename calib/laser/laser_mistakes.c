@@ -98,9 +98,9 @@ static double spread_rad(const struct rig *rig, const struct laser_point *points
     return off[n / 2];
 }
 
-static void laser_mistakes_tell(const struct rig *rig, const struct planes *planes,
-                                const struct mistake *mistake, const char *const *sweep_names,
-                                double is_rad, double would_be_rad, GError **error) {
+static void tell(const struct rig *rig, const struct planes *planes, const struct mistake *mistake,
+                 const char *const *sweep_names, double is_rad, double would_be_rad,
+                 GError **error) {
     const int a = mistake->a, b = mistake->b;
     g_autofree char *fit = g_strdup_printf(
         "the lines lie %.3g° from where the sheets should be, and %.3g° from it otherwise",
@@ -165,6 +165,6 @@ gboolean laser_check_mistakes(const struct rig *rig, const struct laser_point *p
     }
     if (best.kind == NONE)
         return TRUE;
-    laser_mistakes_tell(rig, &planes, &best, sweep_names, is, least, error);
+    tell(rig, &planes, &best, sweep_names, is, least, error);
     return FALSE;
 }

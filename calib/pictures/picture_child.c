@@ -114,8 +114,7 @@ static GBytes *picture_child_result(const char *path, const char *library, int s
 }
 
 /* Starts the program with its three descriptors. −1: error. */
-static pid_t picture_child_start(const struct picture_job *job, int result, int told,
-                                 GError **error) {
+static pid_t start(const struct picture_job *job, int result, int told, GError **error) {
     static const int targets[] = {CHILD_FILE, CHILD_RESULT, CHILD_TOLD};
     const int sources[] = {job->fd, result, told};
     g_autofree char *program = program_find("mesorig-read-picture", error);
@@ -132,9 +131,8 @@ static pid_t picture_child_start(const struct picture_job *job, int result, int 
 }
 
 /* Until the program ends, or told ends it. */
-static GBytes *picture_child_hear(const struct picture_job *job, const char *library, pid_t pid,
-                                  int told_fd, int result, PictureChildTold told, gpointer data,
-                                  GError **error) {
+static GBytes *hear(const struct picture_job *job, const char *library, pid_t pid, int told_fd,
+                    int result, PictureChildTold told, gpointer data, GError **error) {
     int status = 0;
     const gboolean ended = picture_child_listen(told_fd, told, data, error);
     if (!ended)
@@ -153,10 +151,10 @@ GBytes *picture_child_run(const struct picture_job *job, const char *library, Pi
         g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_FAILED,
                     "%s: no process can be started to read it: %s", job->path, g_strerror(errno));
     } else {
-        const pid_t pid = picture_child_start(job, result, ends[1], error);
+        const pid_t pid = start(job, result, ends[1], error);
         close(ends[1]);
         if (pid > 0)
-            ret = picture_child_hear(job, library, pid, ends[0], result, told, told_data, error);
+            ret = hear(job, library, pid, ends[0], result, told, told_data, error);
         close(ends[0]);
     }
     if (result >= 0)

@@ -41,14 +41,14 @@ gboolean picture_part_can(const char *path, int *ret_width, int *ret_height) {
     return width > 0 && width <= PNG_UINT_31_MAX && height > 0 && height <= PNG_UINT_31_MAX;
 }
 
-static void picture_part_on_error(png_structp png, png_const_charp text) {
+static void on_error(png_structp png, png_const_charp text) {
     struct part_reading *reading = png_get_error_ptr(png);
     if (!reading->why)
         reading->why = g_strdup(text);
     png_longjmp(png, 1);
 }
 
-static void picture_part_on_warning(png_structp png, png_const_charp text) {
+static void on_warning(png_structp png, png_const_charp text) {
 }
 
 /* Everything between setjmp and a longjmp; what it allocates is in reading. */
@@ -129,8 +129,7 @@ gboolean picture_part_read(const char *path, const struct picture_part *part,
     }
     read_says(path, fd, length, &ret->says);
     reading.file = fdopen(fd, "rb");
-    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, picture_part_on_error,
-                                             picture_part_on_warning);
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &reading, on_error, on_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     const gboolean good = info && decode_rows(png, info, &reading);
     png_destroy_read_struct(&png, &info, NULL);

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-static gboolean raw_fail(const char *path, GError **error, const char *why) {
+static gboolean fail(const char *path, GError **error, const char *why) {
     g_set_error(error, PICTURE_FILE_ERROR, PICTURE_FILE_ERROR_IO, "%s: %s", path, why);
     return FALSE;
 }
@@ -45,8 +45,8 @@ static double raw_black(libraw_data_t *raw, int y, int x, gboolean mono) {
     return black;
 }
 
-static gboolean raw_fill(const char *path, libraw_data_t *raw, const char *cfa,
-                         struct picture *picture, GError **error) {
+static gboolean fill(const char *path, libraw_data_t *raw, const char *cfa, struct picture *picture,
+                     GError **error) {
     const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
     const double white = (double)raw->color.maximum;
     const gboolean mono = strcmp(cfa, "mono") == 0;
@@ -68,8 +68,8 @@ static gboolean raw_fill(const char *path, libraw_data_t *raw, const char *cfa,
     return TRUE;
 }
 
-static struct picture *raw_decode(const char *path, libraw_data_t *raw, char *bytes, gsize length,
-                                  char ret_cfa[RAW_CFA], GError **error) {
+static struct picture *decode(const char *path, libraw_data_t *raw, char *bytes, gsize length,
+                              char ret_cfa[RAW_CFA], GError **error) {
     int code = libraw_open_buffer(raw, bytes, length);
     if (code == LIBRAW_SUCCESS &&
         !input_file_check_pixels(path, raw->sizes.raw_width, raw->sizes.raw_height, length, error))
@@ -84,22 +84,22 @@ static struct picture *raw_decode(const char *path, libraw_data_t *raw, char *by
     }
     const libraw_image_sizes_t *sizes = &raw->rawdata.sizes;
     if (!raw->rawdata.raw_image || !raw_cfa(raw, ret_cfa)) {
-        raw_fail(path, error,
-                 "holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
-                 "bits, linear");
+        fail(path, error,
+             "holds no mosaic of 2 × 2 filters and is not grey; convert it to a TIFF of 16 "
+             "bits, linear");
         return NULL;
     }
     if (sizes->width == 0 || sizes->height == 0 ||
         sizes->left_margin + sizes->width > sizes->raw_width ||
         sizes->top_margin + sizes->height > sizes->raw_height ||
         sizes->raw_pitch < sizeof(ushort) * sizes->raw_width) {
-        raw_fail(path, error, "its visible part is not within its pixels");
+        fail(path, error, "its visible part is not within its pixels");
         return NULL;
     }
     g_autofree char *sum =
         g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)bytes, length);
     g_autoptr(Picture) picture = picture_new(path, sum, sizes->width, sizes->height);
-    return raw_fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
+    return fill(path, raw, ret_cfa, picture, error) ? g_steal_pointer(&picture) : NULL;
 }
 
 gboolean raw_child_read(const struct picture_job *job, GError **error) {
@@ -108,11 +108,11 @@ gboolean raw_child_read(const struct picture_job *job, GError **error) {
         libraw_init(LIBRAW_OPIONS_NO_MEMERR_CALLBACK | LIBRAW_OPIONS_NO_DATAERR_CALLBACK);
     char *bytes = g_try_malloc(job->length + 1);
     if (!raw || !bytes)
-        return raw_fail(job->path, error,
-                        "there is no memory to read it; close other programs and try again");
+        return fail(job->path, error,
+                    "there is no memory to read it; close other programs and try again");
     if (!input_file_read_at(job->fd, job->path, bytes, job->length, 0, error))
         return FALSE;
-    const struct picture *picture = raw_decode(job->path, raw, bytes, job->length, head.cfa, error);
+    const struct picture *picture = decode(job->path, raw, bytes, job->length, head.cfa, error);
     if (!picture)
         return FALSE;
     head.width = picture->width;

@@ -88,7 +88,7 @@ struct pixel {
 
 /* Bilinear interpolation between nodes. FALSE: the pixel is expected to be dark, or outside of
  * the range. */
-static gboolean fiducials_look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
+static gboolean look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
     int i = (x - m->node_x0) / m->step, j = (y - m->node_y0) / m->step;
     if (x < m->node_x0 || y < m->node_y0 || i + 1 >= m->node_columns || j + 1 >= m->node_rows)
         return FALSE;
@@ -113,8 +113,8 @@ static gboolean fiducials_look_at(const struct measuring *m, int x, int y, struc
     return isfinite(ret->value);
 }
 
-static gboolean fiducials_project(const struct measuring *m, double angle, double radii, double *x,
-                                  double *y) {
+static gboolean project(const struct measuring *m, double angle, double radii, double *x,
+                        double *y) {
     double r = radii * m->fiducial->radius_mm;
     struct vec3 p = vec3_add(m->middle, vec3(r * cos(angle), r * sin(angle), 0));
     return rig_project(m->camera, p, x, y);
@@ -124,11 +124,11 @@ static gboolean fiducials_project(const struct measuring *m, double angle, doubl
  * xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
-    if (!fiducials_project(m, 0, 1, &x0, &y0))
+    if (!project(m, 0, 1, &x0, &y0))
         return FALSE;
     double ox = x0, oy = y0; /* relative to the first point, to avoid cancellation */
     for (int i = 1; i <= 64; i++) {
-        if (!fiducials_project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
+        if (!project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
             return FALSE;
         double cross = (x0 - ox) * (y1 - oy) - (x1 - ox) * (y0 - oy);
         area += cross;
@@ -143,14 +143,14 @@ static gboolean expected_centroid(const struct measuring *m, double *ret_x, doub
 }
 
 /* Sets the range of pixels; FALSE if the window exceeds the picture. */
-static gboolean fiducials_set_bounds(struct measuring *m, double ring) {
+static gboolean set_bounds(struct measuring *m, double ring) {
     double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
     for (int i = 0; i < 32; i++) {
         double x, y;
-        if (!fiducials_project(m, i * 2 * G_PI / 32, WINDOW, &x, &y) || x < 0 || y < 0 ||
+        if (!project(m, i * 2 * G_PI / 32, WINDOW, &x, &y) || x < 0 || y < 0 ||
             x > m->camera->width - 1 || y > m->camera->height - 1)
             return FALSE;
-        if (!fiducials_project(m, i * 2 * G_PI / 32, ring, &x, &y))
+        if (!project(m, i * 2 * G_PI / 32, ring, &x, &y))
             return FALSE;
         low_x = MIN(low_x, x);
         high_x = MAX(high_x, x);
@@ -174,12 +174,12 @@ static void mean_add(struct mean *mean, double value) {
     mean->squares += value * value;
 }
 
-static double fiducials_mean_of(const struct mean *mean) {
+static double mean_of(const struct mean *mean) {
     return mean->n > 0 ? mean->sum / mean->n : 0;
 }
 
 static double variance_of(const struct mean *mean) {
-    double middle = fiducials_mean_of(mean);
+    double middle = mean_of(mean);
     return mean->n > 1 ? MAX(mean->squares - mean->n * middle * middle, 0) / (mean->n - 1) : 0;
 }
 
@@ -195,7 +195,7 @@ static void measure_moment(struct measuring *m) {
     m->moment[0] = m->moment[1] = 0;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
+            if (!look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
                 continue;
             double share = share_of_white(m, &pixel);
             m->moment[0] += share * pixel.along[0];
@@ -223,7 +223,7 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     memset(whole, 0, 3 * sizeof *whole);
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!fiducials_look_at(m, x, y, &pixel))
+            if (!look_at(m, x, y, &pixel))
                 continue;
             if (pixel.reach < WHOLE)
                 mean_add(&whole[pixel.colour], pixel.value);
@@ -237,8 +237,8 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     for (int k = 0; k < 3; k++) {
         if (white[k].n == 0)
             continue;
-        m->level[k] = fiducials_mean_of(&white[k]);
-        m->ground[k] = fiducials_mean_of(&ground[k]);
+        m->level[k] = mean_of(&white[k]);
+        m->ground[k] = mean_of(&ground[k]);
         double contrast = m->level[k] - m->ground[k];
         if (white[k].n < 2 || ground[k].n < 2 || m->level[k] < CONTRAST * m->ground[k] ||
             !(contrast > 0))
@@ -258,7 +258,7 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     struct pixel pixel;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+            if (!look_at(m, x, y, &pixel) || pixel.from > WINDOW)
                 continue;
             double share = share_of_white(m, &pixel);
             area += share;
@@ -277,7 +277,7 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
     struct pixel pixel;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
-            if (!fiducials_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+            if (!look_at(m, x, y, &pixel) || pixel.from > WINDOW)
                 continue;
             double share = CLAMP(share_of_white(m, &pixel), 0, 1);
             double own = noise[0] * (1 - share) + noise[1] * share;
@@ -300,13 +300,13 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
 }
 
 /* Iterates from the expected to the measured position. */
-static gboolean fiducials_follow(struct measuring *m, struct fiducial_seen *seen) {
+static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];
     double noise[2], area = 0;
     for (int pass = 0; pass < PASSES; pass++) {
         double x, y;
-        if (!fiducials_set_bounds(m, RING) || !measure_levels(m, whole, noise))
+        if (!set_bounds(m, RING) || !measure_levels(m, whole, noise))
             return FALSE;
         area = measure_centroid(m, &seen->x_px, &seen->y_px);
         if (!(area > FEW_PIXELS) || !expected_centroid(m, &x, &y))
@@ -351,10 +351,10 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
         m.eye = rig_camera_centre_mm(m.camera);
         m.middle = rig_sample_point(scene->rig, scene->turntable_rad, m.fiducial->centre_mm);
         if (!expected_centroid(&m, &found.expected_x_px, &found.expected_y_px) ||
-            !fiducials_set_bounds(&m, RING + FARTHEST))
+            !set_bounds(&m, RING + FARTHEST))
             continue;
         set_nodes(&m);
-        if (fiducials_follow(&m, &found)) {
+        if (follow(&m, &found)) {
             g_array_append_val(seen, found);
             n++;
         }

@@ -110,7 +110,7 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
 }
 
 /* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
-static double fiducials_check_length_of(const struct explained *by, double *ret_error) {
+static double length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
         squares += by->angle[u] * by->angle[u];
@@ -134,7 +134,7 @@ static void find_causes(struct checking *check, double least_deg, struct fiducia
             struct explained found;
             if (taken[camera + 1] || !explain(check, &cause, &found))
                 continue;
-            const double length = fiducials_check_length_of(&found, &error);
+            const double length = length_of(&found, &error);
             const gboolean significant = found.gain > CERTAIN * CERTAIN &&
                                          length > CERTAIN * error &&
                                          length * 180 / G_PI >= least_deg;
@@ -153,7 +153,7 @@ static void find_causes(struct checking *check, double least_deg, struct fiducia
                 check->off_x[i] -= slope[0] * best.angle[u];
                 check->off_y[i] -= slope[1] * best.angle[u];
             }
-        const double length = fiducials_check_length_of(&best, &error);
+        const double length = length_of(&best, &error);
         if (by.camera < 0) {
             ret->slipped = TRUE;
             ret->slip_deg += best.angle[0] * 180 / G_PI;

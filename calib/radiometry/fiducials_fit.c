@@ -21,23 +21,22 @@ struct position {
 
 /* Predicts as fiducials_measure() does; the offset between the disc's centroid and its projected
  * centre is taken to be the same as at the expected position. */
-static gboolean fiducials_fit_project(const struct position *position,
-                                      const struct fiducial_seen *seen, struct vec3 p,
-                                      double ret[2]) {
+static gboolean project(const struct position *position, const struct fiducial_seen *seen,
+                        struct vec3 p, double ret[2]) {
     return rig_project(&position->rig->cameras[seen->camera],
                        rig_sample_point(position->rig, seen->turntable_rad, p), &ret[0], &ret[1]);
 }
 
-static void fiducials_fit_add_seen(struct position *position, const struct fiducial_seen *seen) {
+static void add_seen(struct position *position, const struct fiducial_seen *seen) {
     double now[2], start[2], slope[2][3];
-    if (!fiducials_fit_project(position, seen, position->now, now) ||
-        !fiducials_fit_project(position, seen, position->start, start))
+    if (!project(position, seen, position->now, now) ||
+        !project(position, seen, position->start, start))
         return;
     for (int a = 0; a < 3; a++) {
         struct vec3 step = vec3(a == 0 ? STEP_MM : 0, a == 1 ? STEP_MM : 0, a == 2 ? STEP_MM : 0);
         double high[2], low[2];
-        if (!fiducials_fit_project(position, seen, vec3_add(position->now, step), high) ||
-            !fiducials_fit_project(position, seen, vec3_sub(position->now, step), low))
+        if (!project(position, seen, vec3_add(position->now, step), high) ||
+            !project(position, seen, vec3_sub(position->now, step), low))
             return;
         for (int k = 0; k < 2; k++)
             slope[k][a] = (high[k] - low[k]) / (2 * STEP_MM);
@@ -68,7 +67,7 @@ static gboolean fit_place(struct position *position, struct fiducial_fit *ret) {
         memset(position->matrix, 0, sizeof position->matrix);
         memset(position->right, 0, sizeof position->right);
         for (int k = 0; k < position->n; k++)
-            fiducials_fit_add_seen(position, position->seen[k]);
+            add_seen(position, position->seen[k]);
         for (int a = 0; a < 3; a++) {
             position->matrix[4 * a] += prior;
             position->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);

@@ -116,7 +116,7 @@ struct glare_sort {
     const struct tile_shot *shots;
 };
 
-static int glare_compare(gconstpointer a, gconstpointer b, gpointer data) {
+static int compare(gconstpointer a, gconstpointer b, gpointer data) {
     const struct glare_cell *x = a, *y = b;
     const struct glare_sort *by = data;
     const int lamps = by->shots[x->shot].lamp - by->shots[y->shot].lamp;
@@ -128,7 +128,7 @@ static int glare_compare(gconstpointer a, gconstpointer b, gpointer data) {
                                     : x->shot - y->shot;
 }
 
-static int glare_by_value(const void *a, const void *b) {
+static int by_value(const void *a, const void *b) {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
@@ -143,15 +143,15 @@ struct glare_pass {
 
 /* Adds a group of n cells. g < 0: the first pass; else outliers from it are left out, by `scale`.
  */
-static void glare_add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
-                            struct glare_pass *to) {
+static void add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
+                      struct glare_pass *to) {
     g_autofree double *share = g_new(double, n), *sorted = g_new(double, n);
     g_autofree gboolean *good = g_new(gboolean, n);
     double em = 0, ee = 0, ed = 0;
     int kept = 0;
     for (int i = 0; i < n; i++)
         sorted[i] = share[i] = cells[i].signal / cells[i].mean;
-    qsort(sorted, (gsize)n, sizeof *sorted, glare_by_value);
+    qsort(sorted, (gsize)n, sizeof *sorted, by_value);
     const double median = sorted[n / 2];
     if (n < FEW_SHOTS || !(median > 0) || median > DARK)
         return;
@@ -199,7 +199,7 @@ static void glare_run(const struct glare_cell *cells, int n, const struct tile_s
         if (i < n && a->cell == b->cell && a->colour == b->colour &&
             shots[a->shot].lamp == shots[b->shot].lamp)
             continue;
-        glare_add_group(a, i - first, shots[a->shot].lamp, g, scale, ret);
+        add_group(a, i - first, shots[a->shot].lamp, g, scale, ret);
         first = i;
     }
 }
@@ -210,7 +210,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     struct glare_pass pass;
     double g = -1, scale = 1, scatter = 0;
     int own = 0, lamps = 0;
-    g_qsort_with_data(cells, n, sizeof *cells, glare_compare, (gpointer)&by);
+    g_qsort_with_data(cells, n, sizeof *cells, compare, (gpointer)&by);
     while (own < n && cells[own].camera == camera)
         own++;
     for (int round = 0; round < 4; round++) {

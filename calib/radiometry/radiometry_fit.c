@@ -56,13 +56,12 @@ static int lamp_at(const struct problem *p, int lamp) {
     return p->rig->n_cameras * CAMERA_SIZE + lamp * LAMP_SIZE;
 }
 
-static int radiometry_fit_shot_at(const struct problem *p, int shot) {
+static int shot_at(const struct problem *p, int shot) {
     return p->rig->n_cameras * CAMERA_SIZE + p->rig->n_lamps * LAMP_SIZE + shot;
 }
 
 /* Two directions perpendicular to the aim. */
-static void radiometry_fit_across(const struct rig_lamp *lamp, struct vec3 *ret_a,
-                                  struct vec3 *ret_b) {
+static void across(const struct rig_lamp *lamp, struct vec3 *ret_a, struct vec3 *ret_b) {
     struct vec3 side = fabs(lamp->aim.y) < 0.9 ? vec3(0, 1, 0) : vec3(1, 0, 0);
     *ret_a = vec3_unit(vec3_cross(lamp->aim, side));
     *ret_b = vec3_cross(lamp->aim, *ret_a);
@@ -70,7 +69,7 @@ static void radiometry_fit_across(const struct rig_lamp *lamp, struct vec3 *ret_
 
 static struct vec3 tilted_aim(const struct rig_lamp *lamp, double a, double b) {
     struct vec3 e1, e2;
-    radiometry_fit_across(lamp, &e1, &e2);
+    across(lamp, &e1, &e2);
     return vec3_unit(vec3_add(lamp->aim, vec3_add(vec3_scale(e1, a), vec3_scale(e2, b))));
 }
 
@@ -81,7 +80,7 @@ struct row {
     double off, weight;
 };
 
-static void radiometry_fit_put(struct row *row, int at, double value) {
+static void put(struct row *row, int at, double value) {
     row->at[row->n] = at;
     row->value[row->n++] = value;
 }
@@ -91,11 +90,11 @@ static void radiometry_fit_put(struct row *row, int at, double value) {
 static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
     int lamp = p->shots[cell->shot].lamp;
     memset(row, 0, sizeof *row);
-    radiometry_fit_put(row, camera_at(p, cell->camera) + cell->colour, 1);
+    put(row, camera_at(p, cell->camera) + cell->colour, 1);
     for (int i = 0; i < RADIOMETRY_FLAT; i++)
-        radiometry_fit_put(row, camera_at(p, cell->camera) + 3 + i, cell->basis[i]);
-    radiometry_fit_put(row, lamp_at(p, lamp) + cell->colour, 1);
-    radiometry_fit_put(row, radiometry_fit_shot_at(p, cell->shot), 1);
+        put(row, camera_at(p, cell->camera) + 3 + i, cell->basis[i]);
+    put(row, lamp_at(p, lamp) + cell->colour, 1);
+    put(row, shot_at(p, cell->shot), 1);
     double model = 0;
     for (int i = 0; i < row->n; i++)
         model += row->value[i] * p->x[row->at[i]];
@@ -108,12 +107,11 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
         rig_lamp_point_back(&p->rig->arc, l, shot->arc_rad, cell->point_mm), l->position_mm));
     struct vec3 aim = tilted_aim(l, x[4], x[5]), e[2];
     double exponent = l->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
-    radiometry_fit_across(l, &e[0], &e[1]);
-    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
+    across(l, &e[0], &e[1]);
+    put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
     for (int k = 0; k < 2; k++)
-        radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4 + k,
-                           exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) /
-                               cosine);
+        put(row, lamp_at(p, shot->lamp) + 4 + k,
+            exponent * (vec3_dot(direction, e[k]) - cosine * vec3_dot(aim, e[k])) / cosine);
     model += exponent * log(cosine) - l->exponent * log(MAX(vec3_dot(direction, l->aim), 1e-3));
     row->off = log(cell->signal / cell->expected) - model;
     row->weight = cell->signal * cell->signal / (cell->error * cell->error);
@@ -150,8 +148,8 @@ static void add_gauges(struct problem *p) {
     for (int l = 0; l < p->rig->n_lamps; l++) {
         int n = 0;
         for (int s = 0; s < p->n_shots; s++)
-            if (p->shots[s].lamp == l && *diagonal(p, radiometry_fit_shot_at(p, s)) > 0)
-                at[n++] = radiometry_fit_shot_at(p, s);
+            if (p->shots[s].lamp == l && *diagonal(p, shot_at(p, s)) > 0)
+                at[n++] = shot_at(p, s);
         add_gauge(p, at, n);
     }
 }
@@ -177,7 +175,7 @@ static void add_prior(struct problem *p, int at, double sd) {
     p->right[at] -= p->x[at] / (sd * sd);
 }
 
-static void radiometry_fit_build(struct problem *p) {
+static void build(struct problem *p) {
     struct row row;
     memset(p->matrix, 0, (gsize)p->n * (gsize)p->n * sizeof(double));
     memset(p->right, 0, (gsize)p->n * sizeof(double));
@@ -207,7 +205,7 @@ static void radiometry_fit_build(struct problem *p) {
         for (int i = 0; i < RADIOMETRY_FLAT; i++)
             add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
     for (int s = 0; s < p->n_shots; s++)
-        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
+        add_prior(p, shot_at(p, s), DRIFT_SD);
     for (int l = 0; l < p->rig->n_lamps; l++) {
         add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
         add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
@@ -218,7 +216,7 @@ static void radiometry_fit_build(struct problem *p) {
             *diagonal(p, i) = 1;
 }
 
-static gboolean radiometry_fit_factor(struct problem *p, GError **error) {
+static gboolean factor(struct problem *p, GError **error) {
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n) == 0)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
@@ -227,16 +225,16 @@ static gboolean radiometry_fit_factor(struct problem *p, GError **error) {
     return FALSE;
 }
 
-static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
+static gboolean solve(struct problem *p, GError **error) {
     for (int i = 0; i < STEPS; i++) {
-        radiometry_fit_build(p);
-        if (!radiometry_fit_factor(p, error))
+        build(p);
+        if (!factor(p, error))
             return FALSE;
         LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', p->n, 1, p->matrix, p->n, p->right, 1);
         for (int k = 0; k < p->n; k++)
             p->x[k] += p->right[k];
     }
-    radiometry_fit_build(p);
+    build(p);
     return TRUE;
 }
 
@@ -252,7 +250,7 @@ static double lit_from_rad(const struct problem *p, int shot) {
  * together. For a lamp that stands by itself beside an arc, the lamps on the arc determine the
  * vignetting. Its fall-off is then less certain, as its error says; but the product of fall-off and
  * vignetting, on which alone the pictures of that rig depend, is not. */
-static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
+static gboolean check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
         turns |= fabs(remainder(p->shots[s].arc_rad - p->shots[0].arc_rad, 2 * G_PI)) > STILL_RAD;
@@ -300,24 +298,23 @@ static gboolean check_cells(const struct problem *p, GError **error) {
     return FALSE;
 }
 
-static double radiometry_fit_covariance(const struct problem *p, int i, int j) {
+static double covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
 
 /* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with standard
  * errors. */
-static void radiometry_fit_split_colours(const struct problem *p, int at, double worse,
-                                         double *ret_mean, double *ret_error, double colour[3],
-                                         double colour_error[3]) {
+static void split_colours(const struct problem *p, int at, double worse, double *ret_mean,
+                          double *ret_error, double colour[3], double colour_error[3]) {
     double mean = (p->x[at] + p->x[at + 1] + p->x[at + 2]) / 3, variance = 0;
     double with[3] = {0};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            variance += radiometry_fit_covariance(p, at + i, at + j) / 9;
-            with[i] += radiometry_fit_covariance(p, at + i, at + j) / 3;
+            variance += covariance(p, at + i, at + j) / 9;
+            with[i] += covariance(p, at + i, at + j) / 3;
         }
     for (int i = 0; i < 3; i++) {
-        double own = radiometry_fit_covariance(p, at + i, at + i) - 2 * with[i] + variance;
+        double own = covariance(p, at + i, at + i) - 2 * with[i] + variance;
         colour[i] = exp(p->x[at + i] - mean);
         colour_error[i] = colour[i] * sqrt(MAX(own, 0)) * worse;
     }
@@ -334,8 +331,7 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
     for (int s = 0; s < p->n_shots; s++)
         to->shots += p->shots[s].lamp == l;
     to->known = to->shots > 0;
-    radiometry_fit_split_colours(p, at, worse, &mean, &to->intensity_error, to->colour,
-                                 to->colour_error);
+    split_colours(p, at, worse, &mean, &to->intensity_error, to->colour, to->colour_error);
     if (!to->known)
         return;
     ret->exponent_off += p->x[at + 3] * p->x[at + 3];
@@ -343,14 +339,12 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
     lamp->intensity *= exp(mean);
     lamp->exponent = MAX(lamp->exponent + p->x[at + 3], 0);
     lamp->aim = tilted_aim(lamp, p->x[at + 4], p->x[at + 5]);
-    to->exponent_error = sqrt(radiometry_fit_covariance(p, at + 3, at + 3)) * worse;
-    to->aim_error_rad = sqrt(0.5 * (radiometry_fit_covariance(p, at + 4, at + 4) +
-                                    radiometry_fit_covariance(p, at + 5, at + 5))) *
-                        worse;
+    to->exponent_error = sqrt(covariance(p, at + 3, at + 3)) * worse;
+    to->aim_error_rad =
+        sqrt(0.5 * (covariance(p, at + 4, at + 4) + covariance(p, at + 5, at + 5))) * worse;
 }
 
-static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct tile_fit *fit,
-                                            GError **error) {
+static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, GError **error) {
     for (int c = 0; c < rig->n_cameras; c++) {
         /* Slopes matter most at the picture's edge, where |x| is about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
@@ -447,9 +441,9 @@ static void find_flicker(const struct problem *p, struct tile_fit *ret) {
     }
 }
 
-static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, GError **error) {
+static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) {
     tell_residuals(p, ret); /* before the rig is changed, to which the solution is relative */
-    if (!radiometry_fit_factor(p, error))
+    if (!factor(p, error))
         return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
     ret->degrees = MAX(p->n_used - p->n, 1);
@@ -464,12 +458,11 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
         for (int i = 0; i < p->n_cells; i++)
             to->cells += p->cells[i].camera == c && !p->bad[i];
         to->known = to->cells > 0;
-        radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
-                                     to->colour_error);
+        split_colours(p, at, worse, &mean, &to->response_error, to->colour, to->colour_error);
         p->rig->cameras[c].response *= exp(mean);
         for (int i = 0; i < RADIOMETRY_FLAT; i++) {
             to->flat[i] = p->x[at + 3 + i];
-            to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
+            to->flat_error[i] = sqrt(covariance(p, at + 3 + i, at + 3 + i)) * worse;
         }
     }
     int n_known = 0;
@@ -482,13 +475,11 @@ static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, G
     ret->output = g_new(double, p->n_shots);
     ret->output_error = g_new(double, p->n_shots);
     for (int s = 0; s < p->n_shots; s++) {
-        ret->output[s] = exp(p->x[radiometry_fit_shot_at(p, s)]);
-        ret->output_error[s] = sqrt(radiometry_fit_covariance(p, radiometry_fit_shot_at(p, s),
-                                                              radiometry_fit_shot_at(p, s))) *
-                               worse;
+        ret->output[s] = exp(p->x[shot_at(p, s)]);
+        ret->output_error[s] = sqrt(covariance(p, shot_at(p, s), shot_at(p, s))) * worse;
     }
     find_flicker(p, ret);
-    return radiometry_fit_check_errors(p->rig, ret, error);
+    return check_errors(p->rig, ret, error);
 }
 
 void tile_fit_clear(struct tile_fit *fit) {
@@ -496,9 +487,8 @@ void tile_fit_clear(struct tile_fit *fit) {
     g_clear_pointer(&fit->output_error, g_free);
 }
 
-static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GError **error) {
-    if (!check_cells(p, error) || !radiometry_fit_check_shots(p, error) ||
-        !radiometry_fit_solve(p, error))
+static gboolean run(struct problem *p, struct tile_fit *ret, GError **error) {
+    if (!check_cells(p, error) || !check_shots(p, error) || !solve(p, error))
         return FALSE;
     /* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
      * freedom). */
@@ -509,11 +499,11 @@ static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GErr
         p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
         ret->rejected += p->bad[i];
     }
-    if (!radiometry_fit_solve(p, error))
+    if (!solve(p, error))
         return FALSE;
     double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
     if (ret->rejected <= MAX_OUTLIERS * p->n_cells && rms < MAX_RESIDUAL)
-        return radiometry_fit_finish(p, ret, error);
+        return finish(p, ret, error);
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
                 "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
                 "average, %d of %d cells quite different; is it clean, matt, level, where the "
@@ -528,14 +518,14 @@ gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
     struct rig found = *rig;
     struct problem p = {
         .rig = &found, .shots = shots, .cells = cells, .n_shots = n_shots, .n_cells = n_cells};
-    p.n = radiometry_fit_shot_at(&p, n_shots);
+    p.n = shot_at(&p, n_shots);
     g_autofree gboolean *bad = p.bad = g_new0(gboolean, n_cells);
     g_autofree double *x = g_new0(double, p.n), *right = g_new0(double, p.n);
     p.x = x;
     p.right = right;
     g_autofree double *matrix = p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
     memset(ret, 0, sizeof *ret);
-    gboolean ok = radiometry_fit_run(&p, ret, error);
+    gboolean ok = run(&p, ret, error);
     if (ok)
         *rig = found;
     else

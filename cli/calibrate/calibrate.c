@@ -210,11 +210,11 @@ gboolean calibrate_parse(const char *text, const char *separator, int n, double 
     return TRUE;
 }
 
-static int calibrate_by_name(gconstpointer a, gconstpointer b) {
+static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-static gboolean calibrate_is_photograph(const char *name) {
+static gboolean is_photograph(const char *name) {
     static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff",
                                        ".bmp", ".pgm",  ".ppm", ".exr"};
     g_autofree char *lower = g_ascii_strdown(name, -1);
@@ -232,7 +232,7 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
         if (*name == '.') {
             g_autofree char *path = g_build_filename(folder, name, NULL);
             g_ptr_array_add(skipped, g_strdup_printf("%s: it is a hidden file", path));
-        } else if (calibrate_is_photograph(name))
+        } else if (is_photograph(name))
             g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
     }
     if (dir && paths->len == 0)
@@ -241,11 +241,11 @@ GPtrArray *calibrate_photographs(const char *folder, guint most, GPtrArray *skip
             "%s: there is no .jpg, .png, .tif, .bmp, .pgm, .ppm or .exr picture in that folder, "
             "and no camera raw",
             folder);
-    g_ptr_array_sort(paths, calibrate_by_name);
+    g_ptr_array_sort(paths, by_name);
     return paths->len > 0 ? g_steal_pointer(&paths) : NULL;
 }
 
-static struct picture *calibrate_read_exr(const char *path, GError **error) {
+static struct picture *read_exr(const char *path, GError **error) {
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     g_autofree char *sum = part ? exr_sha256(path, NULL, error) : NULL;
     if (!sum)
@@ -267,8 +267,7 @@ static struct picture *calibrate_read_exr(const char *path, GError **error) {
 
 struct picture *calibrate_read_photograph(const char *path, GError **error) {
     g_autofree char *lower = g_ascii_strdown(path, -1);
-    return g_str_has_suffix(lower, ".exr") ? calibrate_read_exr(path, error)
-                                           : picture_read(path, error);
+    return g_str_has_suffix(lower, ".exr") ? read_exr(path, error) : picture_read(path, error);
 }
 
 void calibrate_frame_free(struct calibrate_frame *frame) {

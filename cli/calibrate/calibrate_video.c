@@ -18,7 +18,7 @@ struct telling {
     gint64 begun_us;
 };
 
-static gboolean calibrate_video_progress(int done, int n, gpointer data, GError **error) {
+static gboolean progress(int done, int n, gpointer data, GError **error) {
     const struct telling *t = data;
     return work_tell(t->work, "video", done, n, t->begun_us, error);
 }
@@ -116,7 +116,7 @@ struct calibrate_video *calibrate_video_read(const char *path, const struct boar
     g_autoptr(CalibrateVideo) video = g_new0(struct calibrate_video, 1);
     video->path = g_strdup(path);
     video->chosen = g_array_new(FALSE, FALSE, sizeof(guint));
-    video->video = video_read(path, MAX_KEPT, calibrate_video_progress, &telling, error);
+    video->video = video_read(path, MAX_KEPT, progress, &telling, error);
     if (!video->video || !(video->checksum = exr_sha256(path, NULL, error)))
         return NULL;
     const guint n = video->video->frames->len;

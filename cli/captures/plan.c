@@ -31,8 +31,7 @@ static const GOptionEntry entries[] = {
 };
 
 /* Lets the daemon that has the rig open make the plan. */
-static GVariant *plan_remotely(Link *link, const char *session, const char *directory,
-                               GError **error) {
+static GVariant *remotely(Link *link, const char *session, const char *directory, GError **error) {
     gboolean ok = FALSE;
     g_autofree char *text = NULL;
     g_autoptr(GVariant) plan = NULL;
@@ -48,7 +47,7 @@ static GVariant *plan_remotely(Link *link, const char *session, const char *dire
 }
 
 /* Joins the errors of both files, so that one run reports all mistakes. An error may be NULL. */
-static void plan_join_errors(GError *of_rig, GError *of_session, GError **error) {
+static void join_errors(GError *of_rig, GError *of_session, GError **error) {
     if (of_rig && of_session) {
         g_prefix_error(&of_session, "%s\n", of_rig->message);
         g_clear_error(&of_rig);
@@ -56,15 +55,14 @@ static void plan_join_errors(GError *of_rig, GError *of_session, GError **error)
     g_propagate_error(error, of_rig ? of_rig : of_session);
 }
 
-static GVariant *plan_here(const char *rig, const char *session, const char *directory,
-                           GError **error) {
+static GVariant *here(const char *rig, const char *session, const char *directory, GError **error) {
     struct session_conf conf = {0};
     GError *of_rig = NULL, *of_session = NULL;
     const gboolean read = session_conf_load(&conf, session, &of_session);
     struct devices *devices = devices_open(rig, &of_rig);
     struct plan *plan = NULL;
     if (!read || !devices)
-        plan_join_errors(of_rig, of_session, error);
+        join_errors(of_rig, of_session, error);
     else
         plan = *directory ? capture_validate(devices, &conf, directory, error)
                           : plan_build(&conf, &devices->geometry, &devices->timing, error);
@@ -86,7 +84,7 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
     const gboolean timed = devices_read_timing(rig_path, &rig, &timing, assumed, &of_rig);
     struct plan *plan = NULL;
     if (!read || !timed)
-        plan_join_errors(of_rig, of_session, error);
+        join_errors(of_rig, of_session, error);
     else
         plan = plan_build(&conf, &rig, &timing, error);
     for (guint i = 0; plan && i < assumed->len; i++)
@@ -98,8 +96,8 @@ static GVariant *plan_offline(const char *rig_path, const char *session, GError 
 }
 
 /* Draws --curve. */
-static gboolean plan_draw_curve(Record *to, OutputFile *file, const char *rig_path,
-                                const char *session, GError **error) {
+static gboolean draw_curve(Record *to, OutputFile *file, const char *rig_path, const char *session,
+                           GError **error) {
     g_auto(SessionConf) conf = {0};
     struct rig rig;
     struct rig_timing timing;
@@ -176,8 +174,8 @@ static int run_plan(const struct call *call, GError **error) {
     g_autoptr(GVariant) report = NULL;
     if (!failed)
         report = offline ? plan_offline(rig, session, &failed)
-                 : link  ? plan_remotely(link, session, directory, &failed)
-                         : plan_here(rig, session, directory, &failed);
+                 : link  ? remotely(link, session, directory, &failed)
+                         : here(rig, session, directory, &failed);
     if (!report) {
         g_propagate_error(error, failed);
         return CLI_FAILED;
@@ -189,8 +187,8 @@ static int run_plan(const struct call *call, GError **error) {
     record_variants(call->record, report);
     record_string(call->record, "calibration", line);
     record_say(call->record, "%scalibration     %s\n", text, line);
-    return !drawing || plan_draw_curve(call->record, drawing, rig, session, error) ? CLI_DONE
-                                                                                   : CLI_FAILED;
+    return !drawing || draw_curve(call->record, drawing, rig, session, error) ? CLI_DONE
+                                                                              : CLI_FAILED;
 }
 
 static int run_drivers(const struct call *call, GError **error) {

@@ -59,7 +59,7 @@ void cli_tables(const struct command *command, const GOptionEntry *ret[CLI_TABLE
 
 /* Parses the command's own options, those of the daemon if the command uses one, and --json. The
  * rest of argv are arguments. Returns FALSE on bad usage, which has then been reported. */
-static gboolean cli_parse(const struct command *command, int *argc, char ***argv) {
+static gboolean parse(const struct command *command, int *argc, char ***argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
     g_autoptr(GError) error = NULL;
     g_autofree char *program = g_strconcat("mesorig ", command->name, NULL);
@@ -105,7 +105,7 @@ int cli_run(const struct command *command, int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     if (command->run_arguments)
         return command->run_arguments(command, argc, argv);
-    if (!cli_parse(command, &argc, &argv))
+    if (!parse(command, &argc, &argv))
         return CLI_USAGE;
     const struct call call = {command, argv + 1, argc - 1, record};
     cli_streams = command->streams;
@@ -125,7 +125,7 @@ int cli_run(const struct command *command, int argc, char **argv) {
 }
 
 /* Returns the last word of a child's name. */
-static const char *cli_child_word(const struct command *parent, const struct command *child) {
+static const char *child_word(const struct command *parent, const struct command *child) {
     return child->name + strlen(parent->name) + 1;
 }
 
@@ -133,8 +133,8 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
     if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
         g_print("Usage: mesorig %s %s\n\n", parent->name, parent->arguments);
         for (gsize i = 0; parent->children[i]; i++) {
-            g_autofree char *row = help_text_row(cli_child_word(parent, parent->children[i]),
-                                                 parent->children[i]->help);
+            g_autofree char *row =
+                help_text_row(child_word(parent, parent->children[i]), parent->children[i]->help);
             g_print("%s", row);
         }
         g_print("\nExamples:\n%s\n“mesorig %s WHAT --help” describes one.\n", parent->examples,
@@ -143,7 +143,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
     }
     struct nearest nearest = nearest_new(argv[1]);
     for (gsize i = 0; parent->children[i]; i++) {
-        const char *word = cli_child_word(parent, parent->children[i]);
+        const char *word = child_word(parent, parent->children[i]);
         if (strcmp(word, argv[1]) == 0)
             return cli_run(parent->children[i], argc - 1, argv + 1);
         nearest_consider(&nearest, word);
@@ -155,7 +155,7 @@ int cli_run_child(const struct command *parent, int argc, char **argv) {
                            parent->name, argv[1], parent->name);
 }
 
-static void cli_put(FILE *to, const char *text) {
+static void put(FILE *to, const char *text) {
     g_autofree char *valid = g_utf8_make_valid(text, -1);
     g_autoptr(GString) clean = g_string_new(NULL);
     for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
@@ -171,11 +171,11 @@ static void cli_put(FILE *to, const char *text) {
 }
 
 static void put_out(const char *text) {
-    cli_put(stdout, text);
+    put(stdout, text);
 }
 
 static void put_err(const char *text) {
-    cli_put(stderr, text);
+    put(stderr, text);
 }
 
 OutputFile *cli_output(const char *path, const char *kind, GError **error) {
@@ -217,7 +217,7 @@ void cli_print_readably(void) {
 }
 
 /* stdout records that a write has failed, but not the reason. */
-static void cli_check_output(void) {
+static void check_output(void) {
     errno = 0;
     if (fflush(stdout) == 0 && !ferror(stdout))
         return;
@@ -227,5 +227,5 @@ static void cli_check_output(void) {
 }
 
 void cli_check_output_at_exit(void) {
-    atexit(cli_check_output);
+    atexit(check_output);
 }

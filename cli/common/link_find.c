@@ -43,7 +43,7 @@ static void add(GPtrArray *links, Link *link) {
 }
 
 /* Connects through a folder of bus_client.h; removes the folder if its daemon was killed. */
-static Link *link_in_folder(const char *folder) {
+static Link *in_folder(const char *folder) {
     g_autofree char *at = g_build_filename(folder, "bus", NULL);
     g_autofree char *target = g_file_read_link(at, NULL);
     g_autofree char *path = g_dbus_address_escape_value(target ? target : at);
@@ -71,7 +71,7 @@ static GPtrArray *find_all(void) {
     while (dir && (name = g_dir_read_name(dir))) {
         g_autofree char *folder = g_build_filename(bus_client_folder(), name, NULL);
         if (g_str_has_prefix(name, "mesorig-"))
-            add(links, link_in_folder(folder));
+            add(links, in_folder(folder));
     }
     if (bus_client_address())
         add(links, link_to(bus_client_address(), NULL));
@@ -130,7 +130,7 @@ static char *read_control(const char *directory) {
     return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
 }
 
-static Link *link_by_directory(const char *directory, GError **error) {
+static Link *by_directory(const char *directory, GError **error) {
     g_autofree char *text = read_control(directory);
     if (text) {
         const gboolean bus = strcmp(text, "system") == 0 || strcmp(text, "session") == 0;
@@ -168,12 +168,12 @@ static Link *none_at_all(GError **error) {
 }
 
 /* Connects according to --address or --bus. Returns NULL without an error if neither was given. */
-static Link *link_named(GError **error) {
+static Link *named(GError **error) {
     return cli_address ? link_to(cli_address, error) : cli_bus ? link_on_bus(cli_bus, error) : NULL;
 }
 
-static Link *link_named_for(const char *directory, GError **error) {
-    g_autoptr(Link) link = link_named(error);
+static Link *named_for(const char *directory, GError **error) {
+    g_autoptr(Link) link = named(error);
     if (!link || !directory || g_str_equal(session_of(link), directory))
         return g_steal_pointer(&link);
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
@@ -186,9 +186,9 @@ static Link *link_named_for(const char *directory, GError **error) {
 Link *link_find(const char *directory, GError **error) {
     GError *why = NULL;
     if (cli_address || cli_bus)
-        return link_named_for(directory, error);
+        return named_for(directory, error);
     if (directory)
-        return link_by_directory(directory, error);
+        return by_directory(directory, error);
     if (bus_client_address())
         return link_to(bus_client_address(), error);
     g_autoptr(GPtrArray) links = find_all();
@@ -212,7 +212,7 @@ static void keep_rig(GPtrArray *links, const char *rig_path) {
 
 Link *link_find_rig(const char *rig_path, GError **error) {
     if (cli_address || cli_bus)
-        return link_named(error);
+        return named(error);
     g_autoptr(GPtrArray) links = find_all();
     keep_rig(links, rig_path);
     return the_only(links, error);
@@ -221,7 +221,7 @@ Link *link_find_rig(const char *rig_path, GError **error) {
 Link *link_find_free(const char *rig_path, GError **error) {
     GError *why = NULL;
     if (cli_address || cli_bus)
-        return link_named(error);
+        return named(error);
     if (bus_client_address())
         return link_to(bus_client_address(), error);
     g_autoptr(GPtrArray) links = find_all();

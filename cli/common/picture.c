@@ -51,8 +51,8 @@ void picture_terminal_size(int fd, int *ret_columns, int *ret_lines) {
     *ret_lines = known && size.ws_row > 0 ? size.ws_row : 24;
 }
 
-static char *picture_draw(const guint8 *rgb, int width, int height, gboolean sixels, int columns,
-                          int lines) {
+static char *draw(const guint8 *rgb, int width, int height, gboolean sixels, int columns,
+                  int lines) {
     ChafaCanvasConfig *config = chafa_canvas_config_new();
     ChafaSymbolMap *symbols = chafa_symbol_map_new();
     chafa_symbol_map_add_by_tags(symbols, CHAFA_SYMBOL_TAG_VHALF);
@@ -88,5 +88,5 @@ char *picture_text(const guint8 *rgb, int width, int height, enum picture_way wa
         *ret_columns = wide;
     if (ret_lines)
         *ret_lines = high;
-    return empty ? g_strdup("") : picture_draw(rgb, width, height, sixels, wide, high);
+    return empty ? g_strdup("") : draw(rgb, width, height, sixels, wide, high);
 }

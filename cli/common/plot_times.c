@@ -21,7 +21,7 @@ static double plot_times_y(const struct plot_times_axes *axes, double error_pct)
                         log(axes->error_pct[1] / axes->error_pct[0]);
 }
 
-static void plot_times_rule(cairo_t *cr, double x0, double y0, double x1, double y1) {
+static void rule(cairo_t *cr, double x0, double y0, double x1, double y1) {
     cairo_set_source_rgb(cr, 0.88, 0.89, 0.90);
     cairo_set_line_width(cr, 1);
     cairo_move_to(cr, x0, y0);
@@ -30,7 +30,7 @@ static void plot_times_rule(cairo_t *cr, double x0, double y0, double x1, double
     plot_ink(cr);
 }
 
-static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
+static void ticks(cairo_t *cr, const struct plot_times_axes *axes) {
     static const double steps[] = {1, 2, 5};
     double step = 0.01;
     for (int i = 1; axes->max_min / step > 8 && i < 24; i++) {
@@ -40,7 +40,7 @@ static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
     for (double at = 0; at <= axes->max_min; at += step) {
         g_autofree char *text = g_strdup_printf("%g", at);
         const double x = plot_times_x(axes, at);
-        plot_times_rule(cr, x, TOP, x, BOTTOM);
+        rule(cr, x, TOP, x, BOTTOM);
         plot_text(cr, x, BOTTOM + 26, 0.5, text);
     }
     for (int i = -6; i < 12; i++) {
@@ -49,7 +49,7 @@ static void plot_times_ticks(cairo_t *cr, const struct plot_times_axes *axes) {
         const double y = plot_times_y(axes, at);
         if (at < axes->error_pct[0] * (1 - 1e-9) || at > axes->error_pct[1] * (1 + 1e-9))
             continue;
-        plot_times_rule(cr, LEFT, y, RIGHT, y);
+        rule(cr, LEFT, y, RIGHT, y);
         plot_text(cr, LEFT - 10, y + 6, 1, text);
     }
 }
@@ -68,7 +68,7 @@ gboolean plot_times(const char *path, const char *title, const char *text, doubl
     axes.error_pct[0] /= 1.5;
     axes.error_pct[1] = MAX(axes.error_pct[1], axes.error_pct[0]) * 1.5;
     plot_title(cr, 40, 50, title, text);
-    plot_times_ticks(cr, &axes);
+    ticks(cr, &axes);
     plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5, "minutes that the lamps' shots take");
     g_autofree char *all = g_strdup_printf("all shots: %.1f min", all_min);
     const double end = plot_times_x(&axes, all_min);

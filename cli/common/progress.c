@@ -37,7 +37,7 @@ void progress_end(Progress *progress) {
 }
 
 /* Erases the bar and the text above it. */
-static void progress_erase(Progress *progress) {
+static void erase(Progress *progress) {
     if (progress->drawn)
         fputs("\r\033[K", stderr);
     if (progress->drawn && progress->above_drawn > 0)
@@ -49,7 +49,7 @@ static void progress_erase(Progress *progress) {
 void progress_set_above(Progress *progress, const char *text, int lines) {
     if (!progress->tty || cli_json || g_strcmp0(text, progress->above) == 0)
         return;
-    progress_erase(progress);
+    erase(progress);
     g_free(progress->above);
     progress->above = g_strdup(text);
     progress->above_lines = lines;
@@ -99,7 +99,7 @@ static void cli_progress_draw(Progress *progress, double fraction, const char *t
         g_utf8_substring(line->str, 0, MIN(columns - 1, (int)g_utf8_strlen(line->str, -1)));
     /* Does not use g_printerr(), which replaces control characters. */
     if (progress->above_drawn == 0 && progress->above_lines > 0) {
-        progress_erase(progress);
+        erase(progress);
         fputs(progress->above, stderr);
         progress->above_drawn = progress->above_lines;
     }
@@ -140,7 +140,7 @@ void progress_line(Progress *progress, const char *format, ...) {
     va_start(arguments, format);
     g_autofree char *text = g_strdup_vprintf(format, arguments);
     va_end(arguments);
-    progress_erase(progress);
+    erase(progress);
     g_print("%s\n", text);
     fflush(stdout);
 }

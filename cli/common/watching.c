@@ -110,7 +110,7 @@ void watching_show(Watching *watching) {
     progress_set_above(watching->progress, text->str, lines);
 }
 
-static void watching_ask(struct shown *shown);
+static void ask(struct shown *shown);
 
 static void on_answer(GObject *proxy, GAsyncResult *result, gpointer data) {
     struct shown *shown = data;
@@ -135,10 +135,10 @@ static void on_answer(GObject *proxy, GAsyncResult *result, gpointer data) {
         }
     }
     if (shown->stale)
-        watching_ask(shown);
+        ask(shown);
 }
 
-static void watching_ask(struct shown *shown) {
+static void ask(struct shown *shown) {
     shown->stale = shown->asked;
     if (shown->asked)
         return;
@@ -153,7 +153,7 @@ static void on_thumbnail(BusRig1 *rig, const char *name, gpointer data) {
     for (guint i = 0; i < watching->cameras->len; i++) {
         struct shown *shown = watching->cameras->pdata[i];
         if (strcmp(shown->name, name) == 0) {
-            watching_ask(shown);
+            ask(shown);
             return;
         }
     }
@@ -161,7 +161,7 @@ static void on_thumbnail(BusRig1 *rig, const char *name, gpointer data) {
     shown->watching = watching;
     shown->name = g_strdup(name);
     g_ptr_array_add(watching->cameras, shown);
-    watching_ask(shown);
+    ask(shown);
 }
 
 Watching *watching_new(BusRig1 *rig, Progress *progress, gboolean pictures) {

@@ -16,7 +16,7 @@ struct bar {
 };
 
 /* The CPU time that the program has used in all its threads. */
-static double work_cpu_s(void) {
+static double cpu_s(void) {
     struct timespec now;
     return clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0
                ? (double)now.tv_sec + (double)now.tv_nsec / 1e9
@@ -59,7 +59,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
         record_int(record, "total", progress->total);
         record_double(record, "left_s", progress->left_s);
         record_double(record, "real_s", (double)(now_us - bar->begun_us) / G_USEC_PER_SEC);
-        record_double(record, "cpu_s", work_cpu_s());
+        record_double(record, "cpu_s", cpu_s());
         record_print(record, TRUE);
         return;
     }

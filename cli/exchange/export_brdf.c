@@ -50,7 +50,7 @@ static gboolean export_brdf_texel(struct import_region *ret) {
     return sscanf(texel, "%d,%d%c", &ret->x, &ret->y, &more) == 2 && ret->x >= 0 && ret->y >= 0;
 }
 
-static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError **error) {
+static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     const struct command *command = call->command;
     struct job job = {.material = call->arguments[0],
                       .options = {.kind = kind, .isotropic = isotropic}};
@@ -104,11 +104,11 @@ static int export_brdf_run(const struct call *call, enum brdf_kind kind, GError 
     return CLI_DONE;
 }
 
-static int export_bsdf_run(const struct call *call, GError **error) {
-    return export_brdf_run(call, BRDF_RGL, error);
+static int bsdf_run(const struct call *call, GError **error) {
+    return run(call, BRDF_RGL, error);
 }
-static int export_merl_run(const struct call *call, GError **error) {
-    return export_brdf_run(call, BRDF_MERL, error);
+static int merl_run(const struct call *call, GError **error) {
+    return run(call, BRDF_MERL, error);
 }
 
 const struct command exchange_bsdf = {
@@ -120,7 +120,7 @@ const struct command exchange_bsdf = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_bsdf_run};
+    .run = bsdf_run};
 const struct command exchange_merl = {
     .name = "export merl",
     .arguments = "DIR|FILE -o FILE.binary",
@@ -130,4 +130,4 @@ const struct command exchange_merl = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_merl_run};
+    .run = merl_run};

@@ -37,7 +37,7 @@ static gboolean work_btf(const struct work *work, gpointer data, GError **error)
                                    error);
 }
 
-static int export_btf_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct job job = {.session = call->arguments[0], .kind = BONN_BDI};
     const struct export_bonn_result *result = &job.result;
     Record *to = call->record;
@@ -79,4 +79,4 @@ const struct command exchange_btf = {.name = "export btf",
                                      .min = 1,
                                      .max = 1,
                                      .writes = TRUE,
-                                     .run = export_btf_run};
+                                     .run = run};

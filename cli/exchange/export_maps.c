@@ -51,7 +51,7 @@ struct job {
     struct maps *maps;
 };
 
-static gboolean export_maps_add(const struct job *job, MapsFiles *files, GError **error) {
+static gboolean add(const struct job *job, MapsFiles *files, GError **error) {
     g_autofree char *name = g_path_get_basename(output);
     switch (job->kind) {
     case EXPORT_MAPS:
@@ -72,7 +72,7 @@ static gboolean work_maps(const struct work *work, gpointer data, GError **error
     if (!maps_files_check(output, cli_force, error))
         return FALSE;
     job->maps = maps_new(job->session, job->model, (gint64)memory_mb << 20, work, error);
-    if (!job->maps || !export_maps_add(job, files, error))
+    if (!job->maps || !add(job, files, error))
         return FALSE;
     return job->kind == EXPORT_GLTF ? maps_files_write_beside(files, output, cli_force, error)
                                     : maps_files_write_folder(files, output, cli_force, error);
@@ -87,7 +87,7 @@ static int export_maps_worst(const struct maps_errors *errors) {
     return ret;
 }
 
-static void export_maps_tell(const struct job *job, double seconds, Record *to) {
+static void tell(const struct job *job, double seconds, Record *to) {
     const struct maps *maps = job->maps;
     const struct maps_errors *errors = &maps->errors;
     const int worst = export_maps_worst(errors);
@@ -157,19 +157,19 @@ static int export_maps_job(const struct call *call, struct job *job, GError **er
                                   : cli_check_folder(output, error)) &&
         cli_work_run(work_maps, job, &seconds, error);
     if (ok)
-        export_maps_tell(job, seconds, call->record);
+        tell(job, seconds, call->record);
     maps_free(job->maps);
     return ok ? CLI_DONE : CLI_FAILED;
 }
 
-static int export_maps_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct job job = {.kind = EXPORT_MAPS, .exr = g_strcmp0(format, "exr") == 0};
     if (format && !job.exr && g_strcmp0(format, "png") != 0)
         return cli_usage(call->command, "there is no --format=%s; choose from: png, exr", format);
     return export_maps_job(call, &job, error);
 }
 
-static int export_gltf_run(const struct call *call, GError **error) {
+static int gltf_run(const struct call *call, GError **error) {
     struct job job = {.kind = EXPORT_GLTF,
                       .shapes = MAPS_PLANE | MAPS_SPHERE,
                       .model = core ? MAPS_MODEL_CORE : MAPS_MODEL_FULL};
@@ -189,12 +189,12 @@ static int export_gltf_run(const struct call *call, GError **error) {
     return export_maps_job(call, &job, error);
 }
 
-static int export_materialx_run(const struct call *call, GError **error) {
+static int materialx_run(const struct call *call, GError **error) {
     struct job job = {.kind = EXPORT_MATERIALX};
     return export_maps_job(call, &job, error);
 }
 
-static int export_blender_run(const struct call *call, GError **error) {
+static int blender_run(const struct call *call, GError **error) {
     struct job job = {.kind = EXPORT_BLENDER};
     return export_maps_job(call, &job, error);
 }
@@ -208,7 +208,7 @@ const struct command exchange_maps = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_maps_run};
+    .run = run};
 const struct command exchange_gltf = {
     .name = "export gltf",
     .arguments = "DIR -o FILE.glb",
@@ -219,7 +219,7 @@ const struct command exchange_gltf = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_gltf_run};
+    .run = gltf_run};
 const struct command exchange_materialx = {
     .name = "export materialx",
     .arguments = "DIR -o FOLDER",
@@ -229,7 +229,7 @@ const struct command exchange_materialx = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_materialx_run};
+    .run = materialx_run};
 const struct command exchange_blender = {
     .name = "export blender",
     .arguments = "DIR -o FOLDER",
@@ -239,4 +239,4 @@ const struct command exchange_blender = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_blender_run};
+    .run = blender_run};

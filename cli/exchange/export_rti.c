@@ -41,7 +41,7 @@ static gboolean export_rti_work(const struct work *work, gpointer data, GError *
     return path && (job->to ? output_file_end(job->to, ok, error) : ok);
 }
 
-static int export_rti_run(const struct call *call, enum export_rti_kind kind, GError **error) {
+static int run(const struct call *call, enum export_rti_kind kind, GError **error) {
     struct job job = {.session = call->arguments[0],
                       .options = {.kind = kind,
                                   .rgb = format && strcmp(format, "rgb") == 0,
@@ -84,11 +84,11 @@ static int export_rti_run(const struct call *call, enum export_rti_kind kind, GE
     return CLI_DONE;
 }
 
-static int export_ptm_run(const struct call *call, GError **error) {
-    return export_rti_run(call, EXPORT_PTM, error);
+static int ptm_run(const struct call *call, GError **error) {
+    return run(call, EXPORT_PTM, error);
 }
-static int export_relight_run(const struct call *call, GError **error) {
-    return export_rti_run(call, EXPORT_RELIGHT, error);
+static int relight_run(const struct call *call, GError **error) {
+    return run(call, EXPORT_RELIGHT, error);
 }
 
 const struct command exchange_ptm = {
@@ -100,7 +100,7 @@ const struct command exchange_ptm = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_ptm_run};
+    .run = ptm_run};
 const struct command exchange_relight = {
     .name = "export relight",
     .arguments = "DIR -o DIR",
@@ -110,4 +110,4 @@ const struct command exchange_relight = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_relight_run};
+    .run = relight_run};

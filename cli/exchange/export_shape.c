@@ -66,7 +66,7 @@ static gboolean work_lights(const struct work *work, gpointer data, GError **err
 }
 
 /* Exports normals or heights from the pictures under the measured lights. */
-static int export_by_lights(const struct call *call, struct job *job, GError **error) {
+static int by_lights(const struct call *call, struct job *job, GError **error) {
     static const char *const names[PHOTOMETRIC_CAUSES] = {
         [PHOTOMETRIC_DARK] = "dark",
         [PHOTOMETRIC_FEW] = "few_lights",
@@ -105,7 +105,7 @@ static int export_by_lights(const struct call *call, struct job *job, GError **e
 }
 
 /* Exports the surface from a PTM or HSH, which describes how brightness depends on the light. */
-static int export_by_fit(const struct call *call, struct job *job, GError **error) {
+static int by_fit(const struct call *call, struct job *job, GError **error) {
     const struct fit_normals_result *result = &job->fit;
     Record *to = call->record;
     double seconds = 0;
@@ -141,7 +141,7 @@ static const struct exchange_format formats[] = {{"points", "PLY", ".ply", "poin
                                                  {"maps", "OpenEXR", ".exr", "height"},
                                                  {"maps", "OpenEXR", ".exr", "normals"}};
 
-static int export_shape(const struct call *call, enum export_surface what, GError **error) {
+static int shape(const struct call *call, enum export_surface what, GError **error) {
     struct job job = {.session = call->arguments[0]};
     const struct export_surface_result *result = &job.surface;
     Record *record = call->record;
@@ -159,10 +159,10 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
             return cli_usage(call->command,
                              "--views and --layered are for materials with an MDF; %s has none",
                              job.session);
-        return export_by_lights(call, &job, error);
+        return by_lights(call, &job, error);
     }
     if (what != EXPORT_POINTS && fit_normals_applies(job.session))
-        return export_by_fit(call, &job, error);
+        return by_fit(call, &job, error);
     if (maximum)
         return cli_usage(call->command,
                          "--maximum is for height and normals of a PTM; %s is to be "
@@ -192,16 +192,16 @@ static int export_shape(const struct call *call, enum export_surface what, GErro
     return CLI_DONE;
 }
 
-static int export_points_run(const struct call *call, GError **error) {
-    return export_shape(call, EXPORT_POINTS, error);
+static int points_run(const struct call *call, GError **error) {
+    return shape(call, EXPORT_POINTS, error);
 }
 
-static int export_height_run(const struct call *call, GError **error) {
-    return export_shape(call, EXPORT_HEIGHT, error);
+static int height_run(const struct call *call, GError **error) {
+    return shape(call, EXPORT_HEIGHT, error);
 }
 
-static int export_normals_run(const struct call *call, GError **error) {
-    return export_shape(call, EXPORT_NORMALS, error);
+static int normals_run(const struct call *call, GError **error) {
+    return shape(call, EXPORT_NORMALS, error);
 }
 
 const struct command exchange_points = {
@@ -213,7 +213,7 @@ const struct command exchange_points = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_points_run};
+    .run = points_run};
 const struct command exchange_height = {
     .name = "export height",
     .arguments = "DIR|FILE -o FILE.exr",
@@ -224,7 +224,7 @@ const struct command exchange_height = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_height_run};
+    .run = height_run};
 const struct command exchange_normals = {
     .name = "export normals",
     .arguments = "DIR|FILE -o FILE.exr",
@@ -235,4 +235,4 @@ const struct command exchange_normals = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_normals_run};
+    .run = normals_run};

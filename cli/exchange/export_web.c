@@ -41,7 +41,7 @@ static OutputFile *export_web_output(const char *name, GError **error) {
     return exchange_output(name, &format, error);
 }
 
-static int export_web_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct job job = {.asked = {.path = call->arguments[0], .mdf = mdf, .size = WEBGL_EXPORT_SIZE}};
     const struct webgl_export_result *result = &job.result;
     Record *to = call->record;
@@ -83,4 +83,4 @@ const struct command exchange_web = {
     .min = 1,
     .max = 1,
     .writes = TRUE,
-    .run = export_web_run};
+    .run = run};

@@ -1,7 +1,7 @@
 /* export: the products of a session, for other programs. */
 #include "exchange.h"
 
-static gboolean exchange_has_output(const char *output, GError **error) {
+static gboolean has_output(const char *output, GError **error) {
     if (output == NULL)
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                     "no file to write is given: give -o FILE");
@@ -10,7 +10,7 @@ static gboolean exchange_has_output(const char *output, GError **error) {
 
 OutputFile *exchange_output(const char *output, const struct exchange_format *format,
                             GError **error) {
-    if (!exchange_has_output(output, error))
+    if (!has_output(output, error))
         return NULL;
     g_autofree char *lower = g_ascii_strdown(output, -1);
     if (format->end == NULL || g_str_has_suffix(lower, format->end))
@@ -22,7 +22,7 @@ OutputFile *exchange_output(const char *output, const struct exchange_format *fo
 }
 
 gboolean exchange_check_folder(const char *output, GError **error) {
-    return exchange_has_output(output, error) && cli_check_folder(output, error);
+    return has_output(output, error) && cli_check_folder(output, error);
 }
 
 static const struct command *const commands[] = {&exchange_btf,     &exchange_points,

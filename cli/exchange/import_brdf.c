@@ -44,7 +44,7 @@ static gboolean import_brdf_work(const struct work *work, gpointer data, GError 
     return import_brdf(output, job->source, &job->wish, work, &job->result, error);
 }
 
-static int import_brdf_run(const struct call *call, enum brdf_kind kind, GError **error) {
+static int run(const struct call *call, enum brdf_kind kind, GError **error) {
     const struct command *command = call->command;
     struct job job = {.source = call->arguments[0],
                       .wish = {.kind = kind,
@@ -69,14 +69,14 @@ static int import_brdf_run(const struct call *call, enum brdf_kind kind, GError 
     return CLI_DONE;
 }
 
-static int import_bsdf_run(const struct call *call, GError **error) {
-    return import_brdf_run(call, BRDF_RGL, error);
+static int bsdf_run(const struct call *call, GError **error) {
+    return run(call, BRDF_RGL, error);
 }
-static int import_merl_run(const struct call *call, GError **error) {
-    return import_brdf_run(call, BRDF_MERL, error);
+static int merl_run(const struct call *call, GError **error) {
+    return run(call, BRDF_MERL, error);
 }
-static int import_utia_run(const struct call *call, GError **error) {
-    return import_brdf_run(call, BRDF_UTIA, error);
+static int utia_run(const struct call *call, GError **error) {
+    return run(call, BRDF_UTIA, error);
 }
 
 const struct command exchange_import_bsdf = {
@@ -87,7 +87,7 @@ const struct command exchange_import_bsdf = {
     .options = entries,
     .min = 1,
     .max = 1,
-    .run = import_bsdf_run};
+    .run = bsdf_run};
 const struct command exchange_import_merl = {
     .name = "import merl",
     .arguments = "FILE.binary -o DIR",
@@ -96,7 +96,7 @@ const struct command exchange_import_merl = {
     .options = entries,
     .min = 1,
     .max = 1,
-    .run = import_merl_run};
+    .run = merl_run};
 const struct command exchange_import_utia = {
     .name = "import utia",
     .arguments = "FILE -o DIR",
@@ -105,4 +105,4 @@ const struct command exchange_import_utia = {
     .options = utia_entries,
     .min = 1,
     .max = 1,
-    .run = import_utia_run};
+    .run = utia_run};

@@ -44,7 +44,7 @@ struct job {
     struct import_result result;
 };
 
-static gboolean import_command_work(const struct work *work, gpointer data, GError **error) {
+static gboolean command_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     return job->import(output, job->source, &job->wish, work, &job->result, error);
 }
@@ -89,7 +89,7 @@ gboolean exchange_parse_region(const char *text, struct import_region *ret) {
            ret->x >= 0 && ret->y >= 0 && ret->width > 0 && ret->height > 0;
 }
 
-static int import_run(const struct call *call, Import import, GError **error) {
+static int run(const struct call *call, Import import, GError **error) {
     const struct command *command = call->command;
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
     struct job job = {.import = import,
@@ -104,33 +104,32 @@ static int import_run(const struct call *call, Import import, GError **error) {
         return cli_usage(command, "--region=%s: give X,Y,WIDTH,HEIGHT in texels", region);
     if (!exchange_parse_transfer(transfer, &job.wish.transfer))
         return cli_usage(command, EXCHANGE_TRANSFER_WRONG, transfer);
-    if (!cli_work_run(import_command_work, &job, &seconds, error))
+    if (!cli_work_run(command_work, &job, &seconds, error))
         return CLI_FAILED;
     exchange_tell_import(call->record, output, &job.result, seconds);
     exchange_tell_notes(call->record, notes);
     return CLI_DONE;
 }
 
-static gboolean import_ptm_with(const char *path, const char *source,
-                                const struct import_wish *wish, const struct work *work,
-                                struct import_result *ret, GError **error) {
+static gboolean ptm_with(const char *path, const char *source, const struct import_wish *wish,
+                         const struct work *work, struct import_result *ret, GError **error) {
     return import_ptm(path, source, directions, wish, work, ret, error);
 }
 
-static int import_btf_run(const struct call *call, GError **error) {
-    return import_run(call, import_bonn, error);
+static int btf_run(const struct call *call, GError **error) {
+    return run(call, import_bonn, error);
 }
-static int import_pictures_run(const struct call *call, GError **error) {
-    return import_run(call, import_pictures, error);
+static int pictures_run(const struct call *call, GError **error) {
+    return run(call, import_pictures, error);
 }
-static int import_rti_run(const struct call *call, GError **error) {
-    return import_run(call, import_rti, error);
+static int rti_run(const struct call *call, GError **error) {
+    return run(call, import_rti, error);
 }
-static int import_relight_run(const struct call *call, GError **error) {
-    return import_run(call, import_relight, error);
+static int relight_run(const struct call *call, GError **error) {
+    return run(call, import_relight, error);
 }
-static int import_ptm_run(const struct call *call, GError **error) {
-    return import_run(call, import_ptm_with, error);
+static int ptm_run(const struct call *call, GError **error) {
+    return run(call, ptm_with, error);
 }
 
 const struct command exchange_import_btf = {
@@ -141,7 +140,7 @@ const struct command exchange_import_btf = {
     .options = entries,
     .min = 1,
     .max = 1,
-    .run = import_btf_run};
+    .run = btf_run};
 const struct command exchange_import_pictures = {
     .name = "import pictures",
     .arguments = "DIR -o DIR",
@@ -150,7 +149,7 @@ const struct command exchange_import_pictures = {
     .options = picture_entries,
     .min = 1,
     .max = 1,
-    .run = import_pictures_run};
+    .run = pictures_run};
 const struct command exchange_import_rti = {
     .name = "import rti",
     .arguments = "FILE -o DIR",
@@ -159,7 +158,7 @@ const struct command exchange_import_rti = {
     .options = picture_entries,
     .min = 1,
     .max = 1,
-    .run = import_rti_run};
+    .run = rti_run};
 const struct command exchange_import_relight = {
     .name = "import relight",
     .arguments = "FOLDER|FILE.json -o DIR",
@@ -169,7 +168,7 @@ const struct command exchange_import_relight = {
     .options = ptm_entries,
     .min = 1,
     .max = 1,
-    .run = import_relight_run};
+    .run = relight_run};
 const struct command exchange_import_ptm = {
     .name = "import ptm",
     .arguments = "FILE -o DIR",
@@ -178,4 +177,4 @@ const struct command exchange_import_ptm = {
     .options = ptm_entries,
     .min = 1,
     .max = 1,
-    .run = import_ptm_run};
+    .run = ptm_run};

@@ -102,7 +102,7 @@ static int write_template(const struct call *call, GError **error) {
     return CLI_DONE;
 }
 
-static int import_poses_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     static const char *const edges[] = {"line", "darkens", "lightens", NULL}; /* enum import_edge */
     const struct command *command = call->command;
@@ -155,4 +155,4 @@ const struct command exchange_import_poses = {
     .writes = TRUE,
     .min = 1,
     .max = 1,
-    .run = import_poses_run};
+    .run = run};

@@ -93,8 +93,8 @@ static void judge_calibration(struct guard *guard) {
                    lacks->str);
 }
 
-static Frame *guard_snap(struct guard *guard, int camera, double exposure_us,
-                         struct picture_report *ret, GError **error) {
+static Frame *snap(struct guard *guard, int camera, double exposure_us, struct picture_report *ret,
+                   GError **error) {
     Frame *frame = trial_snap(&guard->trial, camera, exposure_us, FALSE, error);
     if (!frame)
         return NULL;
@@ -116,7 +116,7 @@ static gboolean take_darks(struct guard *guard, GError **error) {
     for (int i = 0; i < guard->trial.n_cameras; i++) {
         const int c = guard->trial.cameras[i];
         struct picture_report report;
-        g_autoptr(Frame) frame = guard_snap(guard, c, guard_longest_us(guard), &report, error);
+        g_autoptr(Frame) frame = snap(guard, c, guard_longest_us(guard), &report, error);
         if (!frame)
             return FALSE;
         guard->seen[c].dark_dn = report.mean_dn;
@@ -173,7 +173,7 @@ static double guard_shorter_us(struct guard *guard, int camera) {
     const double us = MAX(guard->trial.conf->exposures_us[0] / SHORTER, 1);
     struct picture_report report;
     g_autoptr(Frame) frame =
-        guard_snap(guard, camera, us, &report, NULL); /* it may be shorter than the camera can */
+        snap(guard, camera, us, &report, NULL); /* it may be shorter than the camera can */
     const double above_dn = frame ? report.high_dn - guard->seen[camera].dark_dn : 0;
     return frame && report.saturated < SATURATED_PART && above_dn > 1
                ? us * WANTED_PART * range_dn(guard, camera) / above_dn
@@ -184,9 +184,9 @@ static gboolean try_camera(struct guard *guard, int lamp, int camera, GError **e
     const struct session_conf *conf = guard->trial.conf;
     struct seen *seen = &guard->seen[camera];
     struct picture_report longest, shortest;
-    g_autoptr(Frame) bright = guard_snap(guard, camera, guard_longest_us(guard), &longest, error);
+    g_autoptr(Frame) bright = snap(guard, camera, guard_longest_us(guard), &longest, error);
     g_autoptr(Frame) dim =
-        bright ? guard_snap(guard, camera, conf->exposures_us[0], &shortest, error) : NULL;
+        bright ? snap(guard, camera, conf->exposures_us[0], &shortest, error) : NULL;
     if (!dim)
         return FALSE;
     const gboolean sees = longest.mean_dn - seen->dark_dn > LAMP_PART * range_dn(guard, camera);
@@ -267,7 +267,7 @@ static void judge_fiducials(struct guard *guard) {
 }
 
 /* Of the shots up to now. */
-static void guard_judge(struct guard *guard) {
+static void judge(struct guard *guard) {
     const struct trial *trial = &guard->trial;
     gboolean any = FALSE;
     for (int i = 0; i < trial->n_lamps; i++)
@@ -307,7 +307,7 @@ GPtrArray *guard_try(Link *link, const struct session_conf *conf, const struct r
     for (int i = 0; i < n_first && ok; i++)
         ok = try_lamp(&guard, trial->lamps[i], error);
     if (ok)
-        guard_judge(&guard);
+        judge(&guard);
     /* What the first five cannot show is a dead lamp among the others. */
     const gboolean rest = warnings->len == n_before;
     for (int i = n_first; i < trial->n_lamps && rest && ok; i++) {

@@ -9,8 +9,8 @@
 /* How far a device may stand from the ring that it serves; as the plan has it. */
 #define TOLERANCE_DEG 0.5
 
-static gboolean trial_is_planned(const struct ring *rings, int n, char **devices, const char *name,
-                                 struct vec3 position_mm) {
+static gboolean is_planned(const struct ring *rings, int n, char **devices, const char *name,
+                           struct vec3 position_mm) {
     double theta_rad, phi_rad;
     gboolean planned = FALSE;
     if (devices)
@@ -23,20 +23,20 @@ static gboolean trial_is_planned(const struct ring *rings, int n, char **devices
 }
 
 /* On the sample's middle, W·m⁻². */
-static double trial_irradiance(const struct rig *rig, int lamp) {
+static double irradiance(const struct rig *rig, int lamp) {
     const struct vec3 at = rig_lamp_position_mm(NULL, &rig->lamps[lamp], 0);
     return rig_lamp_irradiance(NULL, &rig->lamps[lamp], 0, vec3(0, 0, 0)) * at.z /
            sqrt(at.x * at.x + at.y * at.y + at.z * at.z);
 }
 
 static int by_irradiance(gconstpointer a, gconstpointer b, gpointer rig) {
-    const double x = trial_irradiance(rig, *(const int *)a);
-    const double y = trial_irradiance(rig, *(const int *)b);
+    const double x = irradiance(rig, *(const int *)a);
+    const double y = irradiance(rig, *(const int *)b);
     return x != y ? (x < y) - (x > y) : *(const int *)a - *(const int *)b;
 }
 
 /* The brightest, the dimmest, those at a third and at two thirds, and the others. */
-static void trial_sort_lamps(struct trial *trial) {
+static void sort_lamps(struct trial *trial) {
     const int n = trial->n_lamps, firsts[TRIAL_FIRST_LAMPS] = {0, n - 1, n / 3, 2 * n / 3};
     int sorted[RIG_MAX_LAMPS], k = 0;
     gboolean used[RIG_MAX_LAMPS] = {0};
@@ -57,18 +57,18 @@ void trial_init(struct trial *trial, Link *link, const struct session_conf *conf
                 const struct rig *rig) {
     *trial = (struct trial){.link = link, .conf = conf, .rig = rig};
     for (int c = 0; c < rig->n_cameras; c++)
-        if (trial_is_planned(conf->views, conf->n_views, conf->views_of, rig->cameras[c].name,
-                             rig_camera_centre_mm(&rig->cameras[c])))
+        if (is_planned(conf->views, conf->n_views, conf->views_of, rig->cameras[c].name,
+                       rig_camera_centre_mm(&rig->cameras[c])))
             trial->cameras[trial->n_cameras++] = c;
     for (int l = 0; l < rig->n_lamps; l++)
-        if (trial_is_planned(conf->lights, conf->n_lights, conf->lights_of, rig->lamps[l].name,
-                             rig->lamps[l].position_mm))
+        if (is_planned(conf->lights, conf->n_lights, conf->lights_of, rig->lamps[l].name,
+                       rig->lamps[l].position_mm))
             trial->lamps[trial->n_lamps++] = l;
     for (int l = 0; l < rig->n_lasers; l++)
-        if (trial_is_planned(conf->lasers, conf->n_lasers, conf->lasers_of, rig->lasers[l].name,
-                             rig->lasers[l].position_mm))
+        if (is_planned(conf->lasers, conf->n_lasers, conf->lasers_of, rig->lasers[l].name,
+                       rig->lasers[l].position_mm))
             trial->lasers[trial->n_lasers++] = l;
-    trial_sort_lamps(trial);
+    sort_lamps(trial);
 }
 
 /* The azimuth of a ring, with the turntable at 0, that is farthest from all cameras. */

@@ -26,7 +26,7 @@ struct compare {
     GArray *points;
 };
 
-static gboolean compare_draw(const struct compare *compare, GError **error) {
+static gboolean draw(const struct compare *compare, GError **error) {
     const char *path = output_file_path(compare->plot, error);
     return path && output_file_end(compare->plot,
                                    plot_comparison(path, material_info(compare->of_a),
@@ -35,8 +35,7 @@ static gboolean compare_draw(const struct compare *compare, GError **error) {
                                    error);
 }
 
-static gboolean compare_draw_curve(const struct compare *compare, const char *name,
-                                   GError **error) {
+static gboolean draw_curve(const struct compare *compare, const char *name, GError **error) {
     const char *path = output_file_path(compare->plot, error);
     return path &&
            output_file_end(compare->plot,
@@ -53,7 +52,7 @@ static gboolean work_compare(const struct work *work, gpointer data, GError **er
     if (!compare->of_b)
         return FALSE;
     compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
-    return compare->comparison && (!compare->plot || compare_draw(compare, error));
+    return compare->comparison && (!compare->plot || draw(compare, error));
 }
 
 static gboolean work_curve(const struct work *work, gpointer data, GError **error) {
@@ -68,7 +67,7 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
         return FALSE;
     }
     compare->points = curve_measure(btf, work, error);
-    return compare->points && compare_draw_curve(compare, btf->name, error);
+    return compare->points && draw_curve(compare, btf->name, error);
 }
 
 static void cli_compare_add_sums(Record *to, const struct compare_sums *sums) {

@@ -25,13 +25,13 @@ static const struct option memory = {
     .type = OPTION_BYTES,
     .help = "maximum memory; a larger BTF is kept in a temporary file"};
 
-static const struct option *compress_find(const struct compress_method *method, const char *name) {
+static const struct option *find(const struct compress_method *method, const char *name) {
     if (g_str_equal(name, memory.name))
         return method->codec && method->codec->bounded ? &memory : NULL;
     return options_find(method->options, name);
 }
 
-static void compress_list_option(const struct option *option) {
+static void list_option(const struct option *option) {
     for (int i = 0; i < n_options; i++)
         if (g_str_equal(options[i].name, option->name))
             return;
@@ -39,11 +39,11 @@ static void compress_list_option(const struct option *option) {
     options[n_options++] = (struct given){.name = option->name, .type = option->type};
 }
 
-static void compress_list_method(struct compress_method method) {
+static void list_method(struct compress_method method) {
     g_assert_cmpint(n_methods, <, MAX_METHODS);
     methods[n_methods++] = method;
     for (const struct option *option = method.options; option->name; option++)
-        compress_list_option(option);
+        list_option(option);
 }
 
 /* Returns the names of all methods that take an option. If option is NULL, returns the names of all
@@ -51,7 +51,7 @@ static void compress_list_method(struct compress_method method) {
 static char *compress_names(const char *option, const char *separator) {
     GString *names = g_string_new(NULL);
     for (int i = 0; i < n_methods; i++)
-        if (!option || compress_find(&methods[i], option))
+        if (!option || find(&methods[i], option))
             g_string_append_printf(names, "%s%s", names->len ? separator : "", methods[i].name);
     return g_string_free(names, FALSE);
 }
@@ -62,12 +62,12 @@ static const char *compress_help(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     const char *last = NULL;
     for (int i = 0; i < n_methods; i++) {
-        const struct option *option = compress_find(&methods[i], name);
+        const struct option *option = find(&methods[i], name);
         if (!option || option->help == last)
             continue;
         g_string_append(text, last ? "; " : "");
         for (int k = i; k < n_methods; k++) {
-            const struct option *other = compress_find(&methods[k], name);
+            const struct option *other = find(&methods[k], name);
             if (other && other->help == option->help)
                 g_string_append_printf(text, "%s%s", k > i ? ", " : "", methods[k].name);
         }
@@ -83,11 +83,11 @@ static const char *compress_help(const char *name) {
 }
 
 /* Returns all choices that any method has. */
-static const char *compress_choices(const char *name) {
+static const char *choices(const char *name) {
     g_autoptr(GString) text = g_string_new(NULL);
     g_autoptr(GHashTable) seen = g_hash_table_new(g_str_hash, g_str_equal);
     for (int i = 0; i < n_methods; i++) {
-        const struct option *option = compress_find(&methods[i], name);
+        const struct option *option = find(&methods[i], name);
         for (int k = 0; option && option->choices && option->choices[k]; k++)
             if (g_hash_table_add(seen, (gpointer)option->choices[k]))
                 g_string_append_printf(text, "%s%s", text->len ? "|" : "", option->choices[k]);
@@ -113,7 +113,7 @@ static GOptionEntry compress_entry(struct given *given) {
         entry.arg_data = &given->flag;
         entry.arg_description = NULL;
     } else if (given->type == OPTION_CHOICE) {
-        entry.arg_description = compress_choices(given->name);
+        entry.arg_description = choices(given->name);
     } else if (given->type != OPTION_INT) {
         entry.arg_description = given->name == memory.name    ? "512MB"
                                 : given->type == OPTION_SHARE ? "2%"
@@ -128,14 +128,13 @@ const GOptionEntry *compress_entries(void) {
     int n = 0;
     n_methods = n_options = 0;
     for (gsize i = 0; codecs[i]; i++)
-        compress_list_method((struct compress_method){codecs[i]->name, codecs[i]->help,
-                                                      codecs[i]->options, codecs[i]->options_size,
-                                                      .codec = codecs[i]});
+        list_method((struct compress_method){codecs[i]->name, codecs[i]->help, codecs[i]->options,
+                                             codecs[i]->options_size, .codec = codecs[i]});
     for (gsize i = 0; mdf_codecs[i]; i++)
-        compress_list_method((struct compress_method){
-            mdf_codecs[i]->name, mdf_codecs[i]->help, mdf_codecs[i]->options,
-            mdf_codecs[i]->options_size, .mdf = mdf_codecs[i]});
-    compress_list_option(&memory);
+        list_method((struct compress_method){mdf_codecs[i]->name, mdf_codecs[i]->help,
+                                             mdf_codecs[i]->options, mdf_codecs[i]->options_size,
+                                             .mdf = mdf_codecs[i]});
+    list_option(&memory);
     g_autofree char *names = compress_names(NULL, "|");
     g_autoptr(GString) help = g_string_new("What to compress with");
     for (int i = 0; i < n_methods; i++)
@@ -163,7 +162,7 @@ const GOptionEntry *compress_entries(void) {
 
 /* Returns the arguments of the command as they were given, so that the same command can be run
  * again. */
-static char *compress_made_by(void) {
+static char *made_by(void) {
     g_autofree char *output = output_option ? g_canonicalize_filename(output_option, NULL) : NULL;
     const struct {
         const char *name, *text;
@@ -187,12 +186,12 @@ static char *compress_made_by(void) {
     return g_string_free(text, FALSE);
 }
 
-static gboolean compress_set(const struct command *command, const struct given *given,
-                             struct compress_asked *asked) {
+static gboolean set(const struct command *command, const struct given *given,
+                    struct compress_asked *asked) {
     g_autoptr(GError) error = NULL;
     if (!given->text && !given->flag)
         return TRUE;
-    const struct option *option = compress_find(&asked->method, given->name);
+    const struct option *option = find(&asked->method, given->name);
     if (!option) {
         g_autofree char *names = compress_names(given->name, ", ");
         cli_usage(command, "--method=%s has no --%s; leave it out, or choose from: %s",
@@ -218,11 +217,11 @@ gboolean compress_ask(const struct call *call, struct compress_asked *ret) {
     }
     const struct codec *codec = methods[m].codec;
     ret->method = methods[m];
-    ret->made_by = compress_made_by();
+    ret->made_by = made_by();
     ret->options = g_malloc0(MAX(methods[m].options_size, 1));
     options_defaults(methods[m].options, ret->options);
     for (int i = 0; i < n_options; i++)
-        if (!compress_set(call->command, &options[i], ret))
+        if (!set(call->command, &options[i], ret))
             return FALSE;
     const char *what = codec && codec->check ? codec->check(ret->options, ret->memory) : NULL;
     if (what)

@@ -69,7 +69,7 @@ static gboolean synthesize_work(const struct work *work, gpointer data, GError *
     return job->to && synthesize_write(job, work, error);
 }
 
-static void synthesize_tell(Record *to, const struct job *job, double seconds) {
+static void tell(Record *to, const struct job *job, double seconds) {
     const struct synthesis_result *result = &job->result;
     const struct index_map *map = job->map;
     const struct order_seams *seams = &result->seams;
@@ -110,8 +110,7 @@ static void synthesize_tell(Record *to, const struct job *job, double seconds) {
 }
 
 /* Returns FALSE with *ret_code set if the command must end. */
-static gboolean synthesize_ask(const struct call *call, struct synthesis_options *o,
-                               int *ret_code) {
+static gboolean ask(const struct call *call, struct synthesis_options *o, int *ret_code) {
     char rest;
     *o = (struct synthesis_options){.width = 512, .height = 512, .block = block};
     *ret_code = CLI_USAGE;
@@ -143,15 +142,15 @@ static gboolean synthesize_ask(const struct call *call, struct synthesis_options
     return TRUE;
 }
 
-static int synthesize_run(const struct call *call, GError **error) {
+static int run(const struct call *call, GError **error) {
     struct job job = {.session = call->arguments[0]};
     double seconds = 0;
     int code;
-    if (!synthesize_ask(call, &job.options, &code))
+    if (!ask(call, &job.options, &code))
         return code;
     code = cli_work_run(synthesize_work, &job, &seconds, error) ? CLI_DONE : CLI_FAILED;
     if (code == CLI_DONE)
-        synthesize_tell(call->record, &job, seconds);
+        tell(call->record, &job, seconds);
     index_map_free(job.map);
     g_free(job.written);
     output_file_free(job.to);
@@ -169,4 +168,4 @@ const struct command textures_synthesize = {
     .streams = TRUE,
     .min = 1,
     .max = 1,
-    .run = synthesize_run};
+    .run = run};

@@ -36,7 +36,7 @@ static const GOptionEntry entries[] = {
 };
 
 /* The first rank reports for all, a line for each tenth of a stage. */
-static void mpi_compress_tell(const struct work_progress *progress, gpointer data) {
+static void compress_tell(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
     const struct team *team = data;
@@ -52,8 +52,8 @@ static void mpi_compress_tell(const struct work_progress *progress, gpointer dat
     fputc('\n', stderr);
 }
 
-static void mpi_compress_report(const struct lpca *lpca, const struct team *team, double exact,
-                                double seconds) {
+static void compress_report(const struct lpca *lpca, const struct team *team, double exact,
+                            double seconds) {
     GVariantBuilder builder;
     if (!json) {
         g_autofree char *size = g_format_size((guint64)lpca_bytes(lpca));
@@ -77,7 +77,7 @@ static void mpi_compress_report(const struct lpca *lpca, const struct team *team
     printf("%s\n", text);
 }
 
-static gboolean mpi_compress_write(OutputFile *to, const struct lpca *lpca, GError **error) {
+static gboolean compress_write(OutputFile *to, const struct lpca *lpca, GError **error) {
     const char *path = output_file_path(to, error);
     if (!path || !output_file_end(to, lpca_write(path, lpca, error), error) ||
         !session_add_product_file(output, "compress", error))
@@ -87,13 +87,13 @@ static gboolean mpi_compress_write(OutputFile *to, const struct lpca *lpca, GErr
 }
 
 /* to: of the first rank. */
-static gboolean mpi_compress_compress(const char *path, const struct team *team, OutputFile *to,
-                                      enum lpca_quantise quantise, GError **error) {
+static gboolean compress_compress(const char *path, const struct team *team, OutputFile *to,
+                                  enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
     struct lpca_options options = {
         .n_clusters = clusters,
         .n_components = components,
-        .work = {.n_threads = threads, .progress = mpi_compress_tell, .data = (gpointer)team},
+        .work = {.n_threads = threads, .progress = compress_tell, .data = (gpointer)team},
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
@@ -104,9 +104,9 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
         const double exact = lpca->error;
         lpca_quantise(lpca, quantise);
         ok = lpca_error_shared(lpca, btf, &options, error) &&
-             (team->rank != 0 || mpi_compress_write(to, lpca, error));
+             (team->rank != 0 || compress_write(to, lpca, error));
         if (ok && team->rank == 0)
-            mpi_compress_report(lpca, team, exact, MPI_Wtime() - begun);
+            compress_report(lpca, team, exact, MPI_Wtime() - begun);
     }
     btf_matrix_free(btf);
     return ok;
@@ -114,16 +114,16 @@ static gboolean mpi_compress_compress(const char *path, const struct team *team,
 
 /* The first rank alone writes, and holds the lock of the file meanwhile. A rank that fails ends all
  * of them; the kernel gives its lock back. */
-static gboolean mpi_compress_locked(const char *path, const struct team *team,
-                                    enum lpca_quantise quantise, GError **error) {
+static gboolean compress_locked(const char *path, const struct team *team,
+                                enum lpca_quantise quantise, GError **error) {
     g_autoptr(OutputFile) to = NULL;
     if (team->rank == 0 && !(to = output_file_new_locked(output, "lpca", force, error)))
         return FALSE;
-    return mpi_compress_compress(path, team, to, quantise, error);
+    return compress_compress(path, team, to, quantise, error);
 }
 
 /* The launcher gives each process its rank in the environment; -1 if there is none. */
-static int mpi_compress_told_rank(void) {
+static int compress_told_rank(void) {
     static const char *const names[] = {"OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK",
                                         "SLURM_PROCID"};
     for (gsize i = 0; i < G_N_ELEMENTS(names); i++)
@@ -134,10 +134,10 @@ static int mpi_compress_told_rank(void) {
 
 /* Returns 2 for bad usage. The first rank reports bad usage for all ranks, and answers --help and
  * --version, in UTF-8 in any locale and even where MPI does not work. */
-static int mpi_compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
+static int compress_parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =
         g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
-    const gboolean first = mpi_compress_told_rank() <= 0;
+    const gboolean first = compress_told_rank() <= 0;
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);
     const char *what = NULL;
@@ -172,12 +172,12 @@ int main(int argc, char **argv) {
     enum lpca_quantise quantise = LPCA_HALF;
     g_autoptr(GError) error = NULL;
     int level;
-    const int rc = mpi_compress_parse(&argc, &argv, &quantise);
+    const int rc = compress_parse(&argc, &argv, &quantise);
     if (rc != 0 || help || version)
         return rc;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
     const struct team team = mpi_team();
-    if (!mpi_compress_locked(argv[1], &team, quantise, &error)) {
+    if (!compress_locked(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
         /* One may have failed where the others wait for it. */
         MPI_Abort(MPI_COMM_WORLD, 1);

@@ -5,21 +5,21 @@
 
 #define PIECE ((gsize)1 << 26) /* elements a call: MPI counts in int */
 
-static void mpi_team_sum(void *values, gsize n, gsize size, MPI_Datatype type) {
+static void team_sum(void *values, gsize n, gsize size, MPI_Datatype type) {
     for (gsize i = 0; i < n; i += PIECE)
         MPI_Allreduce(MPI_IN_PLACE, (guint8 *)values + i * size, (int)MIN(PIECE, n - i), type,
                       MPI_SUM, MPI_COMM_WORLD);
 }
 
 static void sum_floats(const struct team *team, float *values, gsize n) {
-    mpi_team_sum(values, n, sizeof *values, MPI_FLOAT);
+    team_sum(values, n, sizeof *values, MPI_FLOAT);
 }
 
 static void sum_doubles(const struct team *team, double *values, gsize n) {
-    mpi_team_sum(values, n, sizeof *values, MPI_DOUBLE);
+    team_sum(values, n, sizeof *values, MPI_DOUBLE);
 }
 
-static void mpi_team_share(const struct team *team, void *all, const gsize *starts) {
+static void team_share(const struct team *team, void *all, const gsize *starts) {
     for (int rank = 0; rank < team->n_ranks; rank++)
         for (gsize i = starts[rank]; i < starts[rank + 1]; i += PIECE)
             MPI_Bcast((guint8 *)all + i, (int)MIN(PIECE, starts[rank + 1] - i), MPI_BYTE, rank,
@@ -42,10 +42,8 @@ static void deal(const struct team *team, int root, const float *all, const gsiz
 }
 
 struct team mpi_team(void) {
-    struct team team = {.sum_floats = sum_floats,
-                        .sum_doubles = sum_doubles,
-                        .share = mpi_team_share,
-                        .deal = deal};
+    struct team team = {
+        .sum_floats = sum_floats, .sum_doubles = sum_doubles, .share = team_share, .deal = deal};
     MPI_Comm_rank(MPI_COMM_WORLD, &team.rank);
     MPI_Comm_size(MPI_COMM_WORLD, &team.n_ranks);
     return team;

@@ -13,7 +13,7 @@
 static char *plot_option;
 
 /* Whether the folder holds views: it also exists without any, in a session of sweeps alone. */
-static gboolean check_has_views(const char *folder) {
+static gboolean has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     const char *name;
     while (names && (name = g_dir_read_name(names)))
@@ -22,7 +22,7 @@ static gboolean check_has_views(const char *folder) {
     return FALSE;
 }
 
-static gboolean check_draw(const struct check *check, GError **error) {
+static gboolean draw(const struct check *check, GError **error) {
     const char *path = output_file_path(check->plot, error);
     return path &&
            output_file_end(check->plot, plot_energy(path, check->btf, check->energy, error), error);
@@ -32,7 +32,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
     g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
-    const gboolean has_btf = check_has_views(btf);
+    const gboolean has_btf = has_views(btf);
     check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
     if (!has_btf && !check->has_mdf) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
@@ -48,7 +48,7 @@ gboolean check_session(const struct work *work, gpointer data, GError **error) {
     if (has_btf) {
         check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
         check->energy = check->btf ? energy_compute(check->btf, check->texel, error) : NULL;
-        if (!check->energy || (check->plot && !check_draw(check, error)) ||
+        if (!check->energy || (check->plot && !draw(check, error)) ||
             !check_suspect_btf(check->btf, check->energy, check->suspicions, error))
             return FALSE;
         const struct btf_layout *layout = &check->btf->layout;

@@ -369,7 +369,7 @@ static void tell_part(Record *to, const struct exr_part *part, gboolean shown) {
 
 /* Describes an index map of `mesorig synthesize` (synthesis/index_map.h): its size, the size of its
  * sample, and the method. Returns NULL if the file lacks these attributes. g_free() */
-static char *info_index_map(const struct exr_file *file) {
+static char *index_map(const struct exr_file *file) {
     const struct exr_part *part = file->parts->pdata[0];
     const char *method = NULL;
     int width = 0, height = 0;
@@ -386,7 +386,7 @@ static char *info_index_map(const struct exr_file *file) {
                            file->parts->len == 1 ? "mip level" : "mip levels");
 }
 
-static gboolean info_exr(const char *path, Record *to, GError **error) {
+static gboolean exr(const char *path, Record *to, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
     if (!file)
         return FALSE;
@@ -407,7 +407,7 @@ static gboolean info_exr(const char *path, Record *to, GError **error) {
         if (g_str_equal(mdf_codecs[i]->kind, kind))
             text = mdf_codecs[i]->describe_file(file);
     if (whole && !text && g_str_equal(kind, "index"))
-        text = info_index_map(file);
+        text = index_map(file);
     if (whole) {
         record_string(to, "kind", kind);
         record_string(to, "path", path);
@@ -447,7 +447,7 @@ static int cli_info_run(const struct call *call, GError **error) {
     if (history_option && (!(drawing = cli_output(history_option, "plot", error)) ||
                            !draw_history(path, drawing, error)))
         return CLI_FAILED;
-    if (!(session ? info_session : info_exr)(path, call->record, error))
+    if (!(session ? info_session : exr)(path, call->record, error))
         return CLI_FAILED;
     if (drawing)
         cli_tell_output(call->record, drawing);

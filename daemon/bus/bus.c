@@ -16,7 +16,7 @@ static const char *const state_names[] = {
     [CAPTURE_PAUSED] = "paused", [CAPTURE_DONE] = "done",       [CAPTURE_ABORTED] = "aborted",
 };
 
-static void bus_notify(Bus *bus) {
+static void notify(Bus *bus) {
     if (bus->func)
         bus->func(bus, bus->data);
 }
@@ -33,8 +33,8 @@ void bus_report(Bus *bus, const char *level, const char *source, const char *mes
                      "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
 }
 
-static void bus_on_event(Capture *capture, const char *level, const char *source,
-                         const char *message, gpointer data) {
+static void on_event(Capture *capture, const char *level, const char *source, const char *message,
+                     gpointer data) {
     bus_report(data, level, source, message);
 }
 
@@ -92,11 +92,11 @@ static gboolean end_capture_idle(gpointer data) {
     end_capture(bus);
     bus_show_devices(bus);
     bus_unattended_poke(bus);
-    bus_notify(bus);
+    notify(bus);
     return G_SOURCE_REMOVE;
 }
 
-static void bus_changed(Capture *capture, gpointer data) {
+static void changed(Capture *capture, gpointer data) {
     Bus *bus = data;
     struct capture_status status;
     if (!bus->capture)
@@ -108,14 +108,14 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_unattended_changed(bus, &status);
     if (status.state >= CAPTURE_DONE && !bus->end_id)
         bus->end_id = g_idle_add(end_capture_idle, bus);
-    bus_notify(bus);
+    notify(bus);
 }
 
 /* Shows the state at intervals. While axes home, or during a long exposure, the capture reports
  * nothing. */
 static gboolean on_tick(gpointer data) {
     Bus *bus = data;
-    bus_changed(bus->capture, bus);
+    changed(bus->capture, bus);
     return G_SOURCE_CONTINUE;
 }
 
@@ -168,7 +168,7 @@ static void show_idle(Bus *bus) {
     bus_rig1_set_pose(bus->object, bus_pose(bus->devices, NULL));
     bus_rig1_set_places(bus->object, bus_places(bus->devices));
     bus_show_devices(bus);
-    bus_notify(bus);
+    notify(bus);
 }
 
 void bus_hold_clock(Bus *bus, gboolean hold) {
@@ -311,12 +311,12 @@ static void show_beginning(Bus *bus, Capture *capture, const char *directory, gb
     if (process && !(bus->follower = follower_start(directory, &error)))
         bus_report(bus, "warning", "process", error->message);
     bus_unattended_begun(bus);
-    bus_changed(capture, bus);
+    changed(capture, bus);
 }
 
 gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
                    gboolean process, GError **error) {
-    const struct capture_callbacks callbacks = {bus_changed, bus_on_event, bus};
+    const struct capture_callbacks callbacks = {changed, on_event, bus};
     if (!bus_latch_need_released(bus->latch, error) || !bus_need_safe(bus, error))
         return FALSE;
     bus->is_safe = FALSE;

@@ -7,12 +7,12 @@
 
 /* Ends a failed method call: returns the error to the client. Handlers emit changed properties
  * before they return a result, so that the client never reads an old state after its call. */
-static gboolean bus_calls_refuse(GDBusMethodInvocation *invocation, GError *error) {
+static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;
 }
 
-static void bus_calls_claim(Bus *bus, GDBusMethodInvocation *invocation) {
+static void claim(Bus *bus, GDBusMethodInvocation *invocation) {
     if (!bus->client)
         bus->client = g_dbus_method_invocation_get_connection(invocation);
 }
@@ -20,9 +20,9 @@ static void bus_calls_claim(Bus *bus, GDBusMethodInvocation *invocation) {
 static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
                             Bus *bus) {
     GError *error = NULL;
-    bus_calls_claim(bus, invocation);
+    claim(bus, invocation);
     if (!bus_open_rig(bus, path, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_open_rig(object, invocation);
     return TRUE;
@@ -31,7 +31,7 @@ static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, 
 static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus_need_rig(bus, &error) || !bus_need_safe(bus, &error) || !bus_can_close(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     bus_close_rig(bus);
     bus_rig1_complete_close_rig(object, invocation);
     return TRUE;
@@ -42,30 +42,30 @@ static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
                             Bus *bus) {
     GError *error = NULL;
     return bus_validate(bus, invocation, session_path, directory, options, &error) ||
-           bus_calls_refuse(invocation, error);
+           refuse(invocation, error);
 }
 
 static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
                          const char *session_path, const char *directory, GVariant *options,
                          Bus *bus) {
     GError *error = NULL;
-    bus_calls_claim(bus, invocation);
+    claim(bus, invocation);
     return bus_start(bus, invocation, session_path, directory, options, &error) ||
-           bus_calls_refuse(invocation, error);
+           refuse(invocation, error);
 }
 
 static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
                           GVariant *options, Bus *bus) {
     GError *error = NULL;
-    bus_calls_claim(bus, invocation);
+    claim(bus, invocation);
     return bus_start(bus, invocation, NULL, directory, options, &error) ||
-           bus_calls_refuse(invocation, error);
+           refuse(invocation, error);
 }
 
 static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus_need_capture(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     capture_pause(bus->capture);
     bus_rig1_complete_pause(object, invocation);
     return TRUE;
@@ -78,9 +78,9 @@ static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, 
         return TRUE;
     }
     if (!bus_need_capture(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     if (!capture_continue(bus->capture, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_hash_table_remove_all(bus->faults);
     bus_rig1_complete_continue(object, invocation);
     return TRUE;
@@ -95,7 +95,7 @@ static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus
         bus_unattended_stop(bus, why);
     const gboolean begun = bus_jobs_stop_begin(bus, why) || asked || trying;
     if (!begun && !bus_need_capture(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     if (bus->capture)
         capture_abort(bus->capture);
     bus_rig1_complete_abort(object, invocation);
@@ -107,14 +107,14 @@ static gboolean on_queue_add(BusRig1 *object, GDBusMethodInvocation *invocation,
                              Bus *bus) {
     GError *error = NULL;
     return bus_add_to_queue(bus, invocation, session_path, directory, options, &error) ||
-           bus_calls_refuse(invocation, error);
+           refuse(invocation, error);
 }
 
 static gboolean on_queue_remove(BusRig1 *object, GDBusMethodInvocation *invocation, guint number,
                                 Bus *bus) {
     GError *error = NULL;
     if (!bus_unattended_remove(bus, number, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_queue_remove(object, invocation);
     return TRUE;
@@ -124,7 +124,7 @@ static gboolean on_queue_move(BusRig1 *object, GDBusMethodInvocation *invocation
                               guint place, Bus *bus) {
     GError *error = NULL;
     if (!bus_unattended_move(bus, number, place, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_queue_move(object, invocation);
     return TRUE;
@@ -133,7 +133,7 @@ static gboolean on_queue_move(BusRig1 *object, GDBusMethodInvocation *invocation
 static gboolean on_queue_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus_unattended_pause(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_queue_pause(object, invocation);
     return TRUE;
@@ -142,7 +142,7 @@ static gboolean on_queue_pause(BusRig1 *object, GDBusMethodInvocation *invocatio
 static gboolean on_queue_resume(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus_unattended_resume(bus, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_queue_resume(object, invocation);
     return TRUE;
@@ -153,7 +153,7 @@ static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocat
     GError *error = NULL;
     const struct capture_thumbnail *found = bus_thumbnail(bus, camera, &error);
     if (!found)
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
                                               (gsize)found->width * found->height * 3, 1);
     bus_rig1_complete_get_thumbnail(object, invocation, (guint)found->width, (guint)found->height,
@@ -184,7 +184,7 @@ static gboolean on_renew(BusRig1 *object, GDBusMethodInvocation *invocation, dou
     GError *error = NULL;
     guint n = 0;
     if (!bus_hands_renew(bus, invocation, for_s, &n, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     bus_rig1_complete_renew(object, invocation, n);
     return TRUE;
 }
@@ -192,7 +192,7 @@ static gboolean on_renew(BusRig1 *object, GDBusMethodInvocation *invocation, dou
 static gboolean on_release(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
     if (!bus_latch_release(bus->latch, invocation, &error))
-        return bus_calls_refuse(invocation, error);
+        return refuse(invocation, error);
     bus_rest_clock(bus);
     bus_unattended_poke(bus);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));

@@ -5,7 +5,7 @@ struct listing {
     GHashTable *faults, *unsafe;
 };
 
-static void bus_devices_add(struct listing *list, const struct device *device, const char *health) {
+static void add(struct listing *list, const struct device *device, const char *health) {
     const char *unsafe = g_hash_table_lookup(list->unsafe, device->who);
     const char *fault = g_hash_table_lookup(list->faults, device->name);
     g_autofree char *health_text = unsafe  ? g_strconcat("unsafe: ", unsafe, NULL)
@@ -15,12 +15,12 @@ static void bus_devices_add(struct listing *list, const struct device *device, c
                           device->info->name, health_text);
 }
 
-static void bus_devices_add_axis(struct listing *list, const Axis *axis) {
+static void add_axis(struct listing *list, const Axis *axis) {
     if (axis)
-        bus_devices_add(list, &axis->device,
-                        !axis_is_homed(axis)   ? "not homed"
-                        : axis_is_moving(axis) ? "moving"
-                                               : "ok");
+        add(list, &axis->device,
+            !axis_is_homed(axis)   ? "not homed"
+            : axis_is_moving(axis) ? "moving"
+                                   : "ok");
 }
 
 GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *unsafe) {
@@ -29,27 +29,26 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults, GHashTable *u
     if (!devices)
         return g_variant_builder_end(&list.builder);
     for (int i = 0; i < DEVICES_POSITIONERS; i++)
-        bus_devices_add_axis(&list, devices_positioner(devices, i));
+        add_axis(&list, devices_positioner(devices, i));
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
-            bus_devices_add_axis(&list, devices->sweeps[i]);
+            add_axis(&list, devices->sweeps[i]);
     for (int i = 0; i < devices->n_banks; i++) {
         int on = 0;
         for (int k = 0; k < devices->banks[i]->n; k++)
             on += lamps_is_on(devices->banks[i], k);
         g_autofree char *health = on ? g_strdup_printf("%d on", on) : g_strdup("off");
-        bus_devices_add(&list, &devices->banks[i]->device, health);
+        add(&list, &devices->banks[i]->device, health);
     }
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         if (devices_is_unit(&devices->geometry, i))
-            bus_devices_add(&list, &devices->cameras[i]->device, "ok");
+            add(&list, &devices->cameras[i]->device, "ok");
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
-            bus_devices_add(&list, &devices->lasers[i]->device,
-                            laser_is_on(devices->lasers[i]) ? "on" : "off");
+            add(&list, &devices->lasers[i]->device, laser_is_on(devices->lasers[i]) ? "on" : "off");
     for (int i = 0; i < devices->n_interlocks; i++)
-        bus_devices_add(&list, &devices->interlocks[i]->device,
-                        interlock_is_closed(devices->interlocks[i]) ? "closed" : "open");
+        add(&list, &devices->interlocks[i]->device,
+            interlock_is_closed(devices->interlocks[i]) ? "closed" : "open");
     return g_variant_builder_end(&list.builder);
 }
 
@@ -68,8 +67,8 @@ GVariant *bus_pose(const struct devices *devices, const struct session_shot *sho
                          kind, name);
 }
 
-static void bus_devices_add_place(GVariantBuilder *to, const char *class_name, const char *name,
-                                  struct vec3 position_mm, gboolean carried) {
+static void add_place(GVariantBuilder *to, const char *class_name, const char *name,
+                      struct vec3 position_mm, gboolean carried) {
     double theta_rad, phi_rad;
     rig_angles(position_mm, &theta_rad, &phi_rad);
     g_variant_builder_add(to, "(ssddb)", class_name, name, theta_rad * 180 / G_PI,
@@ -83,15 +82,13 @@ GVariant *bus_places(const struct devices *devices) {
         return g_variant_builder_end(&to);
     const struct rig *rig = &devices->geometry;
     for (int i = 0; i < rig->n_cameras; i++)
-        bus_devices_add_place(&to, "camera", rig->cameras[i].name,
-                              rig_camera_centre_mm(&rig->cameras[i]), FALSE);
+        add_place(&to, "camera", rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]),
+                  FALSE);
     for (int i = 0; i < rig->n_lamps; i++)
-        bus_devices_add_place(&to, "lamp", rig->lamps[i].name,
-                              rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0),
-                              !rig->lamps[i].fixed);
+        add_place(&to, "lamp", rig->lamps[i].name,
+                  rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0), !rig->lamps[i].fixed);
     for (int i = 0; i < rig->n_lasers; i++)
-        bus_devices_add_place(&to, "laser", rig->lasers[i].name,
-                              rig_laser_position_mm(&rig->arc, &rig->lasers[i], 0),
-                              !rig->lasers[i].fixed);
+        add_place(&to, "laser", rig->lasers[i].name,
+                  rig_laser_position_mm(&rig->arc, &rig->lasers[i], 0), !rig->lasers[i].fixed);
     return g_variant_builder_end(&to);
 }

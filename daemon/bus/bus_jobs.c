@@ -28,7 +28,7 @@ struct bus_job {
     gboolean process;
 };
 
-static void bus_jobs_fail(Bus *bus, struct bus_job *job, GError *error) {
+static void fail(Bus *bus, struct bus_job *job, GError *error) {
     if (job->invocation) {
         g_dbus_method_invocation_take_error(g_steal_pointer(&job->invocation),
                                             bus_errors_wrap(error));
@@ -39,11 +39,11 @@ static void bus_jobs_fail(Bus *bus, struct bus_job *job, GError *error) {
 }
 
 /* Stops a job. The job is freed when its child has ended. */
-static void bus_jobs_stop(Bus *bus, struct bus_job *job, const char *why) {
+static void stop(Bus *bus, struct bus_job *job, const char *why) {
     g_ptr_array_remove(bus->jobs, job);
     job->bus = NULL;
     g_cancellable_cancel(job->cancellable);
-    bus_jobs_fail(bus, job, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
+    fail(bus, job, g_error_new_literal(BUS_ERROR, BUS_ERROR_CANCELLED, why));
 }
 
 static struct bus_job *find_beginning(Bus *bus) {
@@ -63,13 +63,13 @@ const char *bus_jobs_beginning(Bus *bus) {
 gboolean bus_jobs_stop_begin(Bus *bus, const char *why) {
     struct bus_job *job = find_beginning(bus);
     if (job)
-        bus_jobs_stop(bus, job, why);
+        stop(bus, job, why);
     return job != NULL;
 }
 
 void bus_jobs_stop_all(Bus *bus, const char *why) {
     while (bus->jobs->len > 0)
-        bus_jobs_stop(bus, bus->jobs->pdata[0], why);
+        stop(bus, bus->jobs->pdata[0], why);
 }
 
 void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
@@ -77,7 +77,7 @@ void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
         struct bus_job *job = bus->jobs->pdata[i];
         if (job->invocation &&
             g_dbus_method_invocation_get_connection(job->invocation) == connection)
-            bus_jobs_stop(bus, job, "the client has disconnected");
+            stop(bus, job, "the client has disconnected");
     }
 }
 
@@ -100,7 +100,7 @@ static void answer_adding(struct bus_job *job, GVariant *report, GError *error) 
         queue_item_free(item);
     }
     if (number == 0) {
-        bus_jobs_fail(job->bus, job, error);
+        fail(job->bus, job, error);
         return;
     }
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(job->bus->object));
@@ -116,7 +116,7 @@ static void answer_check(struct bus_job *job, GVariant *report, GError *error) {
         return;
     }
     if (!report && error->domain == BUS_ERROR) {
-        bus_jobs_fail(job->bus, job, error);
+        fail(job->bus, job, error);
         return;
     }
     g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
@@ -131,7 +131,7 @@ static void answer_beginning(struct bus_job *job, GVariant *result, GError *erro
     const char *warning = result ? g_variant_get_string(result, NULL) : "";
     if (!result || !bus_begin(job->bus, job->directory, resumed, *warning ? warning : NULL,
                               job->process, &error)) {
-        bus_jobs_fail(job->bus, job, error);
+        fail(job->bus, job, error);
         return;
     }
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(job->bus->object));

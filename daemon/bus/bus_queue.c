@@ -82,7 +82,7 @@ void bus_reply(GDBusConnection *connection, GDBusMessage *message, GVariant *bod
 
 /* Counts a call. Returns the number of calls of the client that already wait, without this one, or
  * −1 if the queue is full. */
-static int bus_queue_enter(struct bus_queue *queue, const char *client) {
+static int enter(struct bus_queue *queue, const char *client) {
     g_mutex_lock(&queue->lock);
     int n = GPOINTER_TO_INT(g_hash_table_lookup(queue->of_client, client));
     if (queue->n_waiting >= MAX_WAITING) {
@@ -95,7 +95,7 @@ static int bus_queue_enter(struct bus_queue *queue, const char *client) {
     return n;
 }
 
-static gboolean bus_queue_leave(gpointer data) {
+static gboolean leave(gpointer data) {
     const struct ticket *ticket = data;
     struct bus_queue *queue = ticket->queue;
     g_mutex_lock(&queue->lock);
@@ -110,7 +110,7 @@ static gboolean bus_queue_leave(gpointer data) {
 }
 
 /* Counts a call until the main loop takes it. GDBus passes each call to the main loop by an idle
- * source of the default priority. bus_queue_leave() is queued just before, at the same priority,
+ * source of the default priority. leave() is queued just before, at the same priority,
  * and therefore runs just before the call. */
 static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, gboolean incoming,
                             gpointer data) {
@@ -124,7 +124,7 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
     const char *sender = g_dbus_message_get_sender(message);
     g_autofree char *client =
         sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);
-    const int n = bus_queue_enter(queue, client);
+    const int n = enter(queue, client);
     if (n < 0 || n >= MAX_OF_CLIENT) {
         bus_reply(
             connection, message, NULL,
@@ -142,7 +142,7 @@ static GDBusMessage *filter(GDBusConnection *connection, GDBusMessage *message, 
     }
     struct ticket *ticket = g_new(struct ticket, 1);
     *ticket = (struct ticket){g_atomic_rc_box_acquire(queue), g_steal_pointer(&client)};
-    run_soon(queue, G_PRIORITY_DEFAULT, bus_queue_leave, ticket, ticket_free);
+    run_soon(queue, G_PRIORITY_DEFAULT, leave, ticket, ticket_free);
     return message;
 }
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 /* Decides whether a device may give light or move. */
-static gboolean bus_permits(const struct device *device, gpointer data, GError **error) {
+static gboolean permits(const struct device *device, gpointer data, GError **error) {
     Bus *bus = data;
     if (!bus_latch_need_released(bus->latch, error))
         return FALSE;
@@ -23,7 +23,7 @@ static void show_unsafe(Bus *bus) {
 }
 
 /* A virtual clock runs until every device has confirmed. */
-static void bus_on_safety(struct device *device, const GError *error, gpointer data) {
+static void on_safety(struct device *device, const GError *error, gpointer data) {
     Bus *bus = data;
     if (error) {
         g_autofree char *text = g_strdup_printf(DEVICES_UNSAFE ": %s", error->message);
@@ -44,8 +44,8 @@ static void bus_on_safety(struct device *device, const GError *error, gpointer d
 }
 
 void bus_safety_watch(Bus *bus) {
-    devices_set_permit(bus->devices, bus_permits, bus);
-    devices_watch_safety(bus->devices, bus_on_safety, bus);
+    devices_set_permit(bus->devices, permits, bus);
+    devices_watch_safety(bus->devices, on_safety, bus);
 }
 
 void bus_safety_forget(Bus *bus) {

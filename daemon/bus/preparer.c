@@ -46,7 +46,7 @@ static char *find_program(GError **error) {
     return program_find("mesorigd", error);
 }
 
-static GVariant *preparer_bytes_of(gconstpointer data, gsize size) {
+static GVariant *bytes_of(gconstpointer data, gsize size) {
     return g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, data, size, 1);
 }
 
@@ -54,21 +54,21 @@ static GBytes *request_bytes(const struct preparer_request *request) {
     const struct devices *devices = request->devices;
     const char *calibration =
         request->calibration ? request->calibration : devices->calibration_path;
-    g_autoptr(GVariant) variant = g_variant_ref_sink(g_variant_new(
-        PREPARER_REQUEST, MESORIG_VERSION, (gint32)getpid(), (gint32)request->task,
-        request->limits.cpu_s, request->limits.memory_bytes,
-        preparer_bytes_of(&devices->geometry, sizeof devices->geometry),
-        preparer_bytes_of(&devices->timing, sizeof devices->timing), devices->text, devices->path,
-        calibration ? calibration : "", devices->calibration_days,
-        request->session_path ? request->session_path : "", request->directory,
-        request->session_text ? request->session_text : "",
-        request->calibration_text ? request->calibration_text : "",
-        request->chosen ? request->chosen : "",
-        preparer_bytes_of(request->caller, request->caller ? sizeof *request->caller : 0)));
+    g_autoptr(GVariant) variant = g_variant_ref_sink(
+        g_variant_new(PREPARER_REQUEST, MESORIG_VERSION, (gint32)getpid(), (gint32)request->task,
+                      request->limits.cpu_s, request->limits.memory_bytes,
+                      bytes_of(&devices->geometry, sizeof devices->geometry),
+                      bytes_of(&devices->timing, sizeof devices->timing), devices->text,
+                      devices->path, calibration ? calibration : "", devices->calibration_days,
+                      request->session_path ? request->session_path : "", request->directory,
+                      request->session_text ? request->session_text : "",
+                      request->calibration_text ? request->calibration_text : "",
+                      request->chosen ? request->chosen : "",
+                      bytes_of(request->caller, request->caller ? sizeof *request->caller : 0)));
     return g_variant_get_data_as_bytes(variant);
 }
 
-static void preparer_report_end(const struct child *child, GError **error) {
+static void report_end(const struct child *child, GError **error) {
     const char *what = doing[child->task];
     const int signal = g_subprocess_get_if_signaled(child->process)
                            ? g_subprocess_get_term_sig(child->process)
@@ -128,7 +128,7 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
     if (heard && g_subprocess_get_successful(child->process))
         answer = read_answer(bytes, &error);
     else if (heard)
-        preparer_report_end(child, &error);
+        report_end(child, &error);
     else
         g_set_error(
             &error, BUS_ERROR, BUS_ERROR_FAILED,
@@ -140,7 +140,7 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
         g_task_return_error(task, error);
 }
 
-static gboolean preparer_on_deadline(gpointer data) {
+static gboolean on_deadline(gpointer data) {
     struct child *child = data;
     child->deadline_id = 0;
     child->late = TRUE;
@@ -168,7 +168,7 @@ void preparer_run(const struct preparer_request *request, GCancellable *cancella
     child->process = g_object_ref(process);
     child->task = request->task;
     child->limits = request->limits;
-    child->deadline_id = g_timeout_add_seconds(child->limits.wall_s, preparer_on_deadline, child);
+    child->deadline_id = g_timeout_add_seconds(child->limits.wall_s, on_deadline, child);
     g_task_set_task_data(task, child, child_free);
     g_autoptr(GBytes) bytes = request_bytes(request);
     g_subprocess_communicate_async(process, bytes, cancellable, on_end, task);

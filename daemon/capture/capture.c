@@ -93,7 +93,7 @@ void capture_count(Capture *capture) {
     }
 }
 
-static gboolean capture_open_adaptive(Capture *capture, GError **error) {
+static gboolean open_adaptive(Capture *capture, GError **error) {
     struct adaptive_setup setup = {.session = capture->session,
                                    .conf = &capture->conf,
                                    .shots = capture->shots,
@@ -125,7 +125,7 @@ static Capture *capture_open(struct devices *devices, const char *directory,
     capture->state = CAPTURE_PAUSED;
     capture->since_us = -1;
     g_queue_init(&capture->flights);
-    if (!read_session(capture, error) || !capture_open_adaptive(capture, error)) {
+    if (!read_session(capture, error) || !open_adaptive(capture, error)) {
         capture_free(capture);
         return NULL;
     }
@@ -173,8 +173,8 @@ static Session *create_session(const struct devices *devices, const struct sessi
     return session_create(directory, conf->name, &texts, &plan->session, error);
 }
 
-static void capture_note(Session *session, const char *level, const char *source,
-                         const GPtrArray *messages) {
+static void note(Session *session, const char *level, const char *source,
+                 const GPtrArray *messages) {
     for (guint i = 0; messages && i < messages->len; i++)
         session_add_event(session, 0, level, source, messages->pdata[i], NULL);
 }
@@ -196,14 +196,14 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
         capture_save_value(session, "predicted_s", plan->predicted_s);
         capture_save_value(session, "lower_bound_s", plan->lower_bound_s);
         capture_save_value(session, "predicted_bytes", (double)plan->bytes);
-        capture_note(session, "info", "plan", plan->notes);
+        note(session, "info", "plan", plan->notes);
         if (conf->chosen) {
             g_autofree char *said =
                 g_strdup_printf("chosen by pictures on trial: %s", conf->chosen);
             session_add_event(session, 0, "info", "exposures", said, NULL);
         }
         session_add_event(session, 0, "info", "calibration", line, NULL);
-        capture_note(session, "warning", "calibration", warnings);
+        note(session, "warning", "calibration", warnings);
     }
     return session != NULL;
 }

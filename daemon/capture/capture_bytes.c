@@ -10,7 +10,7 @@
 
 /* The footprints of cameras whose frames vary in size. They are computed only once, because neither
  * the camera nor the plane moves. */
-static const struct plan_footprint *capture_footprints(Capture *capture) {
+static const struct plan_footprint *footprints(Capture *capture) {
     const struct rig *rig = &capture->devices->geometry;
     if (capture->footprints)
         return capture->footprints;
@@ -24,24 +24,23 @@ static const struct plan_footprint *capture_footprints(Capture *capture) {
 static double capture_bytes_planned(Capture *capture, const struct session_shot *shot, int camera) {
     return (double)plan_shot_bytes(&capture->conf, &capture->devices->geometry, shot, camera,
                                    capture->devices->timing.bits[camera],
-                                   &capture_footprints(capture)[camera]);
+                                   &footprints(capture)[camera]);
 }
 
 /* Kept exposures and laser frames have no rows, and have their planned size. */
-static gboolean capture_bytes_vary(const Capture *capture, int camera) {
+static gboolean vary(const Capture *capture, int camera) {
     return plan_bytes_vary(&capture->devices->geometry.cameras[camera]) &&
            !capture->conf.keep_exposures && !capture->conf.keep_laser_frames;
 }
 
-static void capture_bytes_count(Capture *capture, const struct session_shot *shot,
-                                const struct session_frame *frame) {
+static void count(Capture *capture, const struct session_shot *shot,
+                  const struct session_frame *frame) {
     const int c = frame->camera;
     if (c < 0 || c >= capture->devices->geometry.n_cameras)
         return;
     const double planned = capture_bytes_planned(capture, shot, c);
-    const double is = capture_bytes_vary(capture, c)
-                          ? (double)plan_stored_bytes((guint64)MAX(frame->bytes, 0))
-                          : planned;
+    const double is =
+        vary(capture, c) ? (double)plan_stored_bytes((guint64)MAX(frame->bytes, 0)) : planned;
     capture->bytes[shot->kind][c].sum += is;
     capture->bytes[shot->kind][c].planned += planned;
     capture->stored_bytes += is;
@@ -49,14 +48,14 @@ static void capture_bytes_count(Capture *capture, const struct session_shot *sho
 
 /* Returns the ratio of stored to planned bytes for the frames of a kind and camera. Until such a
  * frame is stored, it is the ratio of the other cameras. */
-static double capture_bytes_ratio(const Capture *capture, int kind, int camera) {
+static double ratio(const Capture *capture, int kind, int camera) {
     double sum = 0, planned = 0;
-    if (!capture_bytes_vary(capture, camera))
+    if (!vary(capture, camera))
         return 1;
     if (capture->bytes[kind][camera].planned > 0)
         return capture->bytes[kind][camera].sum / capture->bytes[kind][camera].planned;
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++)
-        if (capture_bytes_vary(capture, c)) {
+        if (vary(capture, c)) {
             sum += capture->bytes[kind][c].sum;
             planned += capture->bytes[kind][c].planned;
         }
@@ -81,7 +80,7 @@ static double capture_bytes_left(Capture *capture) {
     double ratios[SHOT_SWEEP + 1][RIG_MAX_CAMERAS];
     for (int kind = 0; kind <= SHOT_SWEEP; kind++)
         for (int c = 0; c < n_cameras; c++)
-            ratios[kind][c] = capture_bytes_ratio(capture, kind, c);
+            ratios[kind][c] = ratio(capture, kind, c);
     for (guint i = 0; i < capture->shots->len; i++) {
         const struct session_shot *at = capture->shots->pdata[i];
         if (at->state != SHOT_PLANNED ||
@@ -104,13 +103,13 @@ void capture_bytes_begin(Capture *capture, const GPtrArray *frames) {
         const struct session_frame *frame = frames->pdata[i];
         const struct session_shot *shot = g_hash_table_lookup(shots, &frame->shot);
         if (shot && shot->state == SHOT_DONE)
-            capture_bytes_count(capture, shot, frame);
+            count(capture, shot, frame);
     }
 }
 
 /* The whole list of shots is examined after 1, 2, 3, 4, 6, 8, 12 … shots of this run, and after the
  * first shot of each kind. */
-static gboolean capture_bytes_is_due(const Capture *capture, gboolean first) {
+static gboolean is_due(const Capture *capture, gboolean first) {
     guint n = capture->committed;
     while (n > 3 && n % 2 == 0)
         n /= 2;
@@ -122,9 +121,9 @@ void capture_bytes_add(Capture *capture, const struct session_shot *shot,
     gboolean first = FALSE;
     for (int i = 0; i < n; i++) {
         first |= capture->bytes[shot->kind][frames[i].camera].planned == 0;
-        capture_bytes_count(capture, shot, &frames[i]);
+        count(capture, shot, &frames[i]);
     }
-    if (!capture_bytes_is_due(capture, first))
+    if (!is_due(capture, first))
         return;
     const double left = capture_bytes_left(capture);
     const double all =

@@ -31,7 +31,7 @@ static gboolean keep_outputs(Capture *capture, const struct flight *flight, GErr
     return TRUE;
 }
 
-static guint32 capture_marks_moved(const struct rig *rig, const struct fiducials_check *check) {
+static guint32 moved(const struct rig *rig, const struct fiducials_check *check) {
     guint32 bits = check->slipped ? TURNTABLE : 0;
     for (int c = 0; c < rig->n_cameras; c++)
         if (check->cameras[c].moved)
@@ -90,12 +90,12 @@ char *capture_marks_check(Capture *capture, const struct flight *flight, GError 
     guint before = g_queue_get_length(capture->marks) - 1;
     check_seen(capture, flight->marks, &check);
     report_first_check(capture, &check);
-    if (capture_marks_moved(rig, &check) != 0)
+    if (moved(rig, &check) != 0)
         before = 0;
     else
         check_seen(capture, window, &check);
     guint32 suspected = capture->suspected;
-    capture->suspected = capture_marks_moved(rig, &check) & ~accepted(capture);
+    capture->suspected = moved(rig, &check) & ~accepted(capture);
     if (capture->suspected == 0)
         return NULL;
     g_autofree char *what = fiducials_describe(rig, &check);

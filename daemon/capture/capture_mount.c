@@ -6,12 +6,12 @@ static const struct rig_timing *timing_of(const Capture *capture) {
     return &capture->devices->timing;
 }
 
-static const char *capture_mount_name_of(const Capture *capture, int laser) {
+static const char *name_of(const Capture *capture, int laser) {
     return capture->devices->geometry.lasers[laser].name;
 }
 
 static char *key_of(const Capture *capture, int unit) {
-    return g_strdup_printf("mount.%s", capture_mount_name_of(capture, unit));
+    return g_strdup_printf("mount.%s", name_of(capture, unit));
 }
 
 gboolean capture_mount_load(Capture *capture, GError **error) {
@@ -27,8 +27,7 @@ gboolean capture_mount_load(Capture *capture, GError **error) {
         capture->mounted[i] =
             -1; /* the session does not say, or names a laser that the rig no longer has */
         for (int k = 0; said && k < capture->devices->geometry.n_lasers; k++)
-            if (rig_laser_unit(timing_of(capture), k) == i &&
-                !strcmp(capture_mount_name_of(capture, k), said))
+            if (rig_laser_unit(timing_of(capture), k) == i && !strcmp(name_of(capture, k), said))
                 capture->mounted[i] = k;
         if (capture->mounted[i] >= 0 && !laser_mount(capture->devices->lasers[i], said, error))
             return FALSE;
@@ -85,8 +84,7 @@ guint capture_mount_reach(Capture *capture) {
 static char *describe_place(const Capture *capture, int laser) {
     double theta_rad, phi_rad;
     rig_angles(capture->devices->geometry.lasers[laser].position_mm, &theta_rad, &phi_rad);
-    return g_strdup_printf("at %.4g° (%s)", theta_rad * 180 / G_PI,
-                           capture_mount_name_of(capture, laser));
+    return g_strdup_printf("at %.4g° (%s)", theta_rad * 180 / G_PI, name_of(capture, laser));
 }
 
 void capture_mount_ask(Capture *capture) {
@@ -102,7 +100,7 @@ void capture_mount_ask(Capture *capture) {
             break;
     }
     g_return_if_fail(wanted >= 0);
-    const char *unit = capture_mount_name_of(capture, rig_laser_unit(timing_of(capture), wanted));
+    const char *unit = name_of(capture, rig_laser_unit(timing_of(capture), wanted));
     g_autofree char *place = describe_place(capture, wanted);
     g_autofree char *prompt = g_strdup_printf("mount laser unit %s %s, then continue", unit, place);
     capture->wanted_mount = wanted;
@@ -117,11 +115,11 @@ gboolean capture_mount_answer(Capture *capture, GError **error) {
     g_autofree char *key = key_of(capture, unit);
     g_autofree char *place = describe_place(capture, wanted);
     g_autofree char *told = g_strdup_printf("is mounted %s", place);
-    if (!session_set_value(capture->session, key, capture_mount_name_of(capture, wanted), error) ||
-        !laser_mount(capture->devices->lasers[unit], capture_mount_name_of(capture, wanted), error))
+    if (!session_set_value(capture->session, key, name_of(capture, wanted), error) ||
+        !laser_mount(capture->devices->lasers[unit], name_of(capture, wanted), error))
         return FALSE;
     capture->mounted[unit] = wanted;
     capture->wanted_mount = -1;
-    capture_add_event(capture, "info", capture_mount_name_of(capture, unit), told);
+    capture_add_event(capture, "info", name_of(capture, unit), told);
     return TRUE;
 }

@@ -46,7 +46,7 @@ static gboolean notify_changed(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-static void capture_run_changed(Capture *capture) {
+static void changed(Capture *capture) {
     if (capture->changed_source != 0 || !capture->callbacks.changed)
         return;
     gint64 since_ms = (g_get_monotonic_time() - capture->changed_at_us) / 1000;
@@ -119,7 +119,7 @@ void capture_set_state(Capture *capture, enum capture_state state) {
     capture->state = state;
     if (!kept)
         session_set_value(capture->session, "state", state_names[state], NULL);
-    capture_run_changed(capture);
+    changed(capture);
 }
 
 void capture_flight_free(gpointer data) {
@@ -189,7 +189,7 @@ static void stop_for_disk(Capture *capture, const GError *error) {
 }
 
 /* All chosen shots are taken: chooses more, or finishes the session. */
-static void capture_run_end_round(Capture *capture) {
+static void end_round(Capture *capture) {
     if (capture->adaptive && !adaptive_is_over(capture->adaptive)) {
         adaptive_choose(capture->adaptive);
         return;
@@ -217,7 +217,7 @@ static void when_all_is_committed(Capture *capture) {
         return;
     capture->all_taken = FALSE;
     if (capture->committed == capture->remaining->len) {
-        capture_run_end_round(capture);
+        end_round(capture);
     } else if (capture->committed == capture->leg->len) {
         capture_mount_ask(capture);
     } else {
@@ -333,7 +333,7 @@ static void commit_what_is_back(Capture *capture) {
             return;
         capture_flight_free(g_queue_pop_head(&capture->flights));
     }
-    capture_run_changed(capture);
+    changed(capture);
     when_all_is_committed(capture);
 }
 
@@ -424,7 +424,7 @@ static void on_room(gpointer data) {
 
 /* Notes the time left, counted from the moment when the first n of the remaining shots had been
  * exposed. */
-static void capture_run_note_left(Capture *capture, guint n, double at_s) {
+static void note_left(Capture *capture, guint n, double at_s) {
     capture->left_n = n;
     capture->left_at_s = at_s;
     capture->left_s = capture_left_s(capture, &capture->plan_left[n]);
@@ -434,7 +434,7 @@ static void capture_run_note_left(Capture *capture, guint n, double at_s) {
 
 /* Counts the time since that was last noted as spent on the shot that was exposed. Each further
  * camera that ends the same shot counts what it took longer. */
-static void capture_run_learn(Capture *capture, guint n, double at_s) {
+static void learn(Capture *capture, guint n, double at_s) {
     const struct session_shot *shot = capture->remaining->pdata[n - 1];
     const struct shots_left *left = capture->plan_left;
     capture->learnt[shot->kind].late_s +=
@@ -444,7 +444,7 @@ static void capture_run_learn(Capture *capture, guint n, double at_s) {
 
 static void on_homed(gpointer data) {
     Capture *capture = data;
-    capture_run_note_left(capture, 0, capture_now_s(capture));
+    note_left(capture, 0, capture_now_s(capture));
     /* For the history: since the last shot, or the beginning, only axes have been homed. */
     session_add_event(capture->session, capture_now_s(capture), "info", "capture",
                       SESSION_EVENT_HOMED, NULL);
@@ -457,8 +457,8 @@ static gboolean on_may_trigger(gpointer data) {
     return !intake_is_full(capture->intake);
 }
 
-static void capture_run_on_frame(const struct session_shot *shot,
-                                 const struct sequencer_taken *taken, Frame *frame, gpointer data) {
+static void on_frame(const struct session_shot *shot, const struct sequencer_taken *taken,
+                     Frame *frame, gpointer data) {
     Capture *capture = data;
     const int camera = taken->camera, sub = taken->sub;
     if (!find_flight(capture, shot)) {
@@ -478,8 +478,8 @@ static void capture_run_on_frame(const struct session_shot *shot,
     capture->frames++;
     if (sub + 1 == shot_n_frames(&capture->conf, shot)) {
         const guint n = capture->committed + capture->flights.length;
-        capture_run_learn(capture, n, time_s);
-        capture_run_note_left(capture, n, time_s);
+        learn(capture, n, time_s);
+        note_left(capture, n, time_s);
     }
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
@@ -490,7 +490,7 @@ static void capture_run_on_frame(const struct session_shot *shot,
         latest->time_s = time_s;
         latest->fresh = FALSE;
     }
-    capture_run_changed(capture);
+    changed(capture);
 }
 
 static void on_retake(int camera, const char *why, gint64 shortened_us, gpointer data) {
@@ -526,7 +526,7 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     g_free(capture->reason);
     capture->reason = both;
     session_set_value(capture->session, "reason", both, NULL);
-    capture_run_changed(capture);
+    changed(capture);
 }
 
 /* Lists the remaining shots of a round in its order, and sets their passes. The passes are computed
@@ -569,12 +569,12 @@ static void note_remaining(Capture *capture) {
     capture->plan_left =
         capture_plan_left(capture, (const struct session_shot *const *)capture->remaining->pdata,
                           capture->remaining->len);
-    capture_run_note_left(capture, 0, capture_now_s(capture));
+    note_left(capture, 0, capture_now_s(capture));
     capture->left_least_s = capture->left_s;
     capture->left_s += plan_homing_s(&devices->geometry, &devices->timing);
 }
 
-static void capture_run_begin(gpointer data) {
+static void begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
     capture->all_taken = FALSE;
@@ -602,7 +602,7 @@ void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
     note_remaining(capture);
     capture_set_state(capture, CAPTURE_HOMING);
-    capture->starter = clock_call_in(capture->devices->clock, 0, capture_run_begin, capture);
+    capture->starter = clock_call_in(capture->devices->clock, 0, begin, capture);
 }
 
 static void stop_for_choice(Capture *capture, const GError *error) {
@@ -617,8 +617,8 @@ static void stop_for_choice(Capture *capture, const GError *error) {
 }
 
 /* If the session was aborted or paused in the meantime, the choice is made when it is resumed. */
-static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_lights,
-                                  const GError *error, gpointer data) {
+static void on_chosen(int n, const char *of_lasers, const char *of_lights, const GError *error,
+                      gpointer data) {
     Capture *capture = data;
     const gboolean pausing = capture->state == CAPTURE_PAUSING;
     if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING && !pausing)
@@ -635,20 +635,20 @@ static void capture_run_on_chosen(int n, const char *of_lasers, const char *of_l
     if (pausing)
         capture_pause_for(capture, CAPTURE_FAULT_NONE, "capture", "paused by the user");
     else if (n > 0) {
-        /* capture_run_begin() starts the clock again */
+        /* begin() starts the clock again */
         capture->clock_base_s = capture_now_s(capture);
         capture->since_us = -1;
         capture_begin_soon(capture);
     } else
-        capture_run_end_round(capture);
+        end_round(capture);
 }
 
-const struct adaptive_hooks capture_adaptive_hooks = {.chosen = capture_run_on_chosen};
+const struct adaptive_hooks capture_adaptive_hooks = {.chosen = on_chosen};
 const struct intake_hooks capture_intake_hooks = {.result = on_result, .room = on_room};
 const struct sequencer_hooks capture_sequencer_hooks = {
     .homed = on_homed,
     .may_trigger = on_may_trigger,
-    .frame = capture_run_on_frame,
+    .frame = on_frame,
     .retake = on_retake,
     .finished = on_finished,
     .fault = on_fault,

@@ -16,7 +16,7 @@ struct Follower {
 };
 
 /* Runs between fork and exec: async-signal-safe calls only. */
-static void follower_prepare_child(gpointer parent) {
+static void prepare_child(gpointer parent) {
     setpriority(PRIO_PROCESS, 0, 10);
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (getppid() != GPOINTER_TO_INT(parent))
@@ -41,8 +41,7 @@ Follower *follower_start(const char *directory, GError **error) {
         return NULL;
     g_autoptr(GSubprocessLauncher) launcher =
         g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE);
-    g_subprocess_launcher_set_child_setup(launcher, follower_prepare_child,
-                                          GINT_TO_POINTER(getpid()), NULL);
+    g_subprocess_launcher_set_child_setup(launcher, prepare_child, GINT_TO_POINTER(getpid()), NULL);
     GSubprocess *child = g_subprocess_launcher_spawn(launcher, error, program, "process", directory,
                                                      "--follow", NULL);
     if (!child)

@@ -14,7 +14,7 @@
  * all attempts. */
 #define FIRST_REST_US 100000
 
-static void sequencer_prepare(Sequencer *seq);
+static void prepare(Sequencer *seq);
 
 gboolean sequencer_stop(Sequencer *seq, GError **error) {
     seq->state = IDLE;
@@ -196,7 +196,7 @@ static void trigger_pending(Sequencer *seq) {
     }
     if (seq->waiting == 0) {
         seq->state = PREPARING;
-        sequencer_prepare(seq);
+        prepare(seq);
     }
 }
 
@@ -206,7 +206,7 @@ static void timer_due(gpointer data) {
     sequencer_advance(seq);
 }
 
-static void sequencer_prepare(Sequencer *seq) {
+static void prepare(Sequencer *seq) {
     struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
     gint64 ready_us;
     stage_pursue(seq->stage, &goal);
@@ -233,7 +233,7 @@ static void start_shots(Sequencer *seq) {
     if (seq->state != PREPARING)
         return;
     if (begin_shot(seq))
-        sequencer_prepare(seq);
+        prepare(seq);
     else
         sequencer_finish(seq);
 }
@@ -247,7 +247,7 @@ void sequencer_advance(Sequencer *seq) {
     if (seq->state == HOMING && stage_is_homed(seq->stage)) {
         start_shots(seq);
     } else if (seq->state == PREPARING) {
-        sequencer_prepare(seq);
+        prepare(seq);
     } else if (seq->state == EXPOSING && seq->exposing == 0) {
         sequencer_go_on(seq);
     } else if (seq->state == PASSING) {
@@ -260,7 +260,7 @@ void sequencer_next_shot(Sequencer *seq) {
     if (seq->pausing || !begin_shot(seq))
         sequencer_finish(seq);
     else
-        sequencer_prepare(seq);
+        prepare(seq);
 }
 
 /* All cameras have answered. Continues with the refused cameras, or with the next picture or
@@ -274,7 +274,7 @@ static void picture_over(Sequencer *seq) {
         sequencer_next_shot(seq);
         return;
     }
-    sequencer_prepare(seq);
+    prepare(seq);
 }
 
 static void answered(Sequencer *seq, int camera) {

@@ -30,7 +30,7 @@ struct Stage {
     guint interlocks[DEVICES_MAX_INTERLOCKS];
 };
 
-static const char *stage_advice(const GError *error) {
+static const char *advice(const GError *error) {
     if (error->domain != DEVICE_ERROR)
         return "Check the device";
     switch (error->code) {
@@ -56,11 +56,11 @@ static const char *stage_advice(const GError *error) {
 char *stage_advise(const char *text, const GError *error) {
     if (error_details_advice(error))
         return g_strdup_printf("%s, then continue.", text);
-    return g_strdup_printf("%s. %s, then continue.", text, stage_advice(error));
+    return g_strdup_printf("%s. %s, then continue.", text, advice(error));
 }
 
 /* Describes a device by its class and name, which an error from a bus may lack. */
-static char *stage_describe(const char *class_name, const char *name, const GError *error) {
+static char *describe(const char *class_name, const char *name, const GError *error) {
     g_autofree char *device = g_strdup_printf("%s %s", class_name, name);
     const gboolean named = g_strcmp0(error_details_subject(error), device) == 0;
     g_autofree char *text =
@@ -68,8 +68,8 @@ static char *stage_describe(const char *class_name, const char *name, const GErr
     return stage_advise(text, error);
 }
 
-static void stage_fault(Stage *stage, const char *kind, const char *name, const GError *error) {
-    g_autofree char *reason = stage_describe(kind, name, error);
+static void fault(Stage *stage, const char *kind, const char *name, const GError *error) {
+    g_autofree char *reason = describe(kind, name, error);
     if (stage->active)
         stage->hooks.fault(name, reason, stage->hooks.data);
 }
@@ -78,22 +78,22 @@ static void stage_fault(Stage *stage, const char *kind, const char *name, const 
 static void light_fault(Stage *stage, const char *kind, const char *name, gboolean on,
                         const GError *error) {
     if (on) {
-        stage_fault(stage, kind, name, error);
+        fault(stage, kind, name, error);
         return;
     }
-    g_autofree char *advised = stage_describe(kind, name, error);
+    g_autofree char *advised = describe(kind, name, error);
     g_autofree char *reason = g_strdup_printf(DEVICES_UNSAFE ": %s", advised);
     (stage->active ? stage->hooks.fault : stage->hooks.unsafe)(name, reason, stage->hooks.data);
 }
 
-static void stage_changed(Stage *stage) {
+static void changed(Stage *stage) {
     if (stage->active)
         stage->hooks.changed(stage->hooks.data);
 }
 
 static void axis_fault(struct track *track, const GError *error) {
     track->at_deg = NAN;
-    stage_fault(track->stage, "axis", track->axis->device.name, error);
+    fault(track->stage, "axis", track->axis->device.name, error);
 }
 
 static void start_homing(struct track *track) {
@@ -108,7 +108,7 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     if (!track->stage->active)
         return;
     if (event == AXIS_PASSING) {
-        stage_changed(track->stage);
+        changed(track->stage);
     } else if (event == AXIS_FAULT) {
         axis_fault(track, error);
     } else if (!track->homed && !track->homing) {
@@ -117,10 +117,10 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
         track->homing = FALSE;
         track->homed = TRUE;
         track->at_deg = axis_position_deg(axis);
-        stage_changed(track->stage);
+        changed(track->stage);
     } else if (event == AXIS_ARRIVED) {
         track->at_deg = track->target_deg;
-        stage_changed(track->stage);
+        changed(track->stage);
     } else {
         /* The axis stopped without a command: a limit switch, or somebody at the drive's own
          * panel. */
@@ -131,8 +131,8 @@ static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpoi
     }
 }
 
-static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
-                          gpointer data) {
+static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                    gpointer data) {
     Stage *stage = data;
     if (error) {
         light_fault(stage, "lamps", bank->device.name, on, error);
@@ -146,10 +146,10 @@ static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, 
                 (struct stage_light){stage->lamps[i].asked, on, at_us,
                                      index < 0 ? 0 : MAX(stage->lamps[i].pending - 1, 0)};
     }
-    stage_changed(stage);
+    changed(stage);
 }
 
-static void stage_on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
+static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
     Stage *stage = data;
     if (error) {
         light_fault(stage, "laser", laser->device.name, on, error);
@@ -160,10 +160,10 @@ static void stage_on_laser(Laser *laser, gboolean on, const GError *error, gpoin
             stage->lasers[i] = (struct stage_light){stage->lasers[i].asked, on,
                                                     clock_now_us(stage->devices->clock), 0};
     }
-    stage_changed(stage);
+    changed(stage);
 }
 
-static void stage_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
     Stage *stage = data;
     if (closed || !stage->active)
         return;
@@ -197,15 +197,15 @@ Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks) {
         add_track(stage, devices->sweeps[i]);
         stage->lasers[i].on =
             rig_laser_unit(&devices->timing, i) == i && laser_is_on(devices->lasers[i]);
-        laser_listen(devices->lasers[i], stage_on_laser, stage);
+        laser_listen(devices->lasers[i], on_laser, stage);
     }
     for (int i = 0; i < devices->geometry.n_lamps; i++)
         stage->lamps[i].on = rig_lamp_unit(&devices->geometry, i) == i &&
                              lamps_is_on(devices->lamps[i].bank, devices->lamps[i].index);
     for (int i = 0; i < devices->n_banks; i++)
-        lamps_listen(devices->banks[i], stage_on_lamp, stage);
+        lamps_listen(devices->banks[i], on_lamp, stage);
     for (int i = 0; i < devices->n_interlocks; i++)
-        stage->interlocks[i] = interlock_listen(devices->interlocks[i], stage_on_interlock, stage);
+        stage->interlocks[i] = interlock_listen(devices->interlocks[i], on_interlock, stage);
     return stage;
 }
 
@@ -318,7 +318,7 @@ static void switch_lamp(Stage *stage, int lamp, gboolean on) {
     stage->lamps[lamp].asked = on;
     stage->lamps[lamp].pending++;
     if (!lamps_set(bank, stage->devices->lamps[lamp].index, on, &error))
-        stage_fault(stage, "lamp", stage->devices->geometry.lamps[lamp].name, error);
+        fault(stage, "lamp", stage->devices->geometry.lamps[lamp].name, error);
 }
 
 static void switch_laser(Stage *stage, int laser, gboolean on) {
@@ -327,7 +327,7 @@ static void switch_laser(Stage *stage, int laser, gboolean on) {
         return;
     stage->lasers[laser].asked = on;
     if (!laser_set(stage->devices->lasers[laser], on, &error))
-        stage_fault(stage, "laser", stage->devices->geometry.lasers[laser].name, error);
+        fault(stage, "laser", stage->devices->geometry.lasers[laser].name, error);
 }
 
 void stage_pursue(Stage *stage, const struct stage_goal *goal) {

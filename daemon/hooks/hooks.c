@@ -65,7 +65,7 @@ static void push_executables(Hooks *hooks) {
         push_executable(hooks, names->pdata[i]);
 }
 
-static void hooks_next(Hooks *hooks);
+static void next(Hooks *hooks);
 
 static void on_child(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
@@ -80,7 +80,7 @@ static void on_child(GObject *source, GAsyncResult *result, gpointer data) {
     Hooks *hooks = data;
     g_free(g_queue_pop_head(&hooks->programs));
     hooks->busy = FALSE;
-    hooks_next(hooks);
+    next(hooks);
 }
 
 static void run_first(Hooks *hooks) {
@@ -101,7 +101,7 @@ static void run_first(Hooks *hooks) {
 }
 
 /* Runs the next program, for the next event if there is none. */
-static void hooks_next(Hooks *hooks) {
+static void next(Hooks *hooks) {
     if (hooks->busy)
         return;
     while (g_queue_is_empty(&hooks->programs)) {
@@ -157,7 +157,7 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
                   HOOKS_MAX_WAITING);
         event_free(g_queue_pop_head(&hooks->waiting));
     }
-    hooks_next(hooks);
+    next(hooks);
 }
 
 gboolean hooks_is_idle(const Hooks *hooks) {

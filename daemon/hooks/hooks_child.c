@@ -65,7 +65,7 @@ static void take_output(struct child *child, gsize n) {
 }
 
 /* Runs between fork and exec. Makes a process group, so that all of it can be ended. */
-static void hooks_prepare_child(gpointer data) {
+static void prepare_child(gpointer data) {
     setpgid(0, 0);
     signal(SIGPIPE, SIG_DFL);
 }
@@ -165,7 +165,7 @@ void hooks_child_run(const char *const *argv, const char *const *environ, const 
     GError *error = NULL;
     if (environ)
         g_subprocess_launcher_set_environ(launcher, (char **)environ);
-    g_subprocess_launcher_set_child_setup(launcher, hooks_prepare_child, NULL, NULL);
+    g_subprocess_launcher_set_child_setup(launcher, prepare_child, NULL, NULL);
     g_autoptr(GSubprocess) process = g_subprocess_launcher_spawnv(launcher, argv, &error);
     if (!process) {
         g_task_return_error(task, error);

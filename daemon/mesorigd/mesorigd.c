@@ -46,7 +46,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static int mesorigd_fail(const GError *error) {
+static int fail(const GError *error) {
     g_printerr("mesorigd: %s\n", error->message);
     return 1;
 }
@@ -61,7 +61,7 @@ static int safe_state(const char *path) {
     lock_set_role(service ? LOCK_GUARDIAN : LOCK_OPERATOR);
     if (!state) {
         g_prefix_error(&error, "the rig is NOT safe: ");
-        return mesorigd_fail(error);
+        return fail(error);
     }
     const gboolean guarded = guardian_await(path);
     gboolean hope;
@@ -102,7 +102,7 @@ static void quit(struct daemon *daemon, int exit_code) {
     g_main_loop_quit(daemon->loop);
 }
 
-static gboolean mesorigd_on_signal(gpointer data) {
+static gboolean on_signal(gpointer data) {
     quit(data, 0);
     return G_SOURCE_CONTINUE;
 }
@@ -142,7 +142,7 @@ static void on_bus(GDBusConnection *connection, const char *name, gpointer data)
     struct daemon *daemon = data;
     g_autoptr(GError) error = NULL;
     if (!bus_export(daemon->bus, connection, &error)) {
-        mesorigd_fail(error);
+        fail(error);
         quit(daemon, 1);
     }
 }
@@ -183,7 +183,7 @@ static gboolean go_public(struct daemon *daemon, GError **error) {
     return TRUE;
 }
 
-static int mesorigd_serve(void) {
+static int serve(void) {
     struct daemon daemon = {.loop = g_main_loop_new(NULL, FALSE)};
     g_autoptr(GError) error = NULL;
     daemon.bus = bus_new(listen_address ? listen_address : bus_kind);
@@ -192,7 +192,7 @@ static int mesorigd_serve(void) {
     const int signals[] = {SIGTERM, SIGINT, SIGHUP};
     guint ids[G_N_ELEMENTS(signals)];
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
-        ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
+        ids[i] = g_unix_signal_add(signals[i], on_signal, &daemon);
     g_autofree char *path = rig_path ? g_canonicalize_filename(rig_path, NULL) : NULL;
     g_autofree char *queue = queue_path ? g_canonicalize_filename(queue_path, NULL) : NULL;
     if (queue)
@@ -200,7 +200,7 @@ static int mesorigd_serve(void) {
     if ((!path || bus_open_rig(daemon.bus, path, &error)) && go_public(&daemon, &error))
         g_main_loop_run(daemon.loop);
     if (error)
-        daemon.exit_code = mesorigd_fail(error);
+        daemon.exit_code = fail(error);
     /* Make the rig safe first, before clients are disconnected. */
     g_autoptr(GError) unsafe = NULL;
     sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
@@ -262,5 +262,5 @@ int main(int argc, char **argv) {
         return usage("--bus is system or session");
     if (exit_with_client && !listen_address)
         return usage("--exit-with-client needs --listen");
-    return mesorigd_serve();
+    return serve();
 }

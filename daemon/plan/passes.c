@@ -10,14 +10,14 @@
 #define RAD(deg) ((deg) * (G_PI / 180))
 #define DEG(rad) ((rad) * (180 / G_PI))
 
-static gboolean passes_wanted(const struct session_conf *conf) {
+static gboolean wanted(const struct session_conf *conf) {
     return conf->motion == MOTION_CONTINUOUS;
 }
 
 char *passes_refused(const struct session_conf *conf, const struct rig *rig,
                      const struct rig_timing *timing, guint32 cameras) {
     const struct axis_motion *table = &timing->turntable;
-    if (!passes_wanted(conf))
+    if (!wanted(conf))
         return NULL;
     if (!table->wraps && !(table->min_deg < table->max_deg))
         return g_strdup("there is no [axis turntable]: leave it out");
@@ -100,7 +100,7 @@ struct group {
     const struct axis_motion *table;
 };
 
-static double passes_slowest_s(const gint64 *camera_us, guint32 cameras) {
+static double slowest_s(const gint64 *camera_us, guint32 cameras) {
     gint64 longest_us = 0;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
         if (cameras & 1u << c)
@@ -108,8 +108,8 @@ static double passes_slowest_s(const gint64 *camera_us, guint32 cameras) {
     return 1e-6 * (double)longest_us;
 }
 
-static void passes_measure(struct group *group, const struct session_conf *conf,
-                           const struct rig *rig, const struct rig_timing *timing) {
+static void measure(struct group *group, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing) {
     guint32 cameras = 0;
     for (int i = 0; i < group->n; i++)
         cameras |= group->shots[i]->cameras;
@@ -117,8 +117,8 @@ static void passes_measure(struct group *group, const struct session_conf *conf,
     const double v = passes_speed(conf, rig, timing, cameras).deg_s, ramp = axis_ramp_deg(table, v);
     group->speed_deg_s = v;
     group->exposure_s = passes_exposure_s(conf);
-    group->frame_s = passes_slowest_s(timing->trigger_us, cameras) + group->exposure_s;
-    group->readout_s = passes_slowest_s(timing->readout_us, cameras);
+    group->frame_s = slowest_s(timing->trigger_us, cameras) + group->exposure_s;
+    group->readout_s = slowest_s(timing->readout_us, cameras);
     /* Before the first trigger, the table makes two reports at its final speed. After the last
      * exposure it makes one. */
     group->lead_deg =
@@ -134,7 +134,7 @@ static struct session_pass passes_pass(const struct group *group, int first, int
 }
 
 /* Returns whether shots first … last fit into one pass. */
-static gboolean passes_fit(const struct group *group, int first, int last) {
+static gboolean fit(const struct group *group, int first, int last) {
     const double least_deg = group->speed_deg_s * (group->frame_s + group->readout_s + HOST_S);
     const struct session_pass pass = passes_pass(group, first, last);
     for (int i = first; i < last; i++)
@@ -144,7 +144,7 @@ static gboolean passes_fit(const struct group *group, int first, int last) {
                                    pass.from_deg + pass.by_deg <= group->table->max_deg);
 }
 
-static double passes_pass_s(const struct group *group, const struct session_pass *pass) {
+static double pass_s(const struct group *group, const struct session_pass *pass) {
     const double v = pass->speed_deg_s;
     return pass->by_deg / v + v / group->table->accel_deg_s2 + group->table->settle_ms / 1000;
 }
@@ -152,19 +152,19 @@ static double passes_pass_s(const struct group *group, const struct session_pass
 /* Divides the shots of a group into passes and stops so that they take the shortest time (dynamic
  * programming over the shots in order). ret_first gives, for each shot that ends a pass, the first
  * shot of the pass. For a shot for which the table stands still, it gives the shot itself. */
-static void passes_divide(const struct group *group, int *ret_first) {
+static void divide(const struct group *group, int *ret_first) {
     const int n = group->n;
     g_autofree double *best_s = g_new0(double, n + 1), *end_deg = g_new0(double, n + 1);
     for (int last = 0; last < n; last++) {
         best_s[last + 1] = G_MAXDOUBLE;
         for (int first = last; first >= 0; first--) {
-            if (first < last && !passes_fit(group, first, last))
+            if (first < last && !fit(group, first, last))
                 continue;
             const struct session_pass pass = passes_pass(group, first, last);
             const double from = first == last ? group->at_deg[last] : pass.from_deg;
             double s = first == 0 ? 0 : axis_move_time_s(group->table, end_deg[first], from);
             s = best_s[first] + (first == 0 ? s : MAX(s, group->readout_s));
-            s += first == last ? group->frame_s : passes_pass_s(group, &pass);
+            s += first == last ? group->frame_s : pass_s(group, &pass);
             if (s >= best_s[last + 1] - 1e-9)
                 continue;
             best_s[last + 1] = s;
@@ -174,9 +174,9 @@ static void passes_divide(const struct group *group, int *ret_first) {
     }
 }
 
-static void passes_set_group(struct group *group, int *number) {
+static void set_group(struct group *group, int *number) {
     g_autofree int *first = g_new(int, group->n);
-    passes_divide(group, first);
+    divide(group, first);
     for (int last = group->n - 1; last >= 0; last = first[last] - 1) {
         struct session_pass pass = passes_pass(group, first[last], last);
         if (first[last] == last)
@@ -187,14 +187,14 @@ static void passes_set_group(struct group *group, int *number) {
     }
 }
 
-static gboolean passes_may(const struct session_shot *shot) {
+static gboolean may(const struct session_shot *shot) {
     return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
 }
 
 /* Returns whether two shots differ only in the angle of the turntable. */
 static gboolean passes_alike(const struct session_shot *a, const struct session_shot *b,
                              const struct rig *rig) {
-    return passes_may(a) && passes_may(b) && a->device == b->device && a->arc_deg == b->arc_deg &&
+    return may(a) && may(b) && a->device == b->device && a->arc_deg == b->arc_deg &&
            rig_arm_deg(rig, a->cameras) == rig_arm_deg(rig, b->cameras);
 }
 
@@ -203,7 +203,7 @@ int passes_set(struct session_shot *const *shots, int n, const struct session_co
     g_autofree double *at_deg = g_new(double, n + 1);
     for (int i = 0; i < n; i++)
         shots[i]->pass = (struct session_pass){0};
-    for (int i = 0, k; i < n && passes_wanted(conf); i += k) {
+    for (int i = 0, k; i < n && wanted(conf); i += k) {
         at_deg[0] = shots[i]->turntable_deg;
         for (k = 1; i + k < n && passes_alike(shots[i], shots[i + k], rig); k++) {
             const double at = shots[i + k]->turntable_deg;
@@ -214,8 +214,8 @@ int passes_set(struct session_shot *const *shots, int n, const struct session_co
         struct group group = {.shots = shots + i, .n = k, .at_deg = at_deg};
         if (k < 2)
             continue;
-        passes_measure(&group, conf, rig, timing);
-        passes_set_group(&group, &number);
+        measure(&group, conf, rig, timing);
+        set_group(&group, &number);
     }
     return number;
 }
@@ -223,19 +223,19 @@ int passes_set(struct session_shot *const *shots, int n, const struct session_co
 double passes_after_s(const struct session_shot *before, const struct session_shot *shot,
                       const struct session_conf *conf, const struct rig *rig,
                       const struct rig_timing *timing) {
-    if (!passes_wanted(conf) || !passes_alike(before, shot, rig))
+    if (!wanted(conf) || !passes_alike(before, shot, rig))
         return G_MAXDOUBLE;
     const double way = shot->turntable_deg - before->turntable_deg;
     const double forward = way < 0 && timing->turntable.wraps ? way + 360 : way;
     const double s =
         forward / passes_speed(conf, rig, timing, before->cameras | shot->cameras).deg_s;
-    return s >= passes_exposure_s(conf) + passes_slowest_s(timing->trigger_us, shot->cameras) +
-                       passes_slowest_s(timing->readout_us, before->cameras) + HOST_S
+    return s >= passes_exposure_s(conf) + slowest_s(timing->trigger_us, shot->cameras) +
+                       slowest_s(timing->readout_us, before->cameras) + HOST_S
                ? s
                : G_MAXDOUBLE;
 }
 
-static int passes_compare(gconstpointer a, gconstpointer b) {
+static int compare(gconstpointer a, gconstpointer b) {
     const double x = ((const struct session_shot *)a)->turntable_deg,
                  y = ((const struct session_shot *)b)->turntable_deg;
     return (x > y) - (x < y);
@@ -243,11 +243,11 @@ static int passes_compare(gconstpointer a, gconstpointer b) {
 
 /* Sorts alike shots in the order in which the table passes them. The shot after the widest gap is
  * the first. */
-static void passes_sort(GArray *alike, gboolean wraps) {
+static void sort(GArray *alike, gboolean wraps) {
     const guint n = alike->len;
     guint first = 0;
     double widest = 0;
-    g_array_sort(alike, passes_compare);
+    g_array_sort(alike, compare);
     for (guint i = 0; wraps && i < n; i++) {
         const struct session_shot *before =
             &g_array_index(alike, struct session_shot, (i + n - 1) % n);
@@ -276,7 +276,7 @@ static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
         g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_array_unref);
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
-        char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;
+        char *key = may(shot) ? passes_key(shot, rig) : NULL;
         GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
         if (key && !alike) {
             alike = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -292,9 +292,9 @@ static GHashTable *passes_table(const GArray *shots, const struct rig *rig) {
 /* Takes the list of a shot out of the table and returns it; the caller then owns it. Returns NULL
  * if the shot has no key, if its list is empty, or if the table does not have the list (any more),
  * which sets *ret_later. The caller therefore gets each list once, with the first of its shots. */
-static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
-                            const struct rig *rig, gboolean *ret_later) {
-    g_autofree char *key = passes_may(shot) ? passes_key(shot, rig) : NULL;
+static GArray *steal(GHashTable *table, const struct session_shot *shot, const struct rig *rig,
+                     gboolean *ret_later) {
+    g_autofree char *key = may(shot) ? passes_key(shot, rig) : NULL;
     GArray *alike = key ? g_hash_table_lookup(table, key) : NULL;
     *ret_later = key && !alike;
     if (!alike || alike->len == 0)
@@ -305,8 +305,8 @@ static GArray *passes_steal(GHashTable *table, const struct session_shot *shot,
 }
 
 /* Returns whether at least some of the sorted shots would be in passes. */
-static gboolean passes_pay(GArray *alike, const struct session_conf *conf, const struct rig *rig,
-                           const struct rig_timing *timing) {
+static gboolean pay(GArray *alike, const struct session_conf *conf, const struct rig *rig,
+                    const struct rig_timing *timing) {
     g_autofree struct session_shot *copies =
         g_memdup2(alike->data, alike->len * sizeof(struct session_shot));
     g_autofree struct session_shot **list = g_new(struct session_shot *, alike->len + 1);
@@ -316,14 +316,14 @@ static gboolean passes_pay(GArray *alike, const struct session_conf *conf, const
 }
 
 /* Empties the lists in which no shot would be in a pass. Sorts the other lists. */
-static void passes_keep_paying(GHashTable *table, const struct session_conf *conf,
-                               const struct rig *rig, const struct rig_timing *timing) {
+static void keep_paying(GHashTable *table, const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing) {
     GHashTableIter iter;
     gpointer alike;
     g_hash_table_iter_init(&iter, table);
     while (g_hash_table_iter_next(&iter, NULL, &alike)) {
-        passes_sort(alike, timing->turntable.wraps);
-        if (!passes_pay(alike, conf, rig, timing))
+        sort(alike, timing->turntable.wraps);
+        if (!pay(alike, conf, rig, timing))
             g_array_set_size(alike, 0);
     }
 }
@@ -333,11 +333,11 @@ GArray *passes_take_followers(GArray *shots, const struct session_conf *conf, co
     GArray *followers = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
     g_autoptr(GHashTable) table = passes_table(shots, rig);
     guint n = 0;
-    passes_keep_paying(table, conf, rig, timing);
+    keep_paying(table, conf, rig, timing);
     for (guint i = 0; i < shots->len; i++) {
         struct session_shot shot = g_array_index(shots, struct session_shot, i);
         gboolean follows = FALSE;
-        g_autoptr(GArray) alike = passes_steal(table, &shot, rig, &follows);
+        g_autoptr(GArray) alike = steal(table, &shot, rig, &follows);
         if (follows)
             continue;
         if (alike) {
@@ -358,7 +358,7 @@ void passes_put_back(GArray *shots, GArray *followers, const struct rig *rig) {
     for (guint i = 0; i < shots->len; i++) {
         const struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
         gboolean later;
-        g_autoptr(GArray) alike = passes_steal(table, shot, rig, &later);
+        g_autoptr(GArray) alike = steal(table, shot, rig, &later);
         g_array_append_vals(all, shot, 1);
         if (alike)
             g_array_append_vals(all, alike->data, alike->len);

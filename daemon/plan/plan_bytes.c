@@ -80,9 +80,8 @@ struct plan_footprint plan_footprint(const struct session_conf *conf,
 /* Returns the part of the picture that shows the sample with its margin. For a sweep, it is the
  * part of this region that the line passes, and also of the face around the sample if the session
  * says that the line is visible there. */
-static double plan_lit_share(const struct session_conf *conf, const struct rig *rig,
-                             const struct session_shot *shot,
-                             const struct plan_footprint *footprint) {
+static double lit_share(const struct session_conf *conf, const struct rig *rig,
+                        const struct session_shot *shot, const struct plan_footprint *footprint) {
     const double x_mm = conf->grid.width_mm / 2 + conf->sweep_margin_mm;
     const double y_mm = conf->grid.height_mm / 2 + conf->sweep_margin_mm;
     const gboolean sweep = shot->kind == SHOT_SWEEP;
@@ -154,7 +153,7 @@ static guint64 shot_bytes(const struct session_conf *conf, const struct rig *rig
     const guint64 n_raw = keeps ? (guint64)shot_n_frames(conf, shot) : 0;
     const double share = shot->kind == SHOT_DARK || !seen || !plan_bytes_vary(by)
                              ? 0
-                             : plan_lit_share(conf, rig, shot, footprint);
+                             : lit_share(conf, rig, shot, footprint);
     return FRAME_BYTES + file_bytes(by, bits, share, &kinds[shot->kind]) +
            n_raw * file_bytes(by, bits, share, &raw);
 }

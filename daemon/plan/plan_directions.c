@@ -128,8 +128,8 @@ static gboolean is_near(gint64 udeg, double theta_deg) {
  * bring the device there. Devices are preferred for which an angle that is already needed is
  * sufficient, so that no pose is added. If the rig has no turntable, the device must already stand
  * near the direction. */
-static int plan_directions_choose(const struct candidates *candidates, double theta_deg,
-                                  gint64 phi_udeg, const GArray *angles, gint64 *ret_udeg) {
+static int choose(const struct candidates *candidates, double theta_deg, gint64 phi_udeg,
+                  const GArray *angles, gint64 *ret_udeg) {
     int chosen = -1, best = -1;
 
     for (int i = 0; i < candidates->n; i++) {
@@ -230,8 +230,7 @@ static gboolean add_direction(const struct plan_build *b, const struct candidate
         .index = (int)directions->len, .theta_deg = theta_deg, .phi_deg = phi_deg};
     gint64 udeg = 0;
 
-    d.device =
-        plan_directions_choose(candidates, theta_deg, llround(phi_deg * UDEG), angles, &udeg);
+    d.device = choose(candidates, theta_deg, llround(phi_deg * UDEG), angles, &udeg);
     if (d.device < 0 && angle_of &&
         (d.device = fixed_anywhere(b, candidates->shot, theta_deg, phi_deg)) >= 0) {
         if (!check_axis(candidates, &candidates->list[d.device], error))

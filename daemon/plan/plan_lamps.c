@@ -35,7 +35,7 @@ static gboolean plan_lamps_wanted(const struct session_shot *shot) {
     return shot->kind == SHOT_LAMP && shot->state != SHOT_SKIPPED;
 }
 
-static float *plan_lamps_distances(const GArray *directions) {
+static float *distances(const GArray *directions) {
     const guint n = directions->len;
     float *d2 = g_new(float, (gsize)n *n + 1);
     for (guint i = 0; i < n; i++)
@@ -63,7 +63,7 @@ static int plan_lamps_view(struct spread *s, GHashTable *known, const struct ses
 
 /* Adds the directions of all views and lights of the shots. A light has its direction in the first
  * shot with this light. Its directions in other shots differ at most by the shift of the arc. */
-static void plan_lamps_add_directions(struct spread *s) {
+static void add_directions(struct spread *s) {
     g_autoptr(GHashTable) known = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
     s->view_of = g_new0(int, (gsize)s->n_shots *(gsize)s->rig->n_cameras + 1);
     for (int i = 0; i < s->n_shots; i++) {
@@ -86,7 +86,7 @@ static void plan_lamps_add_directions(struct spread *s) {
     }
 }
 
-static void plan_lamps_add_targets(struct spread *s) {
+static void add_targets(struct spread *s) {
     const int n_lights = (int)s->lights->len;
     int pairs = 0, k = 0;
     s->nearest = g_new(float, (gsize)s->views->len *(gsize)n_lights + 1);
@@ -104,7 +104,7 @@ static void plan_lamps_add_targets(struct spread *s) {
     }
 }
 
-static void plan_lamps_clear(struct spread *s) {
+static void clear(struct spread *s) {
     g_array_unref(s->views);
     g_array_unref(s->lights);
     g_free(s->view_of);
@@ -115,7 +115,7 @@ static void plan_lamps_clear(struct spread *s) {
 }
 
 /* Returns the reduction of the sum of d² over the targets by a pair. */
-static double plan_lamps_pair_gain(const struct spread *s, int view, int light) {
+static double pair_gain(const struct spread *s, int view, int light) {
     const guint n_views = s->views->len, n_lights = s->lights->len;
     const float *to_light = s->light_d2 + (gsize)light * n_lights;
     double sum = 0;
@@ -132,7 +132,7 @@ static double plan_lamps_pair_gain(const struct spread *s, int view, int light) 
     return sum;
 }
 
-static void plan_lamps_take_pair(struct spread *s, int view, int light) {
+static void take_pair(struct spread *s, int view, int light) {
     const guint n_views = s->views->len, n_lights = s->lights->len;
     for (guint v = 0; v < n_views; v++) {
         float *nearest = s->nearest + (gsize)v * n_lights;
@@ -145,23 +145,23 @@ static void plan_lamps_take_pair(struct spread *s, int view, int light) {
     }
 }
 
-static double plan_lamps_gain(const struct spread *s, int shot) {
+static double gain(const struct spread *s, int shot) {
     const int *views = s->view_of + (gsize)shot * (gsize)s->rig->n_cameras;
     double sum = 0;
     for (int c = 0; c < s->rig->n_cameras; c++)
         if (views[c] >= 0)
-            sum += plan_lamps_pair_gain(s, views[c], s->shots[shot]->source);
+            sum += pair_gain(s, views[c], s->shots[shot]->source);
     return sum;
 }
 
-static void plan_lamps_take(struct spread *s, int shot) {
+static void take(struct spread *s, int shot) {
     const int *views = s->view_of + (gsize)shot * (gsize)s->rig->n_cameras;
     for (int c = 0; c < s->rig->n_cameras; c++)
         if (views[c] >= 0)
-            plan_lamps_take_pair(s, views[c], s->shots[shot]->source);
+            take_pair(s, views[c], s->shots[shot]->source);
 }
 
-static gboolean plan_lamps_same_pose(const struct session_shot *a, const struct session_shot *b) {
+static gboolean same_pose(const struct session_shot *a, const struct session_shot *b) {
     return llround(a->turntable_deg * UDEG) == llround(b->turntable_deg * UDEG) &&
            llround(a->arc_deg * UDEG) == llround(b->arc_deg * UDEG);
 }
@@ -174,7 +174,7 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
     for (int i = 0; i < n; i++) {
         pose_of[i] = -1;
         for (guint p = 0; p < poses->len && plan_lamps_wanted(shots[i]) && pose_of[i] < 0; p++)
-            if (plan_lamps_same_pose(shots[g_array_index(poses, int, p)], shots[i]))
+            if (same_pose(shots[g_array_index(poses, int, p)], shots[i]))
                 pose_of[i] = (int)p;
         if (pose_of[i] < 0 && plan_lamps_wanted(shots[i])) {
             pose_of[i] = (int)poses->len;
@@ -199,9 +199,9 @@ void plan_lamp_prices_s(const struct session_conf *conf, const struct rig *rig,
 
 /* Returns the time of a shot after another shot of a lamp. The lamp may already be on, the move may
  * be short, or the table may pass without a stop. */
-static double plan_lamps_after_s(const struct session_conf *conf, const struct rig *rig,
-                                 const struct rig_timing *timing, const struct session_shot *before,
-                                 const struct session_shot *shot) {
+static double after_s(const struct session_conf *conf, const struct rig *rig,
+                      const struct rig_timing *timing, const struct session_shot *before,
+                      const struct session_shot *shot) {
     const double standing_s =
         MAX(plan_lead_s(before, shot, rig, timing), plan_shots_move_s(before, shot, rig, timing));
     return MIN(plan_shot_s(shot, conf, timing) + standing_s,
@@ -221,8 +221,7 @@ int plan_lamp_chain(const struct session_conf *conf, const struct rig *rig,
             for (int k = 0; k < length; k++)
                 in |= chain[k] == i;
             const double s =
-                in ? min_s
-                   : plan_lamps_after_s(conf, rig, timing, shots[chain[length - 1]], shots[i]);
+                in ? min_s : after_s(conf, rig, timing, shots[chain[length - 1]], shots[i]);
             if (s < min_s) {
                 min_s = s;
                 best = i;
@@ -255,30 +254,30 @@ static int plan_lamps_best(const struct spread *s, const gboolean *taken, const 
         }
         if (best == fresh)
             return best;
-        gains[best] = plan_lamps_gain(s, best);
+        gains[best] = gain(s, best);
         fresh = best;
     }
 }
 
 /* The price of a shot that follows a taken shot is at most the time after that shot. */
-static void plan_lamps_choose(struct spread *s, const struct session_conf *conf,
-                              const struct rig_timing *timing, int wanted, gboolean *ret_first) {
+static void choose(struct spread *s, const struct session_conf *conf,
+                   const struct rig_timing *timing, int wanted, gboolean *ret_first) {
     g_autofree double *price_s = g_new(double, s->n_shots + 1);
     g_autofree double *gains = g_new0(double, s->n_shots + 1);
     plan_lamp_prices_s(conf, s->rig, timing, s->shots, s->n_shots, price_s);
     for (int i = 0; i < s->n_shots; i++)
         if (plan_lamps_wanted(s->shots[i]))
-            gains[i] = plan_lamps_gain(s, i);
+            gains[i] = gain(s, i);
     for (int n = 0; n < wanted; n++) {
         const int best = plan_lamps_best(s, ret_first, price_s, gains);
         if (best < 0)
             return;
         ret_first[best] = TRUE;
-        plan_lamps_take(s, best);
+        take(s, best);
         for (int i = 0; i < s->n_shots; i++)
             if (plan_lamps_wanted(s->shots[i]))
-                price_s[i] = MIN(price_s[i], plan_lamps_after_s(conf, s->rig, timing,
-                                                                s->shots[best], s->shots[i]));
+                price_s[i] =
+                    MIN(price_s[i], after_s(conf, s->rig, timing, s->shots[best], s->shots[i]));
     }
 }
 
@@ -299,11 +298,10 @@ void plan_first_lamps(const struct session_conf *conf, const struct rig *rig,
     }
     s.views = g_array_new(FALSE, TRUE, sizeof(struct vec3));
     s.lights = g_array_new(FALSE, TRUE, sizeof(struct vec3));
-    plan_lamps_add_directions(&s);
-    s.view_d2 = plan_lamps_distances(s.views);
-    s.light_d2 = plan_lamps_distances(s.lights);
-    plan_lamps_add_targets(&s);
-    plan_lamps_choose(&s, conf, timing, (int)g_hash_table_size(turns) * conf->light_first,
-                      ret_first);
-    plan_lamps_clear(&s);
+    add_directions(&s);
+    s.view_d2 = distances(s.views);
+    s.light_d2 = distances(s.lights);
+    add_targets(&s);
+    choose(&s, conf, timing, (int)g_hash_table_size(turns) * conf->light_first, ret_first);
+    clear(&s);
 }

@@ -3,14 +3,14 @@
 
 #include <string.h>
 
-static gboolean plan_left_same_pose(const struct plan_pose *a, const struct plan_pose *b) {
+static gboolean same_pose(const struct plan_pose *a, const struct plan_pose *b) {
     return a->turntable_udeg == b->turntable_udeg && a->arc_udeg == b->arc_udeg &&
            a->arm_udeg == b->arm_udeg && a->probe_udeg == b->probe_udeg;
 }
 
-static guint plan_left_find(GArray *poses, const struct plan_pose *pose) {
+static guint find(GArray *poses, const struct plan_pose *pose) {
     guint i = 0;
-    while (i < poses->len && !plan_left_same_pose(&g_array_index(poses, struct plan_pose, i), pose))
+    while (i < poses->len && !same_pose(&g_array_index(poses, struct plan_pose, i), pose))
         i++;
     if (i == poses->len)
         g_array_append_vals(poses, pose, 1);
@@ -38,7 +38,7 @@ void plan_order_left(struct session_shot **shots, int n, const struct session_co
         shot.state = SHOT_PLANNED;
         const struct plan_pose pose = plan_pose_of(&shot, rig);
         shot.id = i;
-        shot.pose = (int)plan_left_find(poses, &pose);
+        shot.pose = (int)find(poses, &pose);
         g_array_append_val(list, shot);
     }
     if (n < 2)

@@ -23,7 +23,7 @@ void plan_clear_note(gpointer note) {
 }
 
 /* Notes the exposures that the plan assumes while the exposures are not chosen yet. */
-static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
+static void note_auto(const struct session_conf *conf, GPtrArray *notes) {
     g_autoptr(GString) bounds = g_string_new(NULL);
 
     if (conf->is_auto[AUTO_EXPOSURES]) {
@@ -44,7 +44,7 @@ static void plan_note_auto(const struct session_conf *conf, GPtrArray *notes) {
                                                bounds->str, conf->auto_longest_us));
 }
 
-static void plan_note_stop(const struct plan_build *b, const struct plan *plan, GPtrArray *notes) {
+static void note_stop(const struct plan_build *b, const struct plan *plan, GPtrArray *notes) {
     if (b->conf->laser_stop == STOP_ALL)
         return;
     if (plan->n_later_sweeps > 0)
@@ -62,8 +62,7 @@ static void plan_note_stop(const struct plan_build *b, const struct plan *plan, 
                                         b->conf->laser_first));
 }
 
-static void plan_note_sampling(const struct plan_build *b, const struct plan *plan,
-                               GPtrArray *notes) {
+static void note_sampling(const struct plan_build *b, const struct plan *plan, GPtrArray *notes) {
     if (b->conf->light_sampling == SAMPLING_ALL)
         return;
     if (plan->n_later_lamps > 0)
@@ -80,8 +79,7 @@ static void plan_note_sampling(const struct plan_build *b, const struct plan *pl
                                         b->conf->light_first));
 }
 
-static void plan_note_motion(const struct plan_build *b, const struct plan *plan,
-                             GPtrArray *notes) {
+static void note_motion(const struct plan_build *b, const struct plan *plan, GPtrArray *notes) {
     if (b->conf->motion != MOTION_CONTINUOUS)
         return;
     const struct passes_speed *speed = &plan->passes;
@@ -102,7 +100,7 @@ static void plan_note_motion(const struct plan_build *b, const struct plan *plan
                                         "standing, which has no blur"));
 }
 
-static void plan_note_bytes(const struct plan_build *b, GPtrArray *notes) {
+static void note_bytes(const struct plan_build *b, GPtrArray *notes) {
     gboolean vary = FALSE, sweeps = FALSE;
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
@@ -125,7 +123,7 @@ static void plan_note_bytes(const struct plan_build *b, GPtrArray *notes) {
 
 /* Texels that are much finer than the pixels of the finest camera show no more detail and take
  * space. */
-static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
+static void note_texels(const struct plan_build *b, GPtrArray *notes) {
     const struct session_grid *grid = &b->conf->grid;
     const double texel_mm = grid->width_mm / grid->width;
     double finest_mm = G_MAXDOUBLE;
@@ -154,7 +152,7 @@ static void plan_note_texels(const struct plan_build *b, GPtrArray *notes) {
 }
 
 /* Notes which results are missing with one view, or between the cameras. */
-static void plan_note_views(const struct plan_build *b, GPtrArray *notes) {
+static void note_views(const struct plan_build *b, GPtrArray *notes) {
     if (b->views->len == 1)
         g_ptr_array_add(notes, g_strdup("one view: the session will have its pictures under each "
                                         "light (an RTI set, for PTM and HSH) and no other views"));
@@ -171,12 +169,12 @@ GPtrArray *plan_tell_notes(const struct plan_build *b, const struct plan *plan) 
         g_ptr_array_add(notes, g_strdup_printf("%d %s%s: %s", note->n, note->unit,
                                                note->n == 1 ? "" : "s", note->text));
     }
-    plan_note_auto(b->conf, notes);
-    plan_note_stop(b, plan, notes);
-    plan_note_sampling(b, plan, notes);
-    plan_note_motion(b, plan, notes);
-    plan_note_texels(b, notes);
-    plan_note_bytes(b, notes);
-    plan_note_views(b, notes);
+    note_auto(b->conf, notes);
+    note_stop(b, plan, notes);
+    note_sampling(b, plan, notes);
+    note_motion(b, plan, notes);
+    note_texels(b, notes);
+    note_bytes(b, notes);
+    note_views(b, notes);
     return notes;
 }

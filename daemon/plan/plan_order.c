@@ -12,11 +12,11 @@
 
 typedef GArray Order; /* of guint: indices of shots */
 
-static const struct session_shot *plan_order_shot_at(GArray *shots, guint index) {
+static const struct session_shot *shot_at(GArray *shots, guint index) {
     return &g_array_index(shots, struct session_shot, index);
 }
 
-static gboolean plan_order_is_lit(const struct session_shot *shot) {
+static gboolean is_lit(const struct session_shot *shot) {
     return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
 }
 
@@ -41,12 +41,12 @@ struct orderer {
 
 /* Returns whether a shot is lit and in the block that is being ordered. */
 static gboolean is_ours(const struct orderer *o, guint index) {
-    return plan_order_is_lit(plan_order_shot_at(o->shots, index)) && o->block_of[index] == o->block;
+    return is_lit(shot_at(o->shots, index)) && o->block_of[index] == o->block;
 }
 
 static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
     guint x = *(const guint *)a, y = *(const guint *)b;
-    const struct session_shot *s = plan_order_shot_at(data, x), *t = plan_order_shot_at(data, y);
+    const struct session_shot *s = shot_at(data, x), *t = shot_at(data, y);
 
     if (s->device != t->device)
         return s->device - t->device;
@@ -56,15 +56,15 @@ static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
 static int compare_sweeps(gconstpointer a, gconstpointer b, gpointer data) {
     const struct orderer *o = data;
     guint x = *(const guint *)a, y = *(const guint *)b;
-    double s = plan_lead_s(NULL, plan_order_shot_at(o->shots, x), o->rig, o->timing);
-    double t = plan_lead_s(NULL, plan_order_shot_at(o->shots, y), o->rig, o->timing);
+    double s = plan_lead_s(NULL, shot_at(o->shots, x), o->rig, o->timing);
+    double t = plan_lead_s(NULL, shot_at(o->shots, y), o->rig, o->timing);
 
     if (s != t)
         return s > t ? -1 : 1;
     return x < y ? -1 : x > y;
 }
 
-static void plan_order_collect(struct orderer *o) {
+static void collect(struct orderer *o) {
     int n_poses = o->moves->n;
 
     o->poses = g_new(struct pose_shots, n_poses);
@@ -73,7 +73,7 @@ static void plan_order_collect(struct orderer *o) {
         o->poses[p].sweeps = g_array_new(FALSE, FALSE, sizeof(guint));
     }
     for (guint i = 0; i < o->shots->len; i++) {
-        const struct session_shot *shot = plan_order_shot_at(o->shots, i);
+        const struct session_shot *shot = shot_at(o->shots, i);
         if (!is_ours(o, i))
             continue;
         struct pose_shots *pose = &o->poses[shot->pose];
@@ -87,8 +87,8 @@ static void plan_order_collect(struct orderer *o) {
     }
 }
 
-static void plan_order_append(struct orderer *o, Order *order, guint index) {
-    const struct session_shot *shot = plan_order_shot_at(o->shots, index);
+static void append(struct orderer *o, Order *order, guint index) {
+    const struct session_shot *shot = shot_at(o->shots, index);
 
     g_array_append_val(order, index);
     o->lit = shot->kind == SHOT_LAMP ? shot->device : -1;
@@ -96,15 +96,14 @@ static void plan_order_append(struct orderer *o, Order *order, guint index) {
 
 static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps) {
     for (guint i = 0; i < sweeps->len; i++)
-        plan_order_append(o, order, g_array_index(sweeps, guint, i));
+        append(o, order, g_array_index(sweeps, guint, i));
 }
 
 /* Returns the time that the first of some shots takes to prepare, or 0 if there are no shots. */
 static double first_lead_s(const struct orderer *o, const GArray *indices) {
-    return indices->len
-               ? plan_lead_s(NULL, plan_order_shot_at(o->shots, g_array_index(indices, guint, 0)),
-                             o->rig, o->timing)
-               : 0;
+    return indices->len ? plan_lead_s(NULL, shot_at(o->shots, g_array_index(indices, guint, 0)),
+                                      o->rig, o->timing)
+                        : 0;
 }
 
 /* The shot that takes longest to prepare comes first, because it is prepared during the move. The
@@ -118,9 +117,9 @@ static void append_pose(struct orderer *o, Order *order, const struct pose_shots
         append_sweeps(o, order, shots->sweeps);
     const guint n = lamps->len;
     const gboolean down =
-        n > 0 && plan_order_shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
+        n > 0 && shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
     for (guint i = 0; i < n; i++)
-        plan_order_append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
+        append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
     if (!sweeps_first)
         append_sweeps(o, order, shots->sweeps);
 }
@@ -144,7 +143,7 @@ static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
     const GArray *lamps = o->poses[pose].lamps;
 
     for (guint i = 0; i < lamps->len; i++)
-        if (plan_order_shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
+        if (shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
             return TRUE;
     return FALSE;
 }
@@ -181,8 +180,8 @@ static void order_by_lamps(struct orderer *o, Order *order, int beside) {
             const struct pose_shots *shots = &o->poses[poses[k]];
             for (guint i = 0; i < shots->lamps->len; i++) {
                 guint index = g_array_index(shots->lamps, guint, i);
-                if (plan_order_shot_at(o->shots, index)->device == lamp)
-                    plan_order_append(o, order, index);
+                if (shot_at(o->shots, index)->device == lamp)
+                    append(o, order, index);
             }
             if (lamp == beside)
                 append_sweeps(o, order, shots->sweeps);
@@ -199,8 +198,8 @@ static void order_by_lamps(struct orderer *o, Order *order, int beside) {
 
 static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
     const struct orderer *o = data;
-    const struct session_shot *s = plan_order_shot_at(o->shots, *(const guint *)a);
-    const struct session_shot *t = plan_order_shot_at(o->shots, *(const guint *)b);
+    const struct session_shot *s = shot_at(o->shots, *(const guint *)a);
+    const struct session_shot *t = shot_at(o->shots, *(const guint *)b);
     const struct plan_pose *p = &o->moves->poses[s->pose], *q = &o->moves->poses[t->pose];
     const gint64 apart[] = {p->turntable_udeg - q->turntable_udeg, p->arm_udeg - q->arm_udeg,
                             p->arc_udeg - q->arc_udeg, p->probe_udeg - q->probe_udeg};
@@ -226,12 +225,11 @@ static GArray *arranged(GArray *shots, const Order *order) {
     GArray *result = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
     for (guint i = 0; i < shots->len; i++) {
-        struct session_shot shot = *plan_order_shot_at(shots, i);
+        struct session_shot shot = *shot_at(shots, i);
         if (shot.kind != SHOT_DARK)
             continue;
         if (order->len) {
-            const struct session_shot *first =
-                plan_order_shot_at(shots, g_array_index(order, guint, 0));
+            const struct session_shot *first = shot_at(shots, g_array_index(order, guint, 0));
             shot.turntable_deg = first->turntable_deg;
             shot.arc_deg = first->arc_deg;
             shot.pose = first->pose;
@@ -239,38 +237,38 @@ static GArray *arranged(GArray *shots, const Order *order) {
         g_array_append_val(result, shot);
     }
     for (guint i = 0; i < order->len; i++)
-        g_array_append_vals(result, plan_order_shot_at(shots, g_array_index(order, guint, i)), 1);
+        g_array_append_vals(result, shot_at(shots, g_array_index(order, guint, i)), 1);
     for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->state != SHOT_PLANNED)
-            g_array_append_vals(result, plan_order_shot_at(shots, i), 1);
+        if (shot_at(shots, i)->state != SHOT_PLANNED)
+            g_array_append_vals(result, shot_at(shots, i), 1);
     return result;
 }
 
 /* Cost: the time between the end of one shot's exposures and the start of the next. The first shot
  * follows the previous block, or the dark frames, which are taken in its pose. After the last shot
  * there is its read-out. */
-static double plan_order_between(gconstpointer data, int from, int to) {
+static double between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
     if (from < 0 && to < 0)
         return 0;
     if (to < 0)
-        return plan_readout_s(plan_order_shot_at(o->shots, (guint)from), o->timing);
-    const struct session_shot *next = plan_order_shot_at(o->shots, (guint)to);
+        return plan_readout_s(shot_at(o->shots, (guint)from), o->timing);
+    const struct session_shot *next = shot_at(o->shots, (guint)to);
     if (from < 0)
         from = o->before;
     if (from < 0)
         return plan_lead_s(o->dark, next, o->rig, o->timing);
-    const struct session_shot *before = plan_order_shot_at(o->shots, (guint)from);
+    const struct session_shot *before = shot_at(o->shots, (guint)from);
     double move_s = plan_move_s(o->moves, before->pose, next->pose);
     double lead_s = plan_lead_s(before, next, o->rig, o->timing);
     return MAX(move_s, lead_s);
 }
 
-static struct plan_path plan_order_path_of(const struct orderer *o, Order *order) {
+static struct plan_path path_of(const struct orderer *o, Order *order) {
     return (struct plan_path){.order = (int *)(gpointer)order->data,
                               .n = (int)order->len,
-                              .cost = plan_order_between,
+                              .cost = between,
                               .data = o,
                               .longest_moved = LONGEST_MOVED};
 }
@@ -287,7 +285,7 @@ static Order *ordered(struct orderer *o, int candidate) {
     else
         order_nested(o, order);
     if (order->len <= SEARCH_ALL) {
-        struct plan_path path = plan_order_path_of(o, order);
+        struct plan_path path = path_of(o, order);
         plan_path_improve(&path, SEARCH_BUDGET);
     }
     return order;
@@ -299,7 +297,7 @@ static Order *best_of_block(struct orderer *o) {
 
     for (int candidate = 0; candidate < 4; candidate++) {
         g_autoptr(GArray) order = ordered(o, candidate);
-        struct plan_path path = plan_order_path_of(o, order);
+        struct plan_path path = path_of(o, order);
         double cost_s = plan_path_cost(&path);
         if (cost_s < best_s - 1e-9) {
             best_s = cost_s;
@@ -307,7 +305,7 @@ static Order *best_of_block(struct orderer *o) {
             best = g_steal_pointer(&order);
         }
     }
-    struct plan_path path = plan_order_path_of(o, best);
+    struct plan_path path = path_of(o, best);
     if (best->len <= SEARCH_LARGEST)
         plan_path_improve(&path, SEARCH_BUDGET);
     return best;
@@ -328,7 +326,7 @@ static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
     o->block_of = block_of;
     o->before = -1;
     for (o->block = 0; o->block < n_blocks; o->block++) {
-        plan_order_collect(o);
+        collect(o);
         g_autoptr(GArray) order = order_block(o);
         g_array_append_vals(whole, order->data, order->len);
         if (order->len)
@@ -352,9 +350,8 @@ static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *b
     guint32 used = 0;
 
     for (guint i = 0; i < shots->len; i++)
-        if (plan_order_is_lit(plan_order_shot_at(shots, i)) &&
-            plan_order_shot_at(shots, i)->kind == SHOT_SWEEP)
-            used |= 1u << plan_order_shot_at(shots, i)->device;
+        if (is_lit(shot_at(shots, i)) && shot_at(shots, i)->kind == SHOT_SWEEP)
+            used |= 1u << shot_at(shots, i)->device;
     for (int laser = 0; laser < RIG_MAX_LASERS; laser++) {
         int unit = rig_laser_unit(timing, laser);
         guint32 places = timing->mounts[unit] | 1u << unit;
@@ -363,14 +360,12 @@ static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *b
             n_blocks = MAX(n_blocks, rank[laser] + 1);
     }
     for (guint i = 0; i < shots->len; i++)
-        block_of[i] = plan_order_shot_at(shots, i)->kind == SHOT_SWEEP
-                          ? rank[plan_order_shot_at(shots, i)->device]
-                          : 0;
+        block_of[i] = shot_at(shots, i)->kind == SHOT_SWEEP ? rank[shot_at(shots, i)->device] : 0;
     return n_blocks;
 }
 
 static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
-    struct plan_path ours = plan_order_path_of(o, order), known = plan_order_path_of(o, *best);
+    struct plan_path ours = path_of(o, order), known = path_of(o, *best);
     gboolean quicker = plan_path_cost(&ours) < plan_path_cost(&known) - 1e-9;
 
     g_array_unref(quicker ? *best : order);
@@ -391,20 +386,20 @@ static Order *best_order(struct orderer *o, int n_blocks, int *block_of) {
     /* Lamps are taken in a pose that a sweep needs. */
     g_autofree int *last = g_new0(int, o->moves->n);
     for (guint i = 0; i < shots->len; i++) {
-        const struct session_shot *shot = plan_order_shot_at(shots, i);
-        if (plan_order_is_lit(shot) && shot->kind == SHOT_SWEEP)
+        const struct session_shot *shot = shot_at(shots, i);
+        if (is_lit(shot) && shot->kind == SHOT_SWEEP)
             last[shot->pose] = MAX(last[shot->pose], block_of[i]);
     }
     for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
-            block_of[i] = last[plan_order_shot_at(shots, i)->pose];
+        if (shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = last[shot_at(shots, i)->pose];
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
 
     /* One lamp at a time: if lamps take long to warm up, every block visits the poses with another
      * lamp. */
     for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
-            block_of[i] = plan_order_shot_at(shots, i)->device % n_blocks;
+        if (shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = shot_at(shots, i)->device % n_blocks;
     keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
     return best;
 }
@@ -419,8 +414,8 @@ static int order_with(GArray *shots, GArray *passed, const struct plan_pose *pos
     int visit = -1, pose = -1;
 
     for (guint i = 0; i < shots->len; i++)
-        if (plan_order_shot_at(shots, i)->kind == SHOT_DARK)
-            o.dark = plan_order_shot_at(shots, i);
+        if (shot_at(shots, i)->kind == SHOT_DARK)
+            o.dark = shot_at(shots, i);
     o.moves = plan_moves_new(poses, n_poses, timing);
     g_autoptr(GArray) order = wanted == ORDER_VIEWS
                                   ? in_blocks(&o, block_of, n_blocks, nested_of_block)

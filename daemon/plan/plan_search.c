@@ -4,7 +4,7 @@
 
 #define GAIN 1e-9
 
-static double plan_search_cost(const struct plan_path *t, int from, int to) {
+static double cost(const struct plan_path *t, int from, int to) {
     return t->cost(t->data, from, to);
 }
 
@@ -14,7 +14,7 @@ static int at(const struct plan_path *t, int index) {
 }
 
 static double edge(const struct plan_path *t, int from_index, int to_index) {
-    return plan_search_cost(t, at(t, from_index), at(t, to_index));
+    return cost(t, at(t, from_index), at(t, to_index));
 }
 
 double plan_path_cost(const struct plan_path *path) {
@@ -26,9 +26,8 @@ double plan_path_cost(const struct plan_path *path) {
 }
 
 /* Returns the cost of both edges of a segment from a to b between two neighbours. */
-static double plan_search_join(const struct plan_path *t, int from_index, int a, int b,
-                               int to_index) {
-    return plan_search_cost(t, at(t, from_index), a) + plan_search_cost(t, b, at(t, to_index));
+static double join(const struct plan_path *t, int from_index, int a, int b, int to_index) {
+    return cost(t, at(t, from_index), a) + cost(t, b, at(t, to_index));
 }
 
 /* 2-opt: reverses the segment i … j if that reduces the cost. Moves have a direction (backlash), so
@@ -39,9 +38,9 @@ static gboolean improve_by_reversing(struct plan_path *t, gint64 *budget) {
     for (int i = 0; i < t->n - 1 && *budget > 0; i++) {
         double change = 0;
         for (int j = i + 1; *budget > 0 && j < t->n; j++, (*budget)--) {
-            change += plan_search_cost(t, t->order[j], t->order[j - 1]) - edge(t, j - 1, j);
-            double ends = plan_search_join(t, i - 1, t->order[j], t->order[i], j + 1) -
-                          edge(t, i - 1, i) - edge(t, j, j + 1);
+            change += cost(t, t->order[j], t->order[j - 1]) - edge(t, j - 1, j);
+            double ends = join(t, i - 1, t->order[j], t->order[i], j + 1) - edge(t, i - 1, i) -
+                          edge(t, j, j + 1);
             if (change + ends >= -GAIN)
                 continue;
             for (int a = i, b = j; a < b; a++, b--) {
@@ -81,8 +80,8 @@ static gboolean improve_by_moving(struct plan_path *t, gint64 *budget) {
             for (int j = 0; j <= t->n; j++, (*budget)--) {
                 if (j >= i && j <= i + k)
                     continue;
-                double loss = plan_search_join(t, j - 1, t->order[i], t->order[i + k - 1], j) -
-                              edge(t, j - 1, j);
+                double loss =
+                    join(t, j - 1, t->order[i], t->order[i + k - 1], j) - edge(t, j - 1, j);
                 if (loss >= gain - GAIN)
                     continue;
                 move_segment(t, i, k, j);

@@ -21,7 +21,7 @@ static gint64 plan_sweeps_angle(const struct session_shot *shot) {
 
 /* Sorts by turntable angle, then laser position, then cameras. The result does not depend on the
  * order of the shots. */
-static int plan_sweeps_compare(gconstpointer a, gconstpointer b, gpointer data) {
+static int compare(gconstpointer a, gconstpointer b, gpointer data) {
     const struct session_shot *const *shots = data;
     const struct session_shot *s = shots[*(const int *)a], *t = shots[*(const int *)b];
     const gint64 x = plan_sweeps_angle(s), y = plan_sweeps_angle(t);
@@ -41,7 +41,7 @@ GPtrArray *plan_sweep_groups(const struct session_shot *const *shots, int n) {
     for (int i = 0; i < n; i++)
         if (shots[i]->kind == SHOT_SWEEP)
             g_array_append_val(all, i);
-    g_array_sort_with_data(all, plan_sweeps_compare, (gpointer)shots);
+    g_array_sort_with_data(all, compare, (gpointer)shots);
     for (guint i = 0; i < all->len; i++) {
         const int at = g_array_index(all, int, i);
         const int before = i > 0 ? g_array_index(all, int, i - 1) : -1;
@@ -74,9 +74,9 @@ CoverageModel *plan_sweep_model(const struct rig *rig, int camera,
 }
 
 /* Chooses among the sweeps of one turntable angle. Skipped sweeps do not count. */
-static void plan_sweeps_choose(const struct session_conf *conf, const struct rig *rig,
-                               const struct session_shot *const *shots, const GArray *group,
-                               gboolean *ret_first) {
+static void choose(const struct session_conf *conf, const struct rig *rig,
+                   const struct session_shot *const *shots, const GArray *group,
+                   gboolean *ret_first) {
     CoverageModel *models[RIG_MAX_CAMERAS] = {0};
     guint64 taken = 0;
 
@@ -119,7 +119,7 @@ void plan_first_sweeps(const struct session_conf *conf, const struct rig *rig,
         return;
     groups = plan_sweep_groups(shots, n);
     for (guint g = 0; g < groups->len; g++)
-        plan_sweeps_choose(conf, rig, shots, groups->pdata[g], ret_first);
+        choose(conf, rig, shots, groups->pdata[g], ret_first);
 }
 
 /* The line is line_mm wide where it crosses the beam's axis at the origin, so that its angle seen

@@ -17,13 +17,13 @@ struct tour {
     int n;
 };
 
-static double plan_tour_cost(const struct tour *t, int from, int to) {
+static double cost(const struct tour *t, int from, int to) {
     double move = plan_move_s(t->moves, from, to);
     return move > t->floor_s ? move : t->floor_s;
 }
 
 static double cost_of(gconstpointer data, int from, int to) {
-    return from < 0 || to < 0 ? 0 : plan_tour_cost(data, from, to);
+    return from < 0 || to < 0 ? 0 : cost(data, from, to);
 }
 
 static int compare_udeg(gconstpointer a, gconstpointer b) {
@@ -115,17 +115,17 @@ static int compare_cells(gconstpointer a, gconstpointer b) {
 
 /* Appends a row. It is entered at the pose where it costs least in total, and traversed up or down
  * and once around. */
-static void plan_tour_append_row(struct tour *t, const struct cell *row, int k) {
+static void append_row(struct tour *t, const struct cell *row, int k) {
     int best_start = 0, best_step = 1;
     double best = G_MAXDOUBLE;
 
     for (int step = 1; step >= -1; step -= 2) {
         double around = 0;
         for (int i = 0; i < k; i++)
-            around += plan_tour_cost(t, row[i].pose, row[(i + step + k) % k].pose);
+            around += cost(t, row[i].pose, row[(i + step + k) % k].pose);
         for (int start = 0; start < k; start++) {
-            double enter = t->n ? plan_tour_cost(t, t->order[t->n - 1], row[start].pose) : 0;
-            double gap = plan_tour_cost(t, row[(start - step + k) % k].pose, row[start].pose);
+            double enter = t->n ? cost(t, t->order[t->n - 1], row[start].pose) : 0;
+            double gap = cost(t, row[(start - step + k) % k].pose, row[start].pose);
             if (enter + around - gap < best - GAIN_S) {
                 best = enter + around - gap;
                 best_start = start;
@@ -157,7 +157,7 @@ static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows
     for (int i = 0, k; i < n; i += k) {
         for (k = 1; i + k < n && same_row(&cells[i + k], &cells[i]); k++)
             ;
-        plan_tour_append_row(t, cells + i, k);
+        append_row(t, cells + i, k);
     }
 }
 
@@ -171,7 +171,7 @@ static void tour_nearest(struct tour *t, const int *poses, int n) {
         int nearest = 0;
         double best = G_MAXDOUBLE;
         for (int i = 0; i < n; i++) {
-            double c = plan_tour_cost(t, t->order[t->n - 1], left[i]);
+            double c = cost(t, t->order[t->n - 1], left[i]);
             if (c < best || (c == best && left[i] < left[nearest])) {
                 best = c;
                 nearest = i;

@@ -81,7 +81,7 @@ static double get_double(GVariant *report, const char *key) {
 }
 
 /* Returns "about 21.3 MB" or, if the sizes differ, "13.1 to 21.3 MB". */
-static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
+static char *size_range(GVariant *report, guint64 least, guint64 most) {
     const gboolean lamps = get_int(report, "later_lamps") > 0;
     const gboolean sweeps = get_int(report, "later_sweeps") > 0;
     g_autofree char *max_text = g_format_size(most);
@@ -102,7 +102,7 @@ static char *report_size_range(GVariant *report, guint64 least, guint64 most) {
 
 /* Adds a line about the passes, and about the time with a standing table ([capture] motion =
  * continuous). */
-static void report_add_passes(GVariant *report, GString *text) {
+static void add_passes(GVariant *report, GString *text) {
     const int passes = get_int(report, "passes"), passing = get_int(report, "passing");
     const double standing_s = get_double(report, "standing_s");
     if (standing_s == 0)
@@ -127,7 +127,7 @@ char *report_text(GVariant *report) {
     g_variant_lookup(report, "bytes_least", "t", &least);
     const int later_sweeps = get_int(report, "later_sweeps");
     const int later_lamps = get_int(report, "later_lamps");
-    g_autofree char *size = report_size_range(report, least, bytes);
+    g_autofree char *size = size_range(report, least, bytes);
     g_string_append_printf(text, "session         %s\n", name);
     const int views = get_int(report, "views"), lights = get_int(report, "lights");
     const int lasers = get_int(report, "lasers"), pictures = views * lights;
@@ -163,7 +163,7 @@ char *report_text(GVariant *report) {
                                : later_sweeps == 0 ? "lamps"
                                                    : "lamps and sweeps");
     }
-    report_add_passes(report, text);
+    add_passes(report, text);
     if (predicted_s > 0)
         g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
                                nested_s / predicted_s);

@@ -379,8 +379,8 @@ static gboolean check_sections(const Config *config, Mistakes *mistakes) {
     return good;
 }
 
-static gboolean session_conf_take_name(const struct config_section *section, struct fields *f,
-                                       Mistakes *mistakes) {
+static gboolean take_name(const struct config_section *section, struct fields *f,
+                          Mistakes *mistakes) {
     const char *name = f->name;
 
     if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
@@ -482,8 +482,8 @@ static gboolean take_capture(const struct config_section *section, struct fields
                           conf->laser_exposure_us);
 }
 
-static void session_conf_read_directions(struct session_conf *conf, const Config *config,
-                                         gboolean all_sections, Mistakes *mistakes) {
+static void read_directions(struct session_conf *conf, const Config *config, gboolean all_sections,
+                            Mistakes *mistakes) {
     const struct config_section *views = config_find(config, "views", NULL);
     const struct config_section *lights = config_find(config, "lights", NULL);
     const struct config_section *lasers = config_find(config, "lasers", NULL);
@@ -556,10 +556,9 @@ static gboolean read_config(struct session_conf *conf, Config *config, Mistakes 
         const gboolean all = check_sections(config, mistakes);
         f.conf.text = g_strdup(config_text(config));
         f.conf.path = g_strdup(config_path(config));
-        read_section(config, "session", session_options, NULL, &f, session_conf_take_name, all,
-                     mistakes);
+        read_section(config, "session", session_options, NULL, &f, take_name, all, mistakes);
         read_section(config, "sample", sample_options, NULL, &f, take_sample, all, mistakes);
-        session_conf_read_directions(&f.conf, config, all, mistakes);
+        read_directions(&f.conf, config, all, mistakes);
         read_capture(config, &f, all, mistakes);
         config_free(config);
     }

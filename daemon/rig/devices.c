@@ -13,13 +13,13 @@ static gboolean open_all(Interlock *interlock, GError **error) {
     return TRUE;
 }
 
-static void devices_close_all(Interlock *interlock) {
+static void close_all(Interlock *interlock) {
 }
 
 static const struct interlock_driver all_driver = {
     .info = {.class_name = "interlock", .name = "all", .help = "All interlocks of the rig"},
     .open = open_all,
-    .close = devices_close_all,
+    .close = close_all,
 };
 
 static gboolean all_closed(const struct devices *devices) {
@@ -29,7 +29,7 @@ static gboolean all_closed(const struct devices *devices) {
     return TRUE;
 }
 
-static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
     struct devices *devices = data;
 
     interlock_report(devices->guard, closed && all_closed(devices));
@@ -37,7 +37,7 @@ static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer
 
 /* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
  * error already names a place in the rig file. Always returns FALSE. */
-static gboolean devices_fail_at(const struct config_section *section, GError **error) {
+static gboolean fail_at(const struct config_section *section, GError **error) {
     const char *path = config_path(section->config);
 
     if (error && *error && g_strcmp0(error_details_file(*error), path) != 0) {
@@ -55,7 +55,7 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
         Interlock *opened =
             driver ? interlock_open(driver, section, NULL, devices->clock, error) : NULL;
         if (!opened)
-            return devices_fail_at(section, error);
+            return fail_at(section, error);
         devices->interlocks[devices->n_interlocks++] = opened;
     }
     if (devices->n_interlocks == 0)
@@ -68,20 +68,20 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
     if (!devices->guard)
         return FALSE;
     for (int i = 0; i < devices->n_interlocks; i++)
-        interlock_listen(devices->interlocks[i], devices_on_interlock, devices);
+        interlock_listen(devices->interlocks[i], on_interlock, devices);
     interlock_report(devices->guard, all_closed(devices));
     return TRUE;
 }
 
-static Axis *devices_open_axis(struct devices *devices, const struct config_section *section,
-                               GError **error) {
+static Axis *open_axis(struct devices *devices, const struct config_section *section,
+                       GError **error) {
     gconstpointer driver = drivers_find(section, error);
     g_autofree const char **keys = layout_keys("axis");
     g_autoptr(Axis) axis = driver ? axis_open(driver, section, keys, devices->clock, error) : NULL;
     const char *park = config_value(section, LAYOUT_PARK_KEY, NULL);
 
     if (!axis) {
-        devices_fail_at(section, error);
+        fail_at(section, error);
         return NULL;
     }
     if (park) /* the layout has checked that it is a number */
@@ -109,7 +109,7 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++) {
         if (!axes[i].section)
             continue;
-        if (!(*axes[i].axis = devices_open_axis(devices, axes[i].section, error)))
+        if (!(*axes[i].axis = open_axis(devices, axes[i].section, error)))
             return FALSE;
         *axes[i].motion = (*axes[i].axis)->motion;
     }
@@ -118,7 +118,7 @@ static gboolean open_axes(struct devices *devices, const struct layout *layout, 
             if (layout->sweeps[k] == layout->sweeps[i])
                 devices->sweeps[i] = devices->sweeps[k];
         if (!devices->sweeps[i] &&
-            !(devices->sweeps[i] = devices_open_axis(devices, layout->sweeps[i], error)))
+            !(devices->sweeps[i] = open_axis(devices, layout->sweeps[i], error)))
             return FALSE;
         devices->timing.sweep[i] = devices->sweeps[i]->motion;
     }
@@ -131,7 +131,7 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
         LampBank *bank =
             driver ? lamps_open(driver, layout->banks[i], NULL, devices->clock, error) : NULL;
         if (!bank)
-            return devices_fail_at(layout->banks[i], error);
+            return fail_at(layout->banks[i], error);
         devices->banks[devices->n_banks++] = bank;
     }
     g_autoptr(Mistakes) mistakes = mistakes_new();
@@ -156,7 +156,7 @@ static gboolean open_mount(struct devices *devices, const struct layout *layout,
 
     if (!laser_mount(laser, layout->lasers[i]->name, error) ||
         !laser_mount(laser, layout->lasers[unit]->name, error))
-        return devices_fail_at(layout->lasers[i], error);
+        return fail_at(layout->lasers[i], error);
     devices->lasers[i] = laser;
     devices->timing.mounts[unit] |= 1u << i;
     devices->timing.laser_warm_up_s[i] = laser->warm_up_s;
@@ -176,15 +176,15 @@ static gboolean open_lasers(struct devices *devices, const struct layout *layout
         if (driver)
             devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
         if (!devices->lasers[i])
-            return devices_fail_at(layout->lasers[i], error);
+            return fail_at(layout->lasers[i], error);
         laser_guard(devices->lasers[i], devices->guard);
         devices->timing.laser_warm_up_s[i] = devices->lasers[i]->warm_up_s;
     }
     return TRUE;
 }
 
-static void devices_check_format(const struct camera_format *format, const struct rig_camera *said,
-                                 const struct config_section *section, Mistakes *mistakes) {
+static void check_format(const struct camera_format *format, const struct rig_camera *said,
+                         const struct config_section *section, Mistakes *mistakes) {
     gboolean wide = said->width != format->width;
 
     if (wide || said->height != format->height)
@@ -211,14 +211,14 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         if (driver)
             devices->cameras[i] = camera_open_begin(driver, section, keys, devices->clock, error);
         if (!devices->cameras[i])
-            return devices_fail_at(section, error);
+            return fail_at(section, error);
     }
     for (int i = 0; i < layout->geometry.n_cameras; i++) {
         const struct camera_format *format = &devices->cameras[i]->format;
         if (devices_is_unit(&layout->geometry, i) &&
             !camera_open_finish(devices->cameras[i], error))
-            return devices_fail_at(layout->cameras[i], error);
-        devices_check_format(format, &layout->geometry.cameras[i], layout->cameras[i], mistakes);
+            return fail_at(layout->cameras[i], error);
+        check_format(format, &layout->geometry.cameras[i], layout->cameras[i], mistakes);
         devices->timing.trigger_us[i] = format->trigger_us;
         devices->timing.readout_us[i] = format->readout_us;
         devices->timing.min_exposure_us[i] = format->min_exposure_us;
@@ -305,7 +305,7 @@ void devices_close(struct devices *devices) {
 }
 
 /* Collects errors. The result has the domain and code of the first error, and all messages. */
-static void devices_collect(GError **collected, GError *error) {
+static void collect(GError **collected, GError *error) {
     if (!error)
         return;
     if (!*collected) {
@@ -318,12 +318,12 @@ static void devices_collect(GError **collected, GError *error) {
     g_error_free(error);
 }
 
-static void devices_stop(Axis *axis, GError **collected) {
+static void stop(Axis *axis, GError **collected) {
     GError *error = NULL;
 
     if (axis)
         axis_stop(axis, &error);
-    devices_collect(collected, error);
+    collect(collected, error);
 }
 
 static gboolean is_simulated(const struct device *device) {
@@ -353,26 +353,26 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
         GError *failed = NULL;
         if (rig_laser_unit(&devices->timing, i) == i)
             laser_set(devices->lasers[i], FALSE, &failed);
-        devices_collect(&collected, failed);
+        collect(&collected, failed);
     }
     for (int i = 0; i < devices->n_banks; i++) {
         GError *failed = NULL;
         lamps_all_off(devices->banks[i], &failed);
-        devices_collect(&collected, failed);
+        collect(&collected, failed);
     }
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (is_first_sweep(devices, i))
-            devices_stop(devices->sweeps[i], &collected);
+            stop(devices->sweeps[i], &collected);
     for (int i = 0; i < DEVICES_POSITIONERS; i++)
-        devices_stop(devices_positioner(devices, i), &collected);
+        stop(devices_positioner(devices, i), &collected);
     if (!collected)
         return TRUE;
     g_propagate_error(error, collected);
     return FALSE;
 }
 
-static void devices_add_safety(GVariantBuilder *list, const struct device *device,
-                               enum device_safety safety, enum device_safety *most) {
+static void add_safety(GVariantBuilder *list, const struct device *device,
+                       enum device_safety safety, enum device_safety *most) {
     static const char *const words[] = {"read back", "NOT safe", "commanded only"};
     g_variant_builder_add(list, "(sss)", device->info->class_name, device->name, words[safety]);
     *most = MAX(*most, safety);
@@ -384,25 +384,23 @@ GVariant *devices_safety(const struct devices *devices, enum device_safety *ret)
     g_variant_builder_init(&list, G_VARIANT_TYPE("a(sss)"));
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
-            devices_add_safety(&list, &devices->lasers[i]->device, laser_safety(devices->lasers[i]),
-                               ret);
+            add_safety(&list, &devices->lasers[i]->device, laser_safety(devices->lasers[i]), ret);
     for (int i = 0; i < devices->n_banks; i++)
-        devices_add_safety(&list, &devices->banks[i]->device, lamps_safety(devices->banks[i]), ret);
+        add_safety(&list, &devices->banks[i]->device, lamps_safety(devices->banks[i]), ret);
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (is_first_sweep(devices, i) && devices->sweeps[i])
-            devices_add_safety(&list, &devices->sweeps[i]->device, axis_safety(devices->sweeps[i]),
-                               ret);
+            add_safety(&list, &devices->sweeps[i]->device, axis_safety(devices->sweeps[i]), ret);
     for (int i = DEVICES_POSITIONERS - 1; i >= 0; i--) {
         const Axis *axis = devices_positioner(devices, i);
         if (axis)
-            devices_add_safety(&list, &axis->device, axis_safety(axis), ret);
+            add_safety(&list, &axis->device, axis_safety(axis), ret);
     }
     return g_variant_builder_end(&list);
 }
 
 /* Calls func for each axis, bank and laser, each device once. */
-static void devices_foreach(const struct devices *devices,
-                            void (*func)(struct device *device, gpointer data), gpointer data) {
+static void foreach (const struct devices *devices,
+                     void (*func)(struct device *device, gpointer data), gpointer data) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         if (devices->lasers[i] && rig_laser_unit(&devices->timing, i) == i)
             func(&devices->lasers[i]->device, data);
@@ -427,7 +425,8 @@ static void set_permit(struct device *device, gpointer data) {
 }
 
 void devices_set_permit(struct devices *devices, DevicePermit permit, gpointer data) {
-    devices_foreach(devices, set_permit, &(struct permit){permit, data});
+    foreach (devices, set_permit, &(struct permit){permit, data})
+        ;
 }
 
 struct watch {
@@ -441,7 +440,8 @@ static void watch_safety(struct device *device, gpointer data) {
 }
 
 void devices_watch_safety(struct devices *devices, DeviceSafetyFunc func, gpointer data) {
-    devices_foreach(devices, watch_safety, &(struct watch){func, data});
+    foreach (devices, watch_safety, &(struct watch){func, data})
+        ;
 }
 
 static void add_identity(struct device *device, gpointer data) {
@@ -451,7 +451,8 @@ static void add_identity(struct device *device, gpointer data) {
 
 GPtrArray *devices_identities(const struct devices *devices) {
     GPtrArray *ret = g_ptr_array_new_with_free_func(g_free);
-    devices_foreach(devices, add_identity, ret);
+    foreach (devices, add_identity, ret)
+        ;
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         if (devices_is_unit(&devices->geometry, i))
             add_identity(&devices->cameras[i]->device, ret);
@@ -466,7 +467,8 @@ static void find_unsafe(struct device *device, gpointer data) {
 
 gboolean devices_any_unsafe(const struct devices *devices) {
     gboolean any = FALSE;
-    devices_foreach(devices, find_unsafe, &any);
+    foreach (devices, find_unsafe, &any)
+        ;
     return any;
 }
 
@@ -490,7 +492,7 @@ static void take_answer(struct answer *answer, const GError *error) {
     answer->error = error ? g_error_copy(error) : NULL;
 }
 
-static void devices_on_laser_off(Laser *laser, gboolean on, const GError *error, gpointer data) {
+static void on_laser_off(Laser *laser, gboolean on, const GError *error, gpointer data) {
     if (!on)
         take_answer(data, error);
 }
@@ -518,7 +520,7 @@ static void secure_axis(Axis *axis, struct securing *securing) {
 static void secure_laser(Laser *laser, struct securing *securing) {
     g_autoptr(GError) error = NULL;
     struct answer *answer = &securing->answers[securing->n++];
-    laser_listen(laser, devices_on_laser_off, answer);
+    laser_listen(laser, on_laser_off, answer);
     if (!laser_set(laser, FALSE, &error))
         take_answer(answer, error);
 }
@@ -543,7 +545,7 @@ static gboolean is_answered(const struct securing *securing) {
     return TRUE;
 }
 
-static void devices_unlisten(struct devices *devices) {
+static void unlisten(struct devices *devices) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         if (devices->lasers[i])
             laser_listen(devices->lasers[i], NULL, NULL);
@@ -575,7 +577,7 @@ gboolean devices_secure(struct devices *devices, GError **error) {
     while (!is_answered(&securing) && !securing.too_late)
         g_main_context_iteration(NULL, TRUE);
     g_source_remove(timer);
-    devices_unlisten(devices);
+    unlisten(devices);
     for (int i = 0; i < securing.n; i++) {
         struct answer *answer = &securing.answers[i];
         if (!answer->done)
@@ -583,7 +585,7 @@ gboolean devices_secure(struct devices *devices, GError **error) {
                 &answer->error, DEVICE_ERROR_TIMEOUT, NULL,
                 "a device has not confirmed its safe state within %d s; switch the rig off by hand",
                 SECURE_MS / 1000);
-        devices_collect(&collected, answer->error);
+        collect(&collected, answer->error);
     }
     if (collected)
         g_propagate_error(error, collected);

@@ -33,8 +33,8 @@ static const struct {
     {"interlock", (gconstpointer const *)interlock_drivers},
 };
 
-static gconstpointer devices_drivers_choose(const struct config_section *section,
-                                            gconstpointer const *drivers, GError **error) {
+static gconstpointer choose(const struct config_section *section, gconstpointer const *drivers,
+                            GError **error) {
     const char *name = config_value(section, "driver", NULL);
     g_autoptr(GString) names = g_string_new(NULL);
 
@@ -58,20 +58,19 @@ const struct driver_info *drivers_by_name(const struct config_section *section) 
     const struct driver_info *info = NULL;
 
     for (gsize i = 0; i < G_N_ELEMENTS(classes) && !info; i++)
-        info = devices_drivers_choose(section, classes[i].drivers, NULL);
+        info = choose(section, classes[i].drivers, NULL);
     return info;
 }
 
 gconstpointer drivers_find(const struct config_section *section, GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(classes); i++)
         if (g_str_equal(classes[i].class_name, section->class_name))
-            return devices_drivers_choose(section, classes[i].drivers, error);
+            return choose(section, classes[i].drivers, error);
     g_return_val_if_reached(NULL);
 }
 
-static void devices_drivers_describe(const char *class_name, const char *name, const char *help,
-                                     const struct option *options, gboolean whole, gboolean json,
-                                     GString *to) {
+static void describe(const char *class_name, const char *name, const char *help,
+                     const struct option *options, gboolean whole, gboolean json, GString *to) {
     if (!json && !whole) {
         g_string_append_printf(to, "%-16s %-10s %s\n", name, class_name, help);
         return;
@@ -121,14 +120,13 @@ char *devices_describe_drivers(const char *name, gboolean json) {
         for (gconstpointer const *driver = classes[i].drivers; *driver; driver++) {
             const struct driver_info *info = *driver;
             if (!name || g_str_equal(name, info->name))
-                devices_drivers_describe(info->class_name, info->name, info->help, info->options,
-                                         name != NULL, json, text);
+                describe(info->class_name, info->name, info->help, info->options, name != NULL,
+                         json, text);
         }
     for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
         if (!name || g_str_equal(name, sections[i][0]))
-            devices_drivers_describe("section", sections[i][0], sections[i][1],
-                                     devices_section_options(sections[i][0]), name != NULL, json,
-                                     text);
+            describe("section", sections[i][0], sections[i][1],
+                     devices_section_options(sections[i][0]), name != NULL, json, text);
     if (text->len == empty) {
         g_string_free(text, TRUE);
         return NULL;

@@ -8,7 +8,7 @@
 
 #define RAD(deg) ((deg) * (G_PI / 180))
 
-static const char **devices_layout_names_of(const struct option *options, const char *first) {
+static const char **names_of(const struct option *options, const char *first) {
     GPtrArray *names = g_ptr_array_new();
 
     if (first)
@@ -20,14 +20,13 @@ static const char **devices_layout_names_of(const struct option *options, const 
 }
 
 const char **layout_keys(const char *class_name) {
-    return devices_layout_names_of(devices_section_options(class_name), NULL);
+    return names_of(devices_section_options(class_name), NULL);
 }
 
 /* Checks the driver's options without opening it, and reads the keys of the rig from the same
  * section. If the driver is not known, only the keys of the rig are checked. */
-static gboolean devices_layout_read_device(const struct layout *layout,
-                                           const struct config_section *section,
-                                           struct place_fields *place, Mistakes *mistakes) {
+static gboolean read_device(const struct layout *layout, const struct config_section *section,
+                            struct place_fields *place, Mistakes *mistakes) {
     static const char *const only_driver[] = {"driver", NULL}, *const any[] = {"*", NULL};
     GError *error = NULL;
     const struct driver_info *info = drivers_find(section, &error);
@@ -50,7 +49,7 @@ static gboolean devices_layout_read_device(const struct layout *layout,
     return TRUE;
 }
 
-static gboolean devices_layout_read_rig(struct layout *layout, Mistakes *mistakes) {
+static gboolean read_rig(struct layout *layout, Mistakes *mistakes) {
     const struct config_section *section = config_find(layout->config, "rig", NULL);
     struct rig_fields fields = {0};
 
@@ -99,8 +98,8 @@ static gboolean count_up(int *n, int most, const struct config_section *section,
                           most);
 }
 
-static gboolean devices_layout_take_name(const struct config_section *section, char to[RIG_NAME],
-                                         Mistakes *mistakes) {
+static gboolean take_name(const struct config_section *section, char to[RIG_NAME],
+                          Mistakes *mistakes) {
     if (strlen(section->name) < RIG_NAME) {
         g_strlcpy(to, section->name, RIG_NAME);
         return TRUE;
@@ -109,7 +108,7 @@ static gboolean devices_layout_take_name(const struct config_section *section, c
                           "the name must be UTF-8 of at most %d bytes", RIG_NAME - 1);
 }
 
-static struct vec3 devices_layout_position(const struct place_fields *place) {
+static struct vec3 position(const struct place_fields *place) {
     return vec3_scale(rig_direction(RAD(place->theta_deg), RAD(place->phi_deg)),
                       place->distance_mm);
 }
@@ -117,10 +116,8 @@ static struct vec3 devices_layout_position(const struct place_fields *place) {
 /* Sets *ret_fixed: a lamp or laser is fixed if its azimuth is given, or if there is no arc. Without
  * an arc the azimuth may be left out only for one that is overhead, because it has no azimuth
  * there. */
-static gboolean devices_layout_take_carrier(const struct layout *layout,
-                                            const struct config_section *section,
-                                            const struct place_fields *place, int *ret_fixed,
-                                            Mistakes *mistakes) {
+static gboolean take_carrier(const struct layout *layout, const struct config_section *section,
+                             const struct place_fields *place, int *ret_fixed, Mistakes *mistakes) {
     const gboolean given = config_value(section, "phi_deg", NULL) != NULL;
 
     *ret_fixed = given || !layout->arc;
@@ -223,8 +220,8 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
 
     if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, mistakes))
         return FALSE;
-    const gboolean named = devices_layout_take_name(section, rig->cameras[i].name, mistakes);
-    if (!devices_layout_read_device(layout, section, &p, mistakes))
+    const gboolean named = take_name(section, rig->cameras[i].name, mistakes);
+    if (!read_device(layout, section, &p, mistakes))
         return FALSE;
     if (!named) {
         options_clear(devices_camera_options, &p);
@@ -243,7 +240,7 @@ static gboolean read_camera(struct layout *layout, const struct config_section *
     camera->p2 = p.p2;
     camera->vignetting = p.vignetting;
     camera->response = p.response;
-    rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
+    rig_camera_look_at(camera, position(&p), vec3(0, 0, 0));
     if (p.theta_deg ==
         0) /* overhead, the azimuth is the rotation about the camera's optical axis */
         for (int k = 0; k < 2; k++) {
@@ -295,14 +292,13 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
         return FALSE;
     layout->lamps[i] = section;
     layout->lamp_bank[i] = -1;
-    const gboolean named = devices_layout_take_name(section, rig->lamps[i].name, mistakes);
+    const gboolean named = take_name(section, rig->lamps[i].name, mistakes);
     if (!options_read(&(struct option_target){devices_lamp_options, &p}, 1, section, NULL,
                       mistakes))
         return FALSE;
-    const gboolean carried =
-        devices_layout_take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
+    const gboolean carried = take_carrier(layout, section, &p, &rig->lamps[i].fixed, mistakes);
     const gboolean wired = wire_lamp(layout, i, &p, mistakes);
-    rig->lamps[i].position_mm = devices_layout_position(&p);
+    rig->lamps[i].position_mm = position(&p);
     rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
     rig->lamps[i].exponent = p.exponent;
     rig->lamps[i].intensity = p.intensity;
@@ -313,8 +309,7 @@ static gboolean read_lamp(struct layout *layout, const struct config_section *se
 }
 
 /* Returns whether the name of an axis gives its purpose. */
-static gboolean devices_layout_is_positioner(const struct layout *layout,
-                                             const struct config_section *axis) {
+static gboolean is_positioner(const struct layout *layout, const struct config_section *axis) {
     return axis == layout->turntable || axis == layout->arc || axis == layout->arm ||
            axis == layout->probe;
 }
@@ -322,7 +317,7 @@ static gboolean devices_layout_is_positioner(const struct layout *layout,
 static gboolean wire_laser(struct layout *layout, int i, const char *sweep, Mistakes *mistakes) {
     const struct config_section *axis = config_find(layout->config, "axis", sweep);
 
-    if (axis && !devices_layout_is_positioner(layout, axis)) {
+    if (axis && !is_positioner(layout, axis)) {
         layout->sweeps[i] = axis;
         return TRUE;
     }
@@ -365,19 +360,18 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     layout->lasers[i] = section;
     layout->unit[i] = i;
     struct rig_laser *laser = &rig->lasers[i];
-    const gboolean named = devices_layout_take_name(section, laser->name, mistakes);
+    const gboolean named = take_name(section, laser->name, mistakes);
     const gboolean mounted = config_value(section, "mount_of", NULL) != NULL;
     if (!(mounted ? options_read(&(struct option_target){devices_mount_options, &p}, 1, section,
                                  NULL, mistakes)
-                  : devices_layout_read_device(layout, section, &p, mistakes)))
+                  : read_device(layout, section, &p, mistakes)))
         return FALSE;
     const gboolean wired = mounted ? wire_mount(layout, i, p.mount_of, mistakes)
                                    : wire_laser(layout, i, p.sweep, mistakes);
-    const gboolean carried =
-        devices_layout_take_carrier(layout, section, &p, &laser->fixed, mistakes);
+    const gboolean carried = take_carrier(layout, section, &p, &laser->fixed, mistakes);
     const gboolean ok = named && wired && carried;
     if (ok) {
-        laser->position_mm = devices_layout_position(&p);
+        laser->position_mm = position(&p);
         laser->axis = rig_turn(vec3(0, 1, 0), RAD(p.phi_deg));
         laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
     }
@@ -393,7 +387,7 @@ static gboolean read_mark(struct layout *layout, const struct config_section *se
 
     if (!count_up(&rig->n_fiducials, RIG_MAX_FIDUCIALS, section, mistakes))
         return FALSE;
-    const gboolean named = devices_layout_take_name(section, rig->fiducials[i].name, mistakes);
+    const gboolean named = take_name(section, rig->fiducials[i].name, mistakes);
     if (!options_read(&(struct option_target){devices_mark_options, &p}, 1, section, NULL,
                       mistakes))
         return FALSE;
@@ -422,24 +416,23 @@ static gboolean take_section(struct layout *layout, const struct config_section 
             layout->arm = section;
         if (g_str_equal(section->name, "probe"))
             layout->probe = section;
-        return devices_layout_read_device(layout, section, &fields, mistakes);
+        return read_device(layout, section, &fields, mistakes);
     }
     if (g_str_equal(section->class_name, "lamps")) {
         layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;
         return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, mistakes) &&
-               devices_layout_read_device(layout, section, NULL, mistakes);
+               read_device(layout, section, NULL, mistakes);
     }
     if (g_str_equal(section->class_name, "interlock")) {
         layout->interlocks[MIN(layout->n_interlocks, DEVICES_MAX_INTERLOCKS - 1)] = section;
         return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, mistakes) &&
-               devices_layout_read_device(layout, section, NULL, mistakes);
+               read_device(layout, section, NULL, mistakes);
     }
     return TRUE;
 }
 
-static gboolean devices_layout_take_place(struct layout *layout,
-                                          const struct config_section *section,
-                                          Mistakes *mistakes) {
+static gboolean take_place(struct layout *layout, const struct config_section *section,
+                           Mistakes *mistakes) {
     if (g_str_equal(section->class_name, "camera"))
         return read_camera(layout, section, mistakes);
     if (g_str_equal(section->class_name, "lamp"))
@@ -483,8 +476,7 @@ static gboolean check_class(struct layout *layout, const struct config_section *
 }
 
 /* Returns whether the axis is used. An axis that nothing uses is probably misspelt. */
-static gboolean devices_layout_uses(const struct layout *layout,
-                                    const struct config_section *axis) {
+static gboolean uses(const struct layout *layout, const struct config_section *axis) {
     for (int i = 0; i < layout->geometry.n_lasers; i++)
         if (layout->sweeps[i] == axis)
             return TRUE;
@@ -517,7 +509,7 @@ static void check_whole(const struct layout *layout, gboolean lasers, Mistakes *
         if (section->broken)
             continue;
         if (lasers && layout->has_all_sections && g_str_equal(section->class_name, "axis") &&
-            !devices_layout_uses(layout, section))
+            !uses(layout, section))
             config_mistake(mistakes, CONFIG_ERROR_UNKNOWN, section, NULL,
                            "this axis is not used: it is neither turntable nor arc, no laser names "
                            "it as its sweep, and it is not an [axis arm] with cameras that have "
@@ -554,9 +546,9 @@ static gboolean layout_take(struct layout *layout, Config *config, gboolean chec
         for (gsize i = 0; i < n; i++)
             if (known[i])
                 take_section(layout, &sections[i], mistakes);
-        devices_layout_read_rig(layout, mistakes);
+        read_rig(layout, mistakes);
         for (gsize i = 0; i < n; i++)
-            if (known[i] && !devices_layout_take_place(layout, &sections[i], mistakes))
+            if (known[i] && !take_place(layout, &sections[i], mistakes))
                 lasers &= !g_str_equal(sections[i].class_name, "laser");
         check_whole(layout, lasers, mistakes);
         if (checks_drivers)

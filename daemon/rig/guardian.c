@@ -98,7 +98,7 @@ static gboolean on_beat(gpointer data) {
 
 /* Runs between fork and exec, so it makes only async-signal-safe calls. Signals that end the daemon
  * must not end the guardian as well. */
-static void guardian_prepare_child(gpointer unused) {
+static void prepare_child(gpointer unused) {
     static const int ignored[] = {SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGABRT, SIGPIPE};
     setsid();
     for (gsize i = 0; i < G_N_ELEMENTS(ignored); i++)
@@ -128,7 +128,7 @@ static void on_ended(GPid pid, int status, gpointer data) {
 
 /* Starts the guardian. Its standard input is one end of a socket pair, so it notices the end of the
  * daemon in any case. */
-static gboolean guardian_do_start(Guardian *guardian, GError **error) {
+static gboolean do_start(Guardian *guardian, GError **error) {
     const char *const argv[] = {"/proc/self/exe", "mesorigd", "--guardian", guardian->rig_path,
                                 NULL};
     const GSpawnFlags flags = G_SPAWN_FILE_AND_ARGV_ZERO | G_SPAWN_DO_NOT_REAP_CHILD;
@@ -140,9 +140,8 @@ static gboolean guardian_do_start(Guardian *guardian, GError **error) {
                     g_strerror(errno));
         return FALSE;
     }
-    const gboolean started =
-        g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, guardian_prepare_child, NULL,
-                               &guardian->pid, fds[1], -1, -1, error);
+    const gboolean started = g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, prepare_child,
+                                                    NULL, &guardian->pid, fds[1], -1, -1, error);
     close(fds[1]);
     if (!started) {
         close(fds[0]);
@@ -165,7 +164,7 @@ static gboolean on_restart(gpointer data) {
     g_autoptr(GError) error = NULL;
 
     guardian->restart = 0;
-    if (guardian_do_start(guardian, &error))
+    if (do_start(guardian, &error))
         return G_SOURCE_REMOVE;
     g_warning("%s", error->message);
     restart_later(guardian);
@@ -220,7 +219,7 @@ static Guardian *guardian_new(const char *rig_path) {
 Guardian *guardian_start(const char *rig_path, GError **error) {
     Guardian *guardian = guardian_new(rig_path);
 
-    if (guardian_do_start(guardian, error) && await_first_answer(guardian, error))
+    if (do_start(guardian, error) && await_first_answer(guardian, error))
         return guardian;
     /* A guardian that has refused continues its work, or has ended. */
     guardian_end(guardian, GUARDIAN_SAFE);
@@ -257,14 +256,14 @@ void guardian_set_busy(Guardian *guardian, gboolean busy) {
     guardian_send(guardian, busy ? PAUSE : BEAT);
 }
 
-static void guardian_on_gone(GPid pid, int status, gpointer unused) {
+static void on_gone(GPid pid, int status, gpointer unused) {
     g_spawn_close_pid(pid);
 }
 
 static void let_go(Guardian *guardian) {
     if (guardian->watch) {
         GSource *watch = g_main_context_find_source_by_id(NULL, guardian->watch);
-        g_source_set_callback(watch, G_SOURCE_FUNC(guardian_on_gone), NULL, NULL);
+        g_source_set_callback(watch, G_SOURCE_FUNC(on_gone), NULL, NULL);
     }
     guardian->watch = 0;
 }
@@ -289,7 +288,7 @@ void guardian_end(Guardian *guardian, enum guardian_end how) {
         return;
     g_clear_handle_id(&guardian->restart, g_source_remove);
     notice_end(guardian);
-    if (guardian->socket < 0 && how != GUARDIAN_SAFE && !guardian_do_start(guardian, &error))
+    if (guardian->socket < 0 && how != GUARDIAN_SAFE && !do_start(guardian, &error))
         g_warning("%s", error->message);
     g_clear_handle_id(&guardian->timer, g_source_remove);
     if (how != GUARDIAN_UNSAFE)

@@ -76,7 +76,7 @@ static ssize_t receive_byte(char *ret) {
     return n < 0 && errno == ECONNRESET ? recv(STDIN_FILENO, ret, 1, MSG_DONTWAIT) : n;
 }
 
-static enum news guardian_receive(struct guarding *guarding) {
+static enum news receive(struct guarding *guarding) {
     enum news news = NEWS_NONE;
     gboolean beat = FALSE;
     char byte = 0;
@@ -123,7 +123,7 @@ static enum news watch_daemon(struct guarding *guarding) {
         if (ready > 0) {
             enum news news = NEWS_NONE;
             if (at[0].revents)
-                news = guardian_receive(guarding);
+                news = receive(guarding);
             else if (at[1].revents)
                 news = NEWS_DEAD;
             if (news != NEWS_NONE)

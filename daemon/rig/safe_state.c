@@ -41,7 +41,7 @@ static const char *const harmless[] = {
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
                                         "late_ms", "retries", NULL};
 
-static void safe_state_job_free(gpointer data) {
+static void job_free(gpointer data) {
     struct job *job = data;
     g_free(job->name);
     g_free(job->line);
@@ -110,7 +110,7 @@ SafeState *safe_state_read(const char *rig_path, GError **error) {
         return NULL;
     SafeState *state = g_new0(SafeState, 1);
     state->config = config;
-    state->jobs = g_ptr_array_new_with_free_func(safe_state_job_free);
+    state->jobs = g_ptr_array_new_with_free_func(job_free);
     const struct config_section *sections = config_sections(config, &n);
     for (gsize i = 0; i < n; i++)
         add_job(state, &sections[i]);
@@ -172,14 +172,14 @@ static void add_line(struct repaired *repaired, int *at, int line, const char *k
 
 /* Returns FALSE for keys of speeds and watchdogs. A device is only stopped or switched off, and a
  * wrong speed must not be written. */
-static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
+static gboolean is_wanted(const char *key, gboolean quick) {
     static const char *const unwanted[] = {"speed_register",    "accel_register", "watchdog",
                                            "watchdog_register", "pulse_coil",     NULL};
     return !g_strv_contains(unwanted, key) && !(quick && strcmp(key, "retries") == 0);
 }
 
-static void safe_state_repair_keys(const struct job *job, gboolean quick, const char *const *also,
-                                   struct repaired *repaired) {
+static void repair_keys(const struct job *job, gboolean quick, const char *const *also,
+                        struct repaired *repaired) {
     int at = 1;
     g_autofree char *heading = g_strdup_printf("[%s]", job->section->group);
 
@@ -190,7 +190,7 @@ static void safe_state_repair_keys(const struct job *job, gboolean quick, const 
         const char *value = config_value(job->section, *key, &line);
         if (strcmp(*key, "driver") == 0 ||
             options_check_key(job->info->options, job->section, also, *key, &error)) {
-            if (!g_strv_contains(also, *key) && safe_state_is_wanted(*key, quick))
+            if (!g_strv_contains(also, *key) && is_wanted(*key, quick))
                 add_line(repaired, &at, line, *key, value);
             continue;
         }
@@ -203,8 +203,8 @@ static void safe_state_repair_keys(const struct job *job, gboolean quick, const 
 }
 
 /* Adds keys without a default that do not matter here, but that the driver requires. */
-static void safe_state_add_missing(const struct job *job, const char *const *also, gboolean quick,
-                                   struct repaired *repaired) {
+static void add_missing(const struct job *job, const char *const *also, gboolean quick,
+                        struct repaired *repaired) {
     for (const struct option *option = job->info->options; option && option->name; option++) {
         if (quick && strcmp(option->name, "retries") == 0)
             g_string_append(repaired->text, "\nretries = 0");
@@ -225,7 +225,7 @@ static void safe_state_add_missing(const struct job *job, const char *const *als
 
 /* Makes a valid section. If quick is TRUE, requests are not repeated, because other devices wait
  * for their turn. */
-static void safe_state_repair(const struct job *job, gboolean quick, struct repaired *ret) {
+static void repair(const struct job *job, gboolean quick, struct repaired *ret) {
     g_autofree const char **layout = layout_keys(class_of(job));
     g_autoptr(GPtrArray) also = g_ptr_array_new();
 
@@ -234,14 +234,14 @@ static void safe_state_repair(const struct job *job, gboolean quick, struct repa
         g_ptr_array_add(also, (gpointer)*key);
     g_ptr_array_add(also, NULL);
     note_problems(job, ret);
-    safe_state_repair_keys(job, quick, (const char *const *)also->pdata, ret);
-    safe_state_add_missing(job, (const char *const *)also->pdata, quick, ret);
+    repair_keys(job, quick, (const char *const *)also->pdata, ret);
+    add_missing(job, (const char *const *)also->pdata, quick, ret);
     g_string_append_printf(ret->text, "\n");
 }
 
 /* Opens the device as a rig of one device. */
-static gboolean safe_state_open_device(struct devices *devices, const struct job *job,
-                                       const struct config_section *section, GError **error) {
+static gboolean open_device(struct devices *devices, const struct job *job,
+                            const struct config_section *section, GError **error) {
     gconstpointer driver = job->info;
 
     devices->clock = clock_new_real();
@@ -266,9 +266,8 @@ static gboolean secure_section(const struct job *job, const char *text, GError *
     if (!config)
         return FALSE;
     struct devices *devices = g_new0(struct devices, 1);
-    const gboolean safe =
-        safe_state_open_device(devices, job, config_sections(config, &n), error) &&
-        devices_secure(devices, error);
+    const gboolean safe = open_device(devices, job, config_sections(config, &n), error) &&
+                          devices_secure(devices, error);
     devices_close(devices);
     return safe;
 }
@@ -316,7 +315,7 @@ enum safe_try safe_state_try(const SafeState *state, int index, gboolean quick, 
         set_text(ret_text, job, "NOT safe: %s", error->message);
         return SAFE_TRY_NEVER;
     }
-    safe_state_repair(job, quick, &repaired);
+    repair(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
     lock_steal_found();
     const gboolean safe = secure_section(job, repaired.text->str, &error);

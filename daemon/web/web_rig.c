@@ -374,7 +374,7 @@ static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *err
               g_error_new(G_IO_ERROR, G_IO_ERROR_CLOSED, "mesorigd at %s has ended", rig->address));
 }
 
-static WebRig *web_rig_make(const char *address) {
+static WebRig *make(const char *address) {
     WebRig *rig = g_new0(WebRig, 1);
     rig->address = g_strdup(address);
     rig->cancellable = g_cancellable_new();
@@ -386,7 +386,7 @@ static WebRig *web_rig_make(const char *address) {
 WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
     const GBusType type = g_strcmp0(bus, "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM;
     if (address) {
-        WebRig *rig = web_rig_make(address);
+        WebRig *rig = make(address);
         connect_again(rig);
         while (rig->connecting)
             g_main_context_iteration(NULL, TRUE);
@@ -399,7 +399,7 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
                          : NULL;
     if (!proxy)
         return NULL;
-    WebRig *rig = web_rig_make(NULL);
+    WebRig *rig = make(NULL);
     attach(rig, proxy);
     return rig;
 }

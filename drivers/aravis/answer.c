@@ -59,8 +59,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     return *ret_before_us <= 0;
 }
 
-static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
-                                   GError **error) {
+static Frame *answer_unpack(const struct answer_state *state, ArvBuffer *buffer, GError **error) {
     const struct aravis_limits *limits = state->limits;
     gsize n = (gsize)limits->width * (gsize)limits->height;
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
@@ -108,7 +107,7 @@ Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_b
     gint64 start_us;
     if (!map_time(state, buffer, &start_us, ret_before_us))
         return NULL;
-    Frame *frame = aravis_answer_unpack(state, buffer, error);
+    Frame *frame = answer_unpack(state, buffer, error);
     if (!frame)
         return NULL;
     frame->shot = state->shot;

@@ -85,7 +85,7 @@ static void clear_timers(Camera *camera) {
     priv->exposed_us = 0;
 }
 
-static void aravis_camera_on_exposed(gpointer data) {
+static void camera_on_exposed(gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     priv->exposed_timer = 0;
@@ -100,12 +100,12 @@ static void on_sending(gint64 sent_us, gpointer data) {
     gint64 over_us = sent_us + camera->format.trigger_us + priv->settings.exposure_us;
     if (priv->exposed_timer == 0 && priv->exposed_us == 0)
         priv->exposed_timer =
-            clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
+            clock_call_at(camera->device.clock, over_us, camera_on_exposed, camera);
 }
 
 /* Refuses a frame whose exposure ended after its end was reported, because lamps and axes may have
  * changed by then. (The class refuses a frame from the future.) */
-static void aravis_camera_on_frame(Frame *frame, gpointer data) {
+static void camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     gint64 over_us = priv->exposed_us > 0 ? frame->exposure_end_us - priv->exposed_us : 0;
@@ -137,7 +137,7 @@ static void on_only_stale(gpointer data) {
             (double)priv->before_us / 1e3));
 }
 
-static void aravis_camera_on_stale(gint64 before_us, gpointer data) {
+static void camera_on_stale(gint64 before_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     gint64 wait_us = priv->settings.exposure_us + camera->format.readout_us + STALE_US;
@@ -153,7 +153,7 @@ static void on_failed(GError *error, gpointer data) {
     camera_report_fault(camera, error);
 }
 
-static void aravis_camera_on_lost(const GError *error, gpointer data) {
+static void camera_on_lost(const GError *error, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     g_clear_error(&priv->lost);
@@ -164,10 +164,10 @@ static void aravis_camera_on_lost(const GError *error, gpointer data) {
 }
 
 static const struct aravis_hooks hooks = {.sending = on_sending,
-                                          .frame = aravis_camera_on_frame,
-                                          .stale = aravis_camera_on_stale,
+                                          .frame = camera_on_frame,
+                                          .stale = camera_on_stale,
                                           .failed = on_failed,
-                                          .lost = aravis_camera_on_lost};
+                                          .lost = camera_on_lost};
 
 static gboolean aravis_camera_configure(Camera *camera, const struct camera_settings *settings,
                                         GError **error) {
@@ -183,7 +183,7 @@ static gboolean aravis_camera_configure(Camera *camera, const struct camera_sett
     return TRUE;
 }
 
-static gboolean aravis_camera_is_there(const Camera *camera, GError **error) {
+static gboolean camera_is_there(const Camera *camera, GError **error) {
     const struct aravis_camera *priv = camera->device.priv;
     if (!priv->lost)
         return TRUE;
@@ -193,7 +193,7 @@ static gboolean aravis_camera_is_there(const Camera *camera, GError **error) {
 
 static gboolean aravis_camera_arm(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!aravis_camera_is_there(camera, error))
+    if (!camera_is_there(camera, error))
         return FALSE;
     clear_timers(camera);
     aravis_worker_arm(priv->worker);
@@ -208,15 +208,15 @@ static void aravis_camera_disarm(Camera *camera) {
 
 static gboolean aravis_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!aravis_camera_is_there(camera, error))
+    if (!camera_is_there(camera, error))
         return FALSE;
     clear_timers(camera);
     aravis_worker_trigger(priv->worker, shot);
     return TRUE;
 }
 
-static void aravis_camera_check(gconstpointer given, const struct config_section *section,
-                                Mistakes *mistakes) {
+static void camera_check(gconstpointer given, const struct config_section *section,
+                         Mistakes *mistakes) {
     const struct aravis_options *said = &((const struct aravis_camera *)given)->options;
     if (*said->pixel_format && !aravis_format_by_name(said->pixel_format))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "pixel_format",
@@ -228,12 +228,12 @@ static void aravis_camera_check(gconstpointer given, const struct config_section
                        "must be given for a trigger by %s", said->trigger);
 }
 
-static void aravis_camera_needs(gconstpointer given, GPtrArray *to) {
+static void camera_needs(gconstpointer given, GPtrArray *to) {
     g_ptr_array_add(to, g_strdup_printf("the camera %s",
                                         ((const struct aravis_camera *)given)->options.device));
 }
 
-static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
+static gboolean camera_open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
     priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
     return TRUE;
@@ -265,7 +265,7 @@ static gboolean opened(Camera *camera, GError **error) {
     return TRUE;
 }
 
-static void aravis_camera_close_camera(Camera *camera) {
+static void camera_close_camera(Camera *camera) {
     struct aravis_camera *priv = camera->device.priv;
     clear_timers(camera);
     g_clear_pointer(&priv->worker, aravis_worker_free);
@@ -274,10 +274,10 @@ static void aravis_camera_close_camera(Camera *camera) {
 
 const struct camera_driver aravis_camera_driver = {
     .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
-             sizeof(struct aravis_camera), aravis_camera_check, aravis_camera_needs},
-    .open = aravis_camera_open_camera,
+             sizeof(struct aravis_camera), camera_check, camera_needs},
+    .open = camera_open_camera,
     .opened = opened,
-    .close = aravis_camera_close_camera,
+    .close = camera_close_camera,
     .configure = aravis_camera_configure,
     .arm = aravis_camera_arm,
     .disarm = aravis_camera_disarm,

@@ -48,8 +48,8 @@ static gboolean probe(int fd, guint32 *ret_control) {
 }
 
 /* Also finds which of our addresses the route to the camera uses. */
-static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours,
-                                   GError **error) {
+static gboolean connect_ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours,
+                            GError **error) {
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(GVCP_PORT)}, ours;
     socklen_t size = sizeof ours;
     inet_pton(AF_INET, ip, &to.sin_addr);
@@ -75,7 +75,7 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
     g_autoptr(GError) why = NULL;
     g_autoptr(ArvDevice) device = NULL;
     guint32 control = 0;
-    if (!aravis_connect_ask(ip, &control, &ours, error))
+    if (!connect_ask(ip, &control, &ours, error))
         return NULL;
     if (!(control & 3)) {
         g_mutex_lock(&parser_lock);
@@ -133,7 +133,7 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
 
 /* Returns the IP address of a GigE Vision camera, or the Aravis id of another camera. Returns NULL
  * if the camera is not found. */
-static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
+static char *connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);
     if (!found)
@@ -208,7 +208,7 @@ ArvDevice *aravis_connect(const char *id, double control_s, Lock **ret_lock, GEr
     gint64 until = g_get_monotonic_time() + (gint64)(control_s * 1e6);
     g_autoptr(GInetAddress) address = g_inet_address_new_from_string(id);
     gboolean gige = address != NULL;
-    g_autofree char *name = gige ? g_strdup(id) : aravis_connect_look_up(id, &gige, error);
+    g_autofree char *name = gige ? g_strdup(id) : connect_look_up(id, &gige, error);
     *ret_lock = NULL;
     if (!name)
         return NULL;

@@ -82,7 +82,7 @@ gboolean aravis_device_is_lost(const GError *error) {
            g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
 }
 
-static gboolean aravis_device_has(AravisDevice *device, const char *feature) {
+static gboolean device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
 }
 
@@ -98,7 +98,7 @@ static gboolean set_features(AravisDevice *device, GError **error) {
 }
 
 /* Returns whether the option "features" in the rig file sets the feature on purpose. */
-static gboolean aravis_device_asked_for(const AravisDevice *device, const char *feature) {
+static gboolean device_asked_for(const AravisDevice *device, const char *feature) {
     gsize n = strcspn(feature, "[");
     for (char **f = device->options->features; f && *f; f++) {
         g_autofree char *name = g_strndup(*f, strcspn(*f, "="));
@@ -120,7 +120,7 @@ static gboolean set_raw(AravisDevice *device, GError **error) {
     for (guint i = 0; left && i < left->len; i++) {
         const struct aravis_raw *raw = left->pdata[i];
         const char *refused = raw->why;
-        if (!raw->why || aravis_device_asked_for(device, raw->feature))
+        if (!raw->why || device_asked_for(device, raw->feature))
             continue;
         for (guint k = 0; k < tried->len; k++) {
             const struct aravis_raw *before = tried->pdata[k];
@@ -142,17 +142,17 @@ static gboolean set_raw(AravisDevice *device, GError **error) {
     if (!left)
         return FALSE;
     device->warnings = g_strv_builder_end(warnings);
-    if (aravis_device_has(device, "AcquisitionMode"))
+    if (device_has(device, "AcquisitionMode"))
         arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
     return aravis_device_check(why, "AcquisitionMode", error);
 }
 
-static gboolean aravis_device_is_grey(AravisDevice *device) {
-    return aravis_device_has(device, "PixelColorFilter") &&
+static gboolean device_is_grey(AravisDevice *device) {
+    return device_has(device, "PixelColorFilter") &&
            g_strcmp0(arv_camera_get_string(device->camera, "PixelColorFilter", NULL), "None") == 0;
 }
 
-static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
+static gboolean device_set_format(AravisDevice *device, GError **error) {
     const char *wanted = device->options->pixel_format;
     guint n = 0;
     g_autoptr(GString) names = g_string_new(NULL);
@@ -168,7 +168,7 @@ static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
                 coloured = coloured || f->cfa == CFA_MONO ? coloured : f;
             }
     /* A camera with colour filters computes each Mono value from several pixels. */
-    if (coloured && !aravis_device_is_grey(device))
+    if (coloured && !device_is_grey(device))
         format = coloured;
     for (guint i = 0; i < n; i++) {
         const struct aravis_format *f = aravis_format_by_code((guint32)codes[i]);
@@ -211,7 +211,7 @@ static gboolean set_region(AravisDevice *device, GError **error) {
 static gboolean set_trigger(AravisDevice *device, GError **error) {
     const char *source = device->options->trigger;
     GError *why = NULL;
-    if (aravis_device_has(device, "TriggerSource") &&
+    if (device_has(device, "TriggerSource") &&
         !arv_camera_is_enumeration_entry_available(device->camera, "TriggerSource", source, NULL)) {
         guint n = 0;
         g_autofree const char **names =
@@ -234,7 +234,7 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     GError *why = NULL;
     limits->black_level = options->black_level_dn;
     limits->rolling =
-        aravis_device_has(device, "SensorShutterMode") &&
+        device_has(device, "SensorShutterMode") &&
         g_strcmp0(arv_camera_get_string(device->camera, "SensorShutterMode", NULL), "Rolling") == 0;
     if (options->black_level >= 0)
         arv_camera_set_black_level(device->camera, options->black_level, &why);
@@ -302,7 +302,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     return TRUE;
 }
 
-static void aravis_device_read_identity(AravisDevice *device) {
+static void device_read_identity(AravisDevice *device) {
     const char *vendor = arv_camera_get_vendor_name(device->camera, NULL);
     const char *model = arv_camera_get_model_name(device->camera, NULL);
     const char *serial = arv_camera_get_device_serial_number(device->camera, NULL);
@@ -329,19 +329,19 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     device->camera = arv_camera_new_with_device(device->device, &why);
     if (!aravis_device_check(why, options->device, error))
         return NULL;
-    if (!aravis_device_set_format(device, error) || !set_region(device, error) ||
+    if (!device_set_format(device, error) || !set_region(device, error) ||
         !set_raw(device, error) || !set_trigger(device, error) || !set_limits(device, error) ||
         !set_transport(device, error) || !make_stream(device, func, data, error))
         return NULL;
-    aravis_device_read_identity(device);
+    device_read_identity(device);
     gboolean stamped = options->stamp != ARAVIS_STAMP_NONE;
     if (stamped && ARV_IS_GV_DEVICE(device->device))
         device->ticks_per_us = (double)arv_gv_device_get_timestamp_tick_frequency(
                                    ARV_GV_DEVICE(device->device), NULL) /
                                1e6;
     else if (stamped)
-        device->sfnc_clock = aravis_device_has(device, "TimestampLatch") &&
-                             aravis_device_has(device, "TimestampLatchValue");
+        device->sfnc_clock =
+            device_has(device, "TimestampLatch") && device_has(device, "TimestampLatchValue");
     return g_steal_pointer(&device);
 }
 

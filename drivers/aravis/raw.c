@@ -105,7 +105,7 @@ void aravis_raw_free(struct aravis_raw *raw) {
 
 /* Distinguishes a protected register from the loss of control, because cameras refuse both with the
  * same code. */
-static gboolean raw_lost(const GError *why) {
+static gboolean lost(const GError *why) {
     return why && why->domain == ARV_DEVICE_ERROR &&
            (why->code == ARV_DEVICE_ERROR_TIMEOUT || why->code == ARV_DEVICE_ERROR_NOT_CONNECTED ||
             why->code == ARV_DEVICE_ERROR_TRANSFER_ERROR ||
@@ -114,7 +114,7 @@ static gboolean raw_lost(const GError *why) {
 
 /* Categories */
 
-static void raw_collect(struct survey *survey, const char *name, GHashTable *seen) {
+static void collect(struct survey *survey, const char *name, GHashTable *seen) {
     ArvGcNode *node = arv_gc_get_node(survey->gc, name);
     if (!node || !g_hash_table_add(seen, node))
         return;
@@ -125,16 +125,16 @@ static void raw_collect(struct survey *survey, const char *name, GHashTable *see
         return;
     }
     for (const GSList *at = arv_gc_category_get_features(ARV_GC_CATEGORY(node)); at; at = at->next)
-        raw_collect(survey, at->data, seen);
+        collect(survey, at->data, seen);
 }
 
-static void raw_survey_begin(struct survey *survey, ArvDevice *device, gboolean switch_off) {
+static void survey_begin(struct survey *survey, ArvDevice *device, gboolean switch_off) {
     g_autoptr(GHashTable) seen = g_hash_table_new(NULL, NULL);
     *survey = (struct survey){
         arv_device_get_genicam(device), g_ptr_array_new(),
         g_hash_table_new_full(g_str_hash, g_str_equal, NULL, (GDestroyNotify)g_ptr_array_unref),
         switch_off};
-    raw_collect(survey, "Root", seen);
+    collect(survey, "Root", seen);
     for (guint i = 0; i < survey->features->len; i++) {
         ArvGcNode *node = arv_gc_get_node(survey->gc, survey->features->pdata[i]);
         if (!ARV_IS_GC_ENUMERATION(node) || !ARV_IS_GC_SELECTOR(node))
@@ -153,7 +153,7 @@ static void raw_survey_begin(struct survey *survey, ArvDevice *device, gboolean 
     }
 }
 
-static void raw_survey_end(struct survey *survey) {
+static void survey_end(struct survey *survey) {
     g_ptr_array_unref(survey->features);
     g_hash_table_unref(survey->selectors);
 }
@@ -161,7 +161,7 @@ static void raw_survey_end(struct survey *survey) {
 /* One feature at the present position of its selectors */
 
 /* Accepts "Off", "OFF", "Disabled", and "ContrastMode_Off" for the feature ContrastMode. */
-static gboolean raw_means_off(const char *feature, const char *entry) {
+static gboolean means_off(const char *feature, const char *entry) {
     static const char *const words[] = {"Off", "None", "Disable", "Disabled", "False", "No"};
     gsize n = strlen(feature);
     if (g_ascii_strncasecmp(entry, feature, n) == 0 && entry[n] == '_')
@@ -172,32 +172,32 @@ static gboolean raw_means_off(const char *feature, const char *entry) {
     return FALSE;
 }
 
-static gboolean raw_entry_fits(ArvGcFeatureNode *node, const char *neutral, const char *entry) {
+static gboolean entry_fits(ArvGcFeatureNode *node, const char *neutral, const char *entry) {
     return neutral ? g_strcmp0(entry, neutral) == 0
-                   : entry && raw_means_off(arv_gc_feature_node_get_name(node), entry);
+                   : entry && means_off(arv_gc_feature_node_get_name(node), entry);
 }
 
 /* Returns the strength at which the function has no effect. A factor of 1 is 100 in percent. */
-static double raw_neutral_strength(ArvGcFeatureNode *node, const char *neutral) {
+static double neutral_strength(ArvGcFeatureNode *node, const char *neutral) {
     double strength = neutral ? g_ascii_strtod(neutral, NULL) : 0;
     const char *unit = ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_unit(ARV_GC_FLOAT(node)) : NULL;
     gboolean percent = g_strcmp0(unit, "%") == 0 || g_strcmp0(unit, "percent") == 0;
     return percent ? 100 * strength : strength;
 }
 
-static gboolean raw_is_neutral(ArvGcFeatureNode *node, const char *neutral, GError **why) {
+static gboolean is_neutral(ArvGcFeatureNode *node, const char *neutral, GError **why) {
     if (ARV_IS_GC_ENUMERATION(node))
-        return raw_entry_fits(node, neutral,
-                              arv_gc_enumeration_get_string_value(ARV_GC_ENUMERATION(node), why));
+        return entry_fits(node, neutral,
+                          arv_gc_enumeration_get_string_value(ARV_GC_ENUMERATION(node), why));
     if (ARV_IS_GC_BOOLEAN(node))
         return !arv_gc_boolean_get_value(ARV_GC_BOOLEAN(node), why) && !*why;
-    double strength = raw_neutral_strength(node, neutral);
+    double strength = neutral_strength(node, neutral);
     double is = ARV_IS_GC_FLOAT(node) ? arv_gc_float_get_value(ARV_GC_FLOAT(node), why)
                                       : (double)arv_gc_integer_get_value(ARV_GC_INTEGER(node), why);
     return !*why && fabs(is - strength) <= 1e-3 * MAX(fabs(strength), 1);
 }
 
-static gboolean raw_set_strength(ArvGcFeatureNode *node, double strength, GError **why) {
+static gboolean set_strength(ArvGcFeatureNode *node, double strength, GError **why) {
     double low, high;
     if (ARV_IS_GC_FLOAT(node)) {
         low = arv_gc_float_get_min(ARV_GC_FLOAT(node), why);
@@ -221,7 +221,7 @@ static gboolean raw_set_strength(ArvGcFeatureNode *node, double strength, GError
 }
 
 /* Writes the value at which the feature has no effect. Returns FALSE and sets why on failure. */
-static gboolean raw_neutralise(ArvGcFeatureNode *node, const char *neutral, GError **why) {
+static gboolean neutralise(ArvGcFeatureNode *node, const char *neutral, GError **why) {
     if (arv_gc_feature_node_get_actual_access_mode(node) == ARV_GC_ACCESS_MODE_RO) {
         g_set_error_literal(why, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "it can only be read");
         return FALSE;
@@ -231,13 +231,13 @@ static gboolean raw_neutralise(ArvGcFeatureNode *node, const char *neutral, GErr
         return !*why;
     }
     if (!ARV_IS_GC_ENUMERATION(node))
-        return raw_set_strength(node, raw_neutral_strength(node, neutral), why);
+        return set_strength(node, neutral_strength(node, neutral), why);
     guint n = 0;
     ArvGcEnumeration *choice = ARV_GC_ENUMERATION(node);
     g_autofree const char **entries =
         arv_gc_enumeration_dup_available_string_values(choice, &n, why);
     for (guint i = 0; !*why && i < n; i++)
-        if (raw_entry_fits(node, neutral, entries[i]))
+        if (entry_fits(node, neutral, entries[i]))
             return arv_gc_enumeration_set_string_value(choice, entries[i], why);
     if (!*why)
         g_set_error(why, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "it has no choice \"%s\"",
@@ -245,24 +245,23 @@ static gboolean raw_neutralise(ArvGcFeatureNode *node, const char *neutral, GErr
     return FALSE;
 }
 
-static gboolean raw_can_be_used(ArvGcFeatureNode *node, GError **why) {
+static gboolean can_be_used(ArvGcFeatureNode *node, GError **why) {
     return arv_gc_feature_node_is_implemented(node, why) && !*why &&
            arv_gc_feature_node_is_available(node, why) && !*why;
 }
 
 /* Returns FALSE and sets why if the camera is lost. */
-static gboolean raw_visit_one(const struct survey *survey, ArvGcFeatureNode *node,
-                              const char *neutral, const char *position, struct visit *visit,
-                              GError **why) {
+static gboolean visit_one(const struct survey *survey, ArvGcFeatureNode *node, const char *neutral,
+                          const char *position, struct visit *visit, GError **why) {
     g_autoptr(GError) refused = NULL, ignored = NULL;
-    gboolean usable = raw_can_be_used(node, &ignored);
-    gboolean off = usable && raw_is_neutral(node, neutral, &refused);
-    if (usable && !off && survey->switch_off && !raw_lost(refused)) {
+    gboolean usable = can_be_used(node, &ignored);
+    gboolean off = usable && is_neutral(node, neutral, &refused);
+    if (usable && !off && survey->switch_off && !lost(refused)) {
         g_clear_error(&refused);
-        off = raw_neutralise(node, neutral, &refused) && raw_is_neutral(node, neutral, &refused);
+        off = neutralise(node, neutral, &refused) && is_neutral(node, neutral, &refused);
     }
-    if (raw_lost(refused) || raw_lost(ignored)) {
-        g_propagate_error(why, g_error_copy(raw_lost(refused) ? refused : ignored));
+    if (lost(refused) || lost(ignored)) {
+        g_propagate_error(why, g_error_copy(lost(refused) ? refused : ignored));
         return FALSE;
     }
     if (!usable)
@@ -291,13 +290,13 @@ static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, c
     const GPtrArray *selectors =
         g_hash_table_lookup(survey->selectors, arv_gc_feature_node_get_name(node));
     if (!selectors || from >= selectors->len)
-        return raw_visit_one(survey, node, neutral, position, visit, why);
+        return visit_one(survey, node, neutral, position, visit, why);
     ArvGcEnumeration *selector = selectors->pdata[from];
     g_autoptr(GError) unusable = NULL;
     guint n = 0;
     g_autofree char *stood = NULL;
     g_autofree const char **entries = NULL;
-    if (raw_can_be_used(ARV_GC_FEATURE_NODE(selector), &unusable))
+    if (can_be_used(ARV_GC_FEATURE_NODE(selector), &unusable))
         stood = g_strdup(arv_gc_enumeration_get_string_value(selector, &unusable));
     if (stood && !unusable)
         entries = arv_gc_enumeration_dup_available_string_values(selector, &n, &unusable);
@@ -315,7 +314,7 @@ static gboolean raw_visit(const struct survey *survey, ArvGcFeatureNode *node, c
 }
 
 /* Switches a function off: tries its features in order until one is neutral. */
-static gboolean raw_function(const struct survey *survey, gsize i, GPtrArray *found, GError **why) {
+static gboolean function(const struct survey *survey, gsize i, GPtrArray *found, GError **why) {
     g_auto(GStrv) names = g_strsplit(functions[i].features, " ", -1);
     struct aravis_raw *raw = NULL;
     gboolean answered = TRUE, off = FALSE;
@@ -352,11 +351,11 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
     g_autoptr(GPtrArray) found = g_ptr_array_new_with_free_func((GDestroyNotify)aravis_raw_free);
     struct survey survey;
     GError *why = NULL;
-    raw_survey_begin(&survey, device, switch_off);
+    survey_begin(&survey, device, switch_off);
     gboolean answered = TRUE;
     for (gsize i = 0; answered && i < G_N_ELEMENTS(functions); i++)
-        answered = raw_function(&survey, i, found, &why);
-    raw_survey_end(&survey);
+        answered = function(&survey, i, found, &why);
+    survey_end(&survey);
     return aravis_device_check(why, "switching off what alters frames", error)
                ? g_steal_pointer(&found)
                : NULL;
@@ -364,7 +363,7 @@ GPtrArray *aravis_raw_survey(ArvDevice *device, gboolean switch_off, GError **er
 
 /* Features that the table lacks */
 
-static gboolean raw_in_table(const char *feature) {
+static gboolean in_table(const char *feature) {
     gsize n = strlen(feature);
     for (gsize i = 0; i < G_N_ELEMENTS(functions); i++)
         for (const char *at = functions[i].features; *at; at += strcspn(at, " "), at += *at == ' ')
@@ -373,7 +372,7 @@ static gboolean raw_in_table(const char *feature) {
     return FALSE;
 }
 
-static gboolean raw_sounds_altering(const char *feature) {
+static gboolean sounds_altering(const char *feature) {
     static const char *const words[] = {
         "gamma",   "lut",      "sharp",   "noise",    "nois",    "defect", "hotpix", "median",
         "shading", "vignet",   "flatfi",  "ffc",      "prnu",    "hdr",    "satura", "hue",
@@ -390,7 +389,7 @@ static gboolean raw_sounds_altering(const char *feature) {
 char **aravis_raw_unknown(ArvDevice *device) {
     GPtrArray *list = g_ptr_array_new();
     struct survey survey;
-    raw_survey_begin(&survey, device, FALSE);
+    survey_begin(&survey, device, FALSE);
     for (guint i = 0; i < survey.features->len; i++) {
         const char *name = survey.features->pdata[i];
         ArvGcNode *node = arv_gc_get_node(survey.gc, name);
@@ -398,16 +397,16 @@ char **aravis_raw_unknown(ArvDevice *device) {
         gboolean is_switch = ARV_IS_GC_BOOLEAN(node) ||
                              (ARV_IS_GC_ENUMERATION(node) &&
                               !arv_gc_selector_get_selected_features(ARV_GC_SELECTOR(node)));
-        if (!is_switch || raw_in_table(name) || !raw_sounds_altering(name))
+        if (!is_switch || in_table(name) || !sounds_altering(name))
             continue;
         ArvGcFeatureNode *feature = ARV_GC_FEATURE_NODE(node);
-        if (!raw_can_be_used(feature, &why) || raw_is_neutral(feature, NULL, &why) || why ||
+        if (!can_be_used(feature, &why) || is_neutral(feature, NULL, &why) || why ||
             arv_gc_feature_node_get_actual_access_mode(feature) == ARV_GC_ACCESS_MODE_RO)
             continue;
         const char *value = arv_gc_feature_node_get_value_as_string(feature, NULL);
         g_ptr_array_add(list, g_strdup_printf("%s = %s", name, value ? value : "?"));
     }
-    raw_survey_end(&survey);
+    survey_end(&survey);
     g_ptr_array_add(list, NULL);
     return (char **)g_ptr_array_free(list, FALSE);
 }

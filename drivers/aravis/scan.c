@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-static void aravis_scan_found_free(gpointer data) {
+static void scan_found_free(gpointer data) {
     struct aravis_found *found = data;
     g_free(found->id);
     g_free(found->serial);
@@ -19,7 +19,7 @@ static int by_id(gconstpointer a, gconstpointer b) {
 }
 
 GPtrArray *aravis_scan(void) {
-    GPtrArray *all = g_ptr_array_new_with_free_func(aravis_scan_found_free);
+    GPtrArray *all = g_ptr_array_new_with_free_func(scan_found_free);
     aravis_list_lock();
     arv_update_device_list();
     for (guint i = 0; i < arv_get_n_devices(); i++) {

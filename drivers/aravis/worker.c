@@ -64,7 +64,7 @@ struct AravisWorker {
     GError *lost_error;
 };
 
-static void worker_unref(AravisWorker *worker) {
+static void unref(AravisWorker *worker) {
     if (!g_atomic_int_dec_and_test(&worker->ref_count))
         return;
     g_free(worker->options.device);
@@ -84,7 +84,7 @@ static void worker_unref(AravisWorker *worker) {
 
 /* Events, from any thread to the main loop. */
 
-static gboolean aravis_worker_on_event(gpointer data) {
+static gboolean worker_on_event(gpointer data) {
     const struct event *event = data;
     const AravisWorker *worker = event->worker;
     gboolean lost = event->kind == LOST || event->kind == FOUND;
@@ -103,11 +103,11 @@ static gboolean aravis_worker_on_event(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-static void aravis_worker_event_free(gpointer data) {
+static void worker_event_free(gpointer data) {
     struct event *event = data;
     frame_unref(event->frame);
     g_clear_error(&event->error);
-    worker_unref(event->worker);
+    unref(event->worker);
     g_free(event);
 }
 
@@ -117,7 +117,7 @@ static void post(AravisWorker *worker, enum event_kind kind, guint generation, g
     struct event *event = g_new(struct event, 1);
     *event = (struct event){worker, kind, generation, us, frame, error};
     g_atomic_int_inc(&worker->ref_count);
-    g_idle_add_full(G_PRIORITY_DEFAULT, aravis_worker_on_event, event, aravis_worker_event_free);
+    g_idle_add_full(G_PRIORITY_DEFAULT, worker_on_event, event, worker_event_free);
 }
 
 static void push(AravisWorker *worker, struct job job) {
@@ -155,7 +155,7 @@ static void close_device(AravisWorker *worker) {
 
 /* Takes ownership of the error. Reports it before it closes the camera, because closing may take
  * seconds if the camera does not answer. */
-static void aravis_worker_lose(AravisWorker *worker, GError *error) {
+static void worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;
     post(worker, LOST, 0, 0, NULL, g_error_copy(error));
@@ -163,16 +163,16 @@ static void aravis_worker_lose(AravisWorker *worker, GError *error) {
 }
 
 /* Takes ownership of error. */
-static void aravis_worker_fail(AravisWorker *worker, guint generation, GError *error) {
+static void worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);
     post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
     if (worker->device && aravis_device_is_lost(error))
-        aravis_worker_lose(worker, error);
+        worker_lose(worker, error);
     else
         g_error_free(error);
 }
 
-static gboolean aravis_worker_open_device(AravisWorker *worker, double control_s, GError **error) {
+static gboolean worker_open_device(AravisWorker *worker, double control_s, GError **error) {
     worker->device = aravis_device_open(&worker->options, control_s, on_stream, worker, error);
     if (!worker->device)
         return FALSE;
@@ -183,7 +183,7 @@ static gboolean aravis_worker_open_device(AravisWorker *worker, double control_s
     return TRUE;
 }
 
-static void aravis_worker_apply_settings(AravisWorker *worker) {
+static void worker_apply_settings(AravisWorker *worker) {
     const struct job *settings = &worker->settings;
     g_clear_error(&worker->settings_error);
     if (settings->exposure_us <= 0 || !worker->device)
@@ -199,21 +199,21 @@ static void aravis_worker_apply_settings(AravisWorker *worker) {
 
 static void look_for_it(AravisWorker *worker) {
     g_autoptr(GError) error = NULL;
-    if (aravis_worker_open_device(worker, 0, &error)) {
+    if (worker_open_device(worker, 0, &error)) {
         g_clear_error(&worker->lost_error);
-        aravis_worker_apply_settings(worker);
+        worker_apply_settings(worker);
         post(worker, FOUND, 0, 0, NULL, NULL);
         return;
     }
     if (g_strcmp0(error->message, worker->lost_error->message) != 0)
-        aravis_worker_lose(worker, g_steal_pointer(&error));
+        worker_lose(worker, g_steal_pointer(&error));
 }
 
-static void aravis_worker_do_configure(AravisWorker *worker, const struct job *job) {
+static void worker_do_configure(AravisWorker *worker, const struct job *job) {
     worker->exposure_set &= job->exposure_us == worker->settings.exposure_us;
     worker->gain_set &= job->gain_db == worker->settings.gain_db;
     worker->settings = *job;
-    aravis_worker_apply_settings(worker);
+    worker_apply_settings(worker);
 }
 
 static void ask_clock(AravisWorker *worker) {
@@ -221,39 +221,39 @@ static void ask_clock(AravisWorker *worker) {
     worker->answer.asked_us = g_get_monotonic_time();
 }
 
-static void aravis_worker_do_arm(AravisWorker *worker, const struct job *job) {
+static void worker_do_arm(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     answer_begin(&worker->answer);
     if (worker->device && worker->halted) {
         close_device(worker);
-        if (aravis_worker_open_device(worker, 0, &error))
-            aravis_worker_apply_settings(worker);
+        if (worker_open_device(worker, 0, &error))
+            worker_apply_settings(worker);
         else
-            aravis_worker_lose(worker, g_steal_pointer(&error));
+            worker_lose(worker, g_steal_pointer(&error));
     }
     if (!worker->device)
-        aravis_worker_fail(worker, job->generation, g_error_copy(worker->lost_error));
+        worker_fail(worker, job->generation, g_error_copy(worker->lost_error));
     else if (aravis_device_start(worker->device, &error))
         ask_clock(worker);
     else
-        aravis_worker_fail(worker, job->generation, error);
+        worker_fail(worker, job->generation, error);
 }
 
-static void aravis_worker_do_disarm(AravisWorker *worker, const struct job *job) {
+static void worker_do_disarm(AravisWorker *worker, const struct job *job) {
     g_autoptr(GError) error = NULL;
     gboolean unanswered = worker->pending; /* only this thread sets it */
     set_pending(worker, FALSE, job->generation);
     worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
         aravis_device_is_lost(error))
-        aravis_worker_lose(worker, g_steal_pointer(&error));
+        worker_lose(worker, g_steal_pointer(&error));
 }
 
-static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job) {
+static void worker_do_trigger(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     const GError *why = worker->device ? worker->settings_error : worker->lost_error;
     if (why) {
-        aravis_worker_fail(worker, job->generation, g_error_copy(why));
+        worker_fail(worker, job->generation, g_error_copy(why));
         return;
     }
     ArvBuffer *old;
@@ -262,7 +262,7 @@ static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job
     worker->answer.shot = job->shot;
     set_pending(worker, TRUE, job->generation);
     if (!aravis_device_trigger(worker->device, &error))
-        aravis_worker_fail(worker, job->generation, error);
+        worker_fail(worker, job->generation, error);
 }
 
 static void take_buffer(AravisWorker *worker, const struct job *unused) {
@@ -293,25 +293,22 @@ static void take_buffer(AravisWorker *worker, const struct job *unused) {
         ask_clock(worker);
 }
 
-static void aravis_worker_announce(AravisWorker *worker, gboolean *what) {
+static void worker_announce(AravisWorker *worker, gboolean *what) {
     g_mutex_lock(&worker->mutex);
     *what = TRUE;
     g_cond_broadcast(&worker->cond);
     g_mutex_unlock(&worker->mutex);
 }
 
-static gpointer aravis_worker_work(gpointer data) {
+static gpointer worker_work(gpointer data) {
     static void (*const work[])(AravisWorker * worker, const struct job *job) = {
-        [CONFIGURE] = aravis_worker_do_configure,
-        [ARM] = aravis_worker_do_arm,
-        [DISARM] = aravis_worker_do_disarm,
-        [TRIGGER] = aravis_worker_do_trigger,
-        [BUFFER] = take_buffer,
+        [CONFIGURE] = worker_do_configure, [ARM] = worker_do_arm,  [DISARM] = worker_do_disarm,
+        [TRIGGER] = worker_do_trigger,     [BUFFER] = take_buffer,
     };
     AravisWorker *worker = data;
-    if (aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error))
+    if (worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error))
         worker->warnings = g_strdupv((char **)aravis_device_warnings(worker->device));
-    aravis_worker_announce(worker, &worker->opened);
+    worker_announce(worker, &worker->opened);
     for (gboolean go_on = worker->device != NULL; go_on;) {
         g_autofree struct job *job = g_async_queue_timeout_pop(
             worker->jobs, worker->device ? CHECK_EVERY_US : LOOK_EVERY_US);
@@ -324,15 +321,15 @@ static gpointer aravis_worker_work(gpointer data) {
         /* Polls for the loss of control and does not use the signal. The device must not be freed
          * during the signal, because Aravis's heartbeat thread would then wait for itself. */
         else if (!aravis_device_has_control(worker->device))
-            aravis_worker_fail(
+            worker_fail(
                 worker, worker->armed,
                 device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
                                  "control of it was lost" ERROR_ADVICE
                                  "check its power and cable, and that no other program uses it"));
     }
     close_device(worker);
-    aravis_worker_announce(worker, &worker->ended);
-    worker_unref(worker);
+    worker_announce(worker, &worker->ended);
+    unref(worker);
     return NULL;
 }
 
@@ -364,7 +361,7 @@ AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *o
     worker->options.trigger = g_strdup(options->trigger);
     worker->options.pulse_path = g_strdup(options->pulse_path);
     worker->options.features = g_strdupv(options->features);
-    g_thread_unref(g_thread_new(name, aravis_worker_work, worker));
+    g_thread_unref(g_thread_new(name, worker_work, worker));
     return worker;
 }
 
@@ -393,7 +390,7 @@ void aravis_worker_free(AravisWorker *worker) {
     worker->closed = TRUE;
     push(worker, (struct job){.kind = QUIT});
     wait_for(worker, &worker->ended, CLOSE_LIMIT_S);
-    worker_unref(worker);
+    unref(worker);
 }
 
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db) {

@@ -79,13 +79,13 @@ static GPtrArray *unit_keys(const char *bus, int unit) {
     return keys;
 }
 
-static void address_release(gpointer lock) {
+static void release(gpointer lock) {
     lock_release(lock);
 }
 
 GPtrArray *modbus_address_lock_unit(const char *bus, int unit, GError **error) {
     g_autoptr(GPtrArray) keys = unit_keys(bus, unit);
-    g_autoptr(GPtrArray) locks = g_ptr_array_new_with_free_func(address_release);
+    g_autoptr(GPtrArray) locks = g_ptr_array_new_with_free_func(release);
     g_autofree char *what = g_strdup_printf("unit %d at %s", unit, bus);
     for (guint i = 0; i < keys->len; i++) {
         Lock *lock = lock_take(keys->pdata[i], LOCK_SHARED, what, error);

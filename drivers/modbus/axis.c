@@ -146,7 +146,7 @@ static double to_deg(const struct modbus_axis *priv, gint64 steps) {
     return priv->home_deg + (double)steps / priv->steps_per_deg;
 }
 
-static gint64 modbus_axis_join(const struct modbus_axis *priv, const guint16 *words, int bits) {
+static gint64 axis_join(const struct modbus_axis *priv, const guint16 *words, int bits) {
     if (bits == BITS_16)
         return (gint16)words[0];
     guint16 high = words[priv->word_order == LOW_FIRST], low = words[priv->word_order != LOW_FIRST];
@@ -166,7 +166,7 @@ static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
 
 /* Parses a decimal number, or a hexadecimal number after 0x. Returns FALSE if the text is neither
  * or the number is too large. */
-static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
+static gboolean axis_parse_word(const char *text, int min, int *ret) {
     gboolean hex = g_str_has_prefix(text, "0x");
     char *end = NULL;
     gint64 value = g_ascii_strtoll(text, &end, hex ? 16 : 10);
@@ -177,8 +177,7 @@ static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
 /* Parses ADDRESS=VALUE[,VALUE…]. */
 static gboolean parse_write(const char *text, struct modbus_request *ret) {
     g_auto(GStrv) sides = g_strsplit(text, "=", 0);
-    if (g_strv_length(sides) != 2 ||
-        !modbus_axis_parse_word(g_strstrip(sides[0]), 0, &ret->address))
+    if (g_strv_length(sides) != 2 || !axis_parse_word(g_strstrip(sides[0]), 0, &ret->address))
         return FALSE;
     g_auto(GStrv) values = g_strsplit(sides[1], ",", 0);
     ret->n = (int)g_strv_length(values);
@@ -186,7 +185,7 @@ static gboolean parse_write(const char *text, struct modbus_request *ret) {
         return FALSE;
     for (int i = 0; i < ret->n; i++) {
         int value;
-        if (!modbus_axis_parse_word(g_strstrip(values[i]), -32768, &value))
+        if (!axis_parse_word(g_strstrip(values[i]), -32768, &value))
             return FALSE;
         ret->values[i] = (guint16)value;
     }
@@ -252,7 +251,7 @@ static void poll_now(Axis *axis) {
     modbus_bus_start(priv->bus, &priv->link, &job, MODBUS_POLL, DEADLINE_MS, on_polled, axis);
 }
 
-static void modbus_axis_on_timer(gpointer data) {
+static void axis_on_timer(gpointer data) {
     Axis *axis = data;
     ((struct modbus_axis *)axis->device.priv)->timer = 0;
     poll_now(axis);
@@ -266,13 +265,12 @@ static void poll_later(Axis *axis) {
     if (priv->own.address >= 0)
         ms = MIN(ms, (double)modbus_watchdog_period_us(&priv->own) / 1000);
     clock_cancel(axis->device.clock, &priv->timer);
-    priv->timer =
-        clock_call_in(axis->device.clock, (gint64)(ms * 1000), modbus_axis_on_timer, axis);
+    priv->timer = clock_call_in(axis->device.clock, (gint64)(ms * 1000), axis_on_timer, axis);
 }
 
 static void on_commanded(const struct modbus_job *job, const GError *error, gpointer data);
 
-static void modbus_axis_command(Axis *axis, enum phase phase, struct modbus_job *job) {
+static void axis_command(Axis *axis, enum phase phase, struct modbus_job *job) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = phase;
     job->tag = priv->last_command = (priv->last_command + 1) & G_MAXINT;
@@ -310,7 +308,7 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
         report_fault(axis, g_error_copy(error));
 }
 
-static void modbus_axis_finish(Axis *axis, enum axis_event event) {
+static void axis_finish(Axis *axis, enum axis_event event) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = STANDING;
     axis_report(axis, event, NULL);
@@ -339,7 +337,7 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
     struct modbus_axis *priv = axis->device.priv;
     double at = to_deg(priv, priv->steps), target = to_deg(priv, priv->target_steps);
     if (!moving && is_at(priv, priv->target_steps))
-        modbus_axis_finish(axis, AXIS_ARRIVED);
+        axis_finish(axis, AXIS_ARRIVED);
     else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
         stalled(axis,
                 "it stands at %.3f° instead of %.3f°%s" ERROR_ADVICE
@@ -360,7 +358,7 @@ static void check_homing(Axis *axis, const struct modbus_job *job, gboolean movi
     gboolean rested = is_past(axis, priv->still_us, priv->start_ms);
     priv->left_home |= moving || !homed;
     if (!moving && homed && (priv->left_home || rested))
-        modbus_axis_finish(axis, AXIS_HOMED);
+        axis_finish(axis, AXIS_HOMED);
     else if (!moving && rested)
         stalled(axis,
                 "its homing ended without a reference, at %.3f°" ERROR_ADVICE
@@ -387,11 +385,11 @@ static void check_standing(Axis *axis, const struct modbus_job *job, gint64 befo
                              to_deg(priv, before_steps), to_deg(priv, priv->steps)));
 }
 
-static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
+static void axis_evaluate(Axis *axis, const struct modbus_job *job) {
     struct modbus_axis *priv = axis->device.priv;
     gint64 before = priv->steps;
     gboolean moving = has_bit(job, priv->moving_bit), was_faulty = priv->faulty;
-    priv->steps = modbus_axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
+    priv->steps = axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
     priv->faulty = has_bit(job, priv->fault_bit);
     if (priv->steps != before)
         priv->progress_us = clock_now_us(axis->device.clock);
@@ -414,7 +412,7 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
     /* The drive stood still in two polls in a row. At the first poll it may not have begun to
      * move. */
     else if (!moving && priv->was_still)
-        modbus_axis_finish(axis, AXIS_STOPPED);
+        axis_finish(axis, AXIS_STOPPED);
     else
         priv->was_still = !moving;
 }
@@ -438,16 +436,15 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     priv->n_unheard = 0;
     priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->phase == MOVING) {
-        const gint64 steps =
-            modbus_axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
+        const gint64 steps = axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
         axis_report_answer(axis, to_deg(priv, steps), priv->polled_us, priv->heard_us);
     }
     if (priv->n_commands == 0) /* the listener may have stopped it */
-        modbus_axis_evaluate(axis, job);
+        axis_evaluate(axis, job);
 }
 
 /* Adds a write of the speed if the register has another value. */
-static void modbus_axis_set_speed(struct modbus_axis *priv, struct modbus_job *job, double deg_s) {
+static void axis_set_speed(struct modbus_axis *priv, struct modbus_job *job, double deg_s) {
     if (priv->speed.address < 0 || deg_s == priv->speed_deg_s)
         return;
     add_number(priv, job, &priv->speed, MAX(1, llround(deg_s * priv->speed_scale)));
@@ -460,9 +457,9 @@ static gboolean modbus_axis_home(Axis *axis, GError **error) {
     if (priv->faulty)
         add_writes(&job, priv->clear);
     priv->speed_deg_s = 0; /* unknown now, because a write may have failed */
-    modbus_axis_set_speed(priv, &job, priv->motion.speed_deg_s);
+    axis_set_speed(priv, &job, priv->motion.speed_deg_s);
     add_writes(&job, priv->home);
-    modbus_axis_command(axis, HOMING, &job);
+    axis_command(axis, HOMING, &job);
     return TRUE;
 }
 
@@ -478,10 +475,10 @@ static gboolean modbus_axis_turn(Axis *axis, double target_deg, double speed_deg
             "%g° are %.0f steps, more than its target register can hold" ERROR_ADVICE "home it",
             target_deg, steps);
     priv->target_steps = (gint64)steps;
-    modbus_axis_set_speed(priv, &job, speed_deg_s);
+    axis_set_speed(priv, &job, speed_deg_s);
     add_number(priv, &job, &priv->target, priv->target_steps);
     add_writes(&job, priv->start);
-    modbus_axis_command(axis, MOVING, &job);
+    axis_command(axis, MOVING, &job);
     return TRUE;
 }
 
@@ -494,34 +491,34 @@ static gboolean modbus_axis_stop(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     add_writes(&job, priv->stop);
-    modbus_axis_command(axis, STOPPING, &job);
+    axis_command(axis, STOPPING, &job);
     return TRUE;
 }
 
-static double modbus_axis_position(Axis *axis) {
+static double axis_position(Axis *axis) {
     const struct modbus_axis *priv = axis->device.priv;
     return to_deg(priv, priv->steps);
 }
 
-static void modbus_axis_check_range(const struct config_section *section, const char *key,
-                                    double value, int bits, Mistakes *mistakes) {
+static void axis_check_range(const struct config_section *section, const char *key, double value,
+                             int bits, Mistakes *mistakes) {
     if (fabs(value) > (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
                        "%.0f does not fit into its %s bits", value, bits_choices[bits]);
 }
 
-static void modbus_axis_check(gconstpointer given, const struct config_section *section,
-                              Mistakes *mistakes) {
+static void axis_check(gconstpointer given, const struct config_section *section,
+                       Mistakes *mistakes) {
     const struct modbus_axis *priv = given;
     if (priv->steps_per_deg == 0)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "steps_per_deg", "must not be 0");
     if (!priv->motion.wraps && priv->motion.min_deg >= priv->motion.max_deg)
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "min_deg",
                        "%g is not below max_deg, %g", priv->motion.min_deg, priv->motion.max_deg);
-    modbus_axis_check_range(section, "speed_scale", priv->motion.speed_deg_s * priv->speed_scale,
-                            priv->speed.bits, mistakes);
-    modbus_axis_check_range(section, "accel_scale", priv->motion.accel_deg_s2 * priv->accel_scale,
-                            priv->accel.bits, mistakes);
+    axis_check_range(section, "speed_scale", priv->motion.speed_deg_s * priv->speed_scale,
+                     priv->speed.bits, mistakes);
+    axis_check_range(section, "accel_scale", priv->motion.accel_deg_s2 * priv->accel_scale,
+                     priv->accel.bits, mistakes);
     check_writes(section, "setup", priv->setup, FALSE, mistakes);
     check_writes(section, "start", priv->start, TRUE, mistakes);
     check_writes(section, "home", priv->home, TRUE, mistakes);
@@ -534,14 +531,14 @@ static void modbus_axis_check(gconstpointer given, const struct config_section *
 }
 
 /* One drive may turn several axes, each with separate registers. */
-static void modbus_axis_needs(gconstpointer given, GPtrArray *to) {
+static void axis_needs(gconstpointer given, GPtrArray *to) {
     const struct modbus_axis *priv = given;
     g_ptr_array_add(to, modbus_address_of("the axis with target_register", priv->target.address,
                                           priv->link.bus, priv->link.unit));
 }
 
 /* Sets the drive up and reads its position. */
-static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
+static gboolean axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
@@ -560,7 +557,7 @@ static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
         g_clear_pointer(&priv->bus, modbus_bus_unref);
         return FALSE;
     }
-    priv->steps = modbus_axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);
+    priv->steps = axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);
     priv->faulty = has_bit(&job, priv->fault_bit);
     axis->motion = priv->motion;
     priv->speed_deg_s = priv->motion.speed_deg_s;
@@ -573,7 +570,7 @@ static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static void modbus_axis_close_axis(Axis *axis) {
+static void axis_close_axis(Axis *axis) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     clock_cancel(axis->device.clock, &priv->timer);
@@ -588,12 +585,12 @@ static void modbus_axis_close_axis(Axis *axis) {
 const struct axis_driver modbus_axis_driver = {
     .info = {"axis", "modbus-axis",
              "A positioning drive on a Modbus line, described by its registers", options,
-             sizeof(struct modbus_axis), modbus_axis_check, modbus_axis_needs},
-    .open = modbus_axis_open_axis,
-    .close = modbus_axis_close_axis,
+             sizeof(struct modbus_axis), axis_check, axis_needs},
+    .open = axis_open_axis,
+    .close = axis_close_axis,
     .home = modbus_axis_home,
     .move = modbus_axis_move,
     .turn = modbus_axis_turn,
     .stop = modbus_axis_stop,
-    .position = modbus_axis_position,
+    .position = axis_position,
 };

@@ -94,7 +94,7 @@ static gboolean carry_out(ModbusBus *bus, struct task *task) {
     return FALSE;
 }
 
-static gpointer modbus_bus_run(gpointer data) {
+static gpointer bus_run(gpointer data) {
     ModbusBus *bus = data;
     g_mutex_lock(&bus->mutex);
     for (;;) {
@@ -128,7 +128,7 @@ static gpointer modbus_bus_run(gpointer data) {
 
 /* Delivers one result in each iteration of the main loop. A source is always dispatched in the main
  * loop's thread. g_main_context_invoke() from another thread does not guarantee that. */
-static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
     g_mutex_lock(&bus->mutex);
     struct task *task = g_queue_pop_head(&bus->results);
@@ -144,7 +144,7 @@ static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointe
     return G_SOURCE_CONTINUE;
 }
 
-static GSourceFuncs source_funcs = {.dispatch = modbus_bus_dispatch};
+static GSourceFuncs source_funcs = {.dispatch = bus_dispatch};
 
 static void modbus_bus_free(ModbusBus *bus) {
     struct task *task;
@@ -199,7 +199,7 @@ static ModbusBus *modbus_bus_new(const struct modbus_link *link, const char *key
     g_source_set_name(bus->source, "mesorig modbus");
     g_source_set_can_recurse(bus->source, TRUE);
     g_source_attach(bus->source, NULL);
-    bus->thread = g_thread_new("modbus", modbus_bus_run, bus);
+    bus->thread = g_thread_new("modbus", bus_run, bus);
     g_hash_table_insert(buses, bus->key, bus);
     return bus;
 }

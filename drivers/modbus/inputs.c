@@ -35,7 +35,7 @@ static void read_input(const struct modbus_inputs *inputs, struct modbus_job *jo
 
 static void on_read(const struct modbus_job *job, const GError *error, gpointer data);
 
-static void modbus_inputs_on_timer(gpointer data) {
+static void inputs_on_timer(gpointer data) {
     Interlock *interlock = data;
     struct modbus_inputs *inputs = interlock->device.priv;
     struct modbus_job job = {0};
@@ -45,7 +45,7 @@ static void modbus_inputs_on_timer(gpointer data) {
                      interlock);
 }
 
-static void modbus_inputs_on_lost(gpointer data) {
+static void inputs_on_lost(gpointer data) {
     Interlock *interlock = data;
     ((struct modbus_inputs *)interlock->device.priv)->lost = 0;
     interlock_report_lost(interlock);
@@ -55,12 +55,12 @@ static void await(Interlock *interlock, gboolean answered) {
     struct modbus_inputs *inputs = interlock->device.priv;
     Clock *clock = interlock->device.clock;
     inputs->timer =
-        clock_call_in(clock, (gint64)(inputs->poll_ms * 1000), modbus_inputs_on_timer, interlock);
+        clock_call_in(clock, (gint64)(inputs->poll_ms * 1000), inputs_on_timer, interlock);
     if (!answered)
         return;
     clock_cancel(clock, &inputs->lost);
     inputs->lost =
-        clock_call_in(clock, (gint64)(inputs->lost_ms * 1000), modbus_inputs_on_lost, interlock);
+        clock_call_in(clock, (gint64)(inputs->lost_ms * 1000), inputs_on_lost, interlock);
 }
 
 static void on_read(const struct modbus_job *job, const GError *error, gpointer data) {
@@ -72,8 +72,8 @@ static void on_read(const struct modbus_job *job, const GError *error, gpointer 
         interlock_report(interlock, is_closed(interlock->device.priv, job));
 }
 
-static void modbus_inputs_check(gconstpointer given, const struct config_section *section,
-                                Mistakes *mistakes) {
+static void inputs_check(gconstpointer given, const struct config_section *section,
+                         Mistakes *mistakes) {
     modbus_link_check(&((const struct modbus_inputs *)given)->link, section, mistakes);
 }
 
@@ -104,7 +104,7 @@ static void close_inputs(Interlock *interlock) {
 
 const struct interlock_driver modbus_inputs_driver = {
     .info = {"interlock", "modbus-inputs", "A contact on a discrete input of a Modbus board",
-             options, sizeof(struct modbus_inputs), modbus_inputs_check},
+             options, sizeof(struct modbus_inputs), inputs_check},
     .open = open_inputs,
     .close = close_inputs,
 };

@@ -85,7 +85,7 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
     return NULL;
 }
 
-static void modbus_line_let_go(struct modbus_line *line) {
+static void line_let_go(struct modbus_line *line) {
     if (line->taken >= 0)
         close(line->taken);
     line->taken = -1;
@@ -97,17 +97,17 @@ void modbus_line_set_effort(struct modbus_line *line, enum modbus_effort effort,
     line->waiting = waiting;
 }
 
-static void modbus_line_disconnect(struct modbus_line *line) {
+static void line_disconnect(struct modbus_line *line) {
     if (line->connected)
         modbus_close(line->context);
-    modbus_line_let_go(line);
+    line_let_go(line);
     line->connected = line->owed = FALSE;
 }
 
 void modbus_line_free(struct modbus_line *line) {
     if (!line)
         return;
-    modbus_line_disconnect(line);
+    line_disconnect(line);
     lock_release(line->lock);
     if (line->context)
         modbus_free(line->context);
@@ -141,7 +141,7 @@ static int open_serial(struct modbus_line *line) {
     }
     int why = errno;
     if (done < 0)
-        modbus_line_let_go(line);
+        line_let_go(line);
     errno = why;
     return done;
 }
@@ -213,7 +213,7 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
     return TRUE;
 }
 
-static gboolean modbus_line_is_readable(struct modbus_line *line, int wait_ms) {
+static gboolean line_is_readable(struct modbus_line *line, int wait_ms) {
     struct pollfd fd = {.fd = modbus_get_socket(line->context), .events = POLLIN};
     return poll(&fd, 1, wait_ms) > 0;
 }
@@ -226,7 +226,7 @@ static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     gboolean silent = TRUE;
     while ((now = g_get_monotonic_time()) < MIN(silent_from + silence_us, limit)) {
         int left_ms = (int)((MIN(silent_from + silence_us, limit) - now + 999) / 1000);
-        if (!modbus_line_is_readable(line, left_ms))
+        if (!line_is_readable(line, left_ms))
             continue;
         modbus_flush(line->context);
         g_usleep(1000);
@@ -263,7 +263,7 @@ static int transfer_pulse(modbus_t *context, const struct modbus_request *reques
     return -1;
 }
 
-static int modbus_line_transfer(modbus_t *context, struct modbus_request *request) {
+static int line_transfer(modbus_t *context, struct modbus_request *request) {
     int at = request->address, n = request->n, done;
     guint8 bits[MODBUS_MAX_VALUES];
     for (int i = 0; i < n; i++)
@@ -329,7 +329,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     gboolean distrust = line->owed;
     *ret_late = FALSE;
     /* Discard input that came before the request, because it cannot be the answer. */
-    if (distrust || modbus_line_is_readable(line, 0))
+    if (distrust || line_is_readable(line, 0))
         *ret_late = !await_silence(line, distrust ? line->link.late_ms : SILENCE_MS) && distrust;
     gint64 left_us = deadline_us - g_get_monotonic_time();
     if (left_us <= 0)
@@ -340,7 +340,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     line->owed = TRUE;
     errno = 0;
     struct modbus_request answer = *request;
-    int why = modbus_line_transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
+    int why = line_transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
     if (why && !is_exception(why)) {
         line->counts.timeouts += why == ETIMEDOUT;
         line->counts.damaged += is_damage(why);
@@ -351,7 +351,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
             await_silence(line, SILENCE_MS);
             line->owed = FALSE;
         } else if (why != ETIMEDOUT && !is_damage(why)) {
-            modbus_line_disconnect(line);
+            line_disconnect(line);
         }
         return why;
     }
@@ -373,9 +373,9 @@ static const char *damage_text(int why) {
                                 : "they do not answer the request";
 }
 
-static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
-                                    const struct modbus_request *request, int why, int tries,
-                                    int late, GError **error) {
+static gboolean line_give_up(const struct modbus_line *line, int unit,
+                             const struct modbus_request *request, int why, int tries, int late,
+                             GError **error) {
     g_autofree char *what = request_text(line, unit, request);
     if (late > 0 && (why == ETIMEDOUT || is_damage(why)))
         return device_error_set(
@@ -429,7 +429,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (line->effort == MODBUS_ONCE || (line->waiting && g_atomic_int_get(line->waiting) != 0))
             final = final || !is_busy(why);
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
-            return modbus_line_give_up(line, unit, request, why, tries, late, error);
+            return line_give_up(line, unit, request, why, tries, late, error);
         if (is_busy(why))
             g_usleep(BUSY_PAUSE_US);
     }
@@ -439,9 +439,9 @@ static gboolean is_read(enum modbus_kind kind) {
     return kind <= MODBUS_READ_INPUT_REGISTERS;
 }
 
-static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
-                                    const struct modbus_request *wanted,
-                                    const struct modbus_request *read, GError **error) {
+static gboolean line_compare(const struct modbus_line *line, int unit,
+                             const struct modbus_request *wanted, const struct modbus_request *read,
+                             GError **error) {
     for (int i = 0; i < read->n; i++) {
         if (wanted->values[i] == read->values[i])
             continue;
@@ -471,7 +471,7 @@ static void give_up_connection(struct modbus_line *line) {
         unacknowledged == 0)
         return;
     setsockopt(fd, SOL_SOCKET, SO_LINGER, &discard, sizeof discard);
-    modbus_line_disconnect(line);
+    line_disconnect(line);
 }
 
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
@@ -484,7 +484,7 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
     if (!request->verify)
         return TRUE;
     if (is_read(request->kind))
-        return modbus_line_compare(line, unit, &wanted, request, error);
+        return line_compare(line, unit, &wanted, request, error);
     if (request->kind == MODBUS_PULSE_COIL) {
         struct modbus_request coil = {.kind = MODBUS_READ_COILS, .address = request->coil, .n = 1};
         g_autofree char *what = request_text(line, unit, request);
@@ -499,7 +499,7 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;
     return repeat(line, unit, &back, deadline_us, error) &&
-           modbus_line_compare(line, unit, request, &back, error);
+           line_compare(line, unit, request, &back, error);
 }
 
 void modbus_line_counts(const struct modbus_line *line, struct modbus_counts *ret) {

@@ -84,14 +84,14 @@ static void add_switch(const struct relays *relays, struct modbus_job *job, int 
     request->verify = TRUE;
 }
 
-static void modbus_relays_feed(gpointer data);
+static void relays_feed(gpointer data);
 
 static void feed_later(struct relays *relays) {
     Clock *clock = relays->device->clock;
     clock_cancel(clock, &relays->timer);
     if (has_watchdog(relays) && any_on(relays))
         relays->timer = clock_call_in(clock, modbus_watchdog_period_us(&relays->watchdog),
-                                      modbus_relays_feed, (gpointer)relays->device);
+                                      relays_feed, (gpointer)relays->device);
 }
 
 static struct relays *relays_of(gpointer device) {
@@ -137,7 +137,7 @@ static void start_feeding(struct relays *relays, const struct modbus_job *job) {
 /* Feeds the watchdog. Checks the state of all relays first, because feeding must not switch a relay
  * on again that went off by itself. While a relay should be off but may be on, no relay is fed,
  * because only the watchdog may still be able to switch it off. */
-static void modbus_relays_feed(gpointer data) {
+static void relays_feed(gpointer data) {
     struct relays *relays = relays_of(data);
     struct modbus_job job = {0};
     relays->timer = 0;
@@ -188,7 +188,7 @@ static gboolean is_on_job(const struct modbus_job *job) {
 
 /* Takes the result of a switch. A relay whose "on" was not confirmed may be on. It is not fed until
  * its "off" was confirmed. */
-static void relays_switched(struct relays *relays, const struct modbus_job *job, gboolean failed) {
+static void switched(struct relays *relays, const struct modbus_job *job, gboolean failed) {
     const gboolean on = is_on_job(job);
     relays->n_switching--;
     for (int i = 0; i < relays->n && !job->skipped; i++) {
@@ -203,7 +203,7 @@ static void relays_switched(struct relays *relays, const struct modbus_job *job,
         feed_later(relays);
 }
 
-static gboolean relays_off(struct relays *relays, GError **error) {
+static gboolean off(struct relays *relays, GError **error) {
     struct modbus_job job = {0};
     add_switch(relays, &job, -1, FALSE);
     return modbus_bus_do(relays->bus, &relays->link, &job, DEADLINE_MS, error);
@@ -242,13 +242,13 @@ static gboolean check_watchdog(const struct relays *relays, GError **error) {
 /* Checks the options of lamps and of a laser, which begin with struct relays. A wrong watchdog is
  * reported only when the relays are opened, because opening also switches off relays that an
  * earlier program has left on. */
-static void modbus_relays_check(gconstpointer given, const struct config_section *section,
-                                Mistakes *mistakes) {
+static void relays_check(gconstpointer given, const struct config_section *section,
+                         Mistakes *mistakes) {
     modbus_link_check(&((const struct relays *)given)->link, section, mistakes);
 }
 
 /* A laser has no n before it is opened. */
-static void modbus_relays_needs(gconstpointer given, GPtrArray *to) {
+static void relays_needs(gconstpointer given, GPtrArray *to) {
     const struct relays *relays = given;
     for (int i = 0; i < MAX(relays->n, 1); i++) {
         g_ptr_array_add(to, modbus_address_of("coil", relays->first_coil + i, relays->link.bus,
@@ -267,7 +267,7 @@ static gboolean relays_open(struct relays *relays, const struct device *device,
     if (!relays->bus)
         return FALSE;
     /* Switch off first, even if the section has other mistakes. */
-    if (relays_off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
+    if (off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
         modbus_watchdog_arm(&relays->watchdog, relays->bus, &relays->link, error)) {
         all_relays = g_list_prepend(all_relays, relays);
         return TRUE;
@@ -281,7 +281,7 @@ static gboolean relays_open(struct relays *relays, const struct device *device,
 static void relays_close(struct relays *relays) {
     clock_cancel(relays->device->clock, &relays->timer);
     modbus_bus_cancel(relays->bus, (gpointer)relays->device);
-    relays_off(relays, NULL);
+    off(relays, NULL);
     all_relays = g_list_remove(all_relays, relays);
     g_clear_pointer(&relays->bus, modbus_bus_unref);
 }
@@ -298,17 +298,16 @@ static const struct option lamps_options[] = {
     {NULL},
 };
 
-static void modbus_relays_on_lamp(const struct modbus_job *job, const GError *error,
-                                  gpointer data) {
+static void relays_on_lamp(const struct modbus_job *job, const GError *error, gpointer data) {
     LampBank *bank = data;
     GError *failed = error ? g_error_copy(error) : NULL;
-    relays_switched(bank->device.priv, job, error != NULL);
+    switched(bank->device.priv, job, error != NULL);
     error_details_add_subject(&failed, bank->device.who);
     lamps_report(bank, job->tag < bank->n ? job->tag : -1, is_on_job(job), failed);
 }
 
 static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error) {
-    relays_switch(bank->device.priv, index, on, modbus_relays_on_lamp);
+    relays_switch(bank->device.priv, index, on, relays_on_lamp);
     return TRUE;
 }
 
@@ -316,7 +315,7 @@ static void lost_lamps(gpointer device, GError *error) {
     lamps_lost(device, error);
 }
 
-static gboolean modbus_relays_open_lamps(LampBank *bank, GError **error) {
+static gboolean relays_open_lamps(LampBank *bank, GError **error) {
     struct relays *relays = bank->device.priv;
     bank->n = relays->n;
     bank->warm_up_s = relays->warm_up_s;
@@ -325,15 +324,15 @@ static gboolean modbus_relays_open_lamps(LampBank *bank, GError **error) {
     return relays_open(relays, &bank->device, lost_lamps, error);
 }
 
-static void modbus_relays_close_lamps(LampBank *bank) {
+static void relays_close_lamps(LampBank *bank) {
     relays_close(bank->device.priv);
 }
 
 const struct lamps_driver modbus_relays_driver = {
     .info = {"lamps", "modbus-relays", "Lamps on the coils of a Modbus relay board", lamps_options,
-             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
-    .open = modbus_relays_open_lamps,
-    .close = modbus_relays_close_lamps,
+             sizeof(struct relays), relays_check, relays_needs},
+    .open = relays_open_lamps,
+    .close = relays_close_lamps,
     .set = set_lamp,
 };
 
@@ -348,17 +347,16 @@ static const struct option laser_options[] = {
     {NULL},
 };
 
-static void modbus_relays_on_laser(const struct modbus_job *job, const GError *error,
-                                   gpointer data) {
+static void relays_on_laser(const struct modbus_job *job, const GError *error, gpointer data) {
     Laser *laser = data;
     GError *failed = error ? g_error_copy(error) : NULL;
-    relays_switched(laser->device.priv, job, error != NULL);
+    switched(laser->device.priv, job, error != NULL);
     error_details_add_subject(&failed, laser->device.who);
     laser_report(laser, is_on_job(job), failed);
 }
 
 static gboolean set_laser(Laser *laser, gboolean on, GError **error) {
-    relays_switch(laser->device.priv, 0, on, modbus_relays_on_laser);
+    relays_switch(laser->device.priv, 0, on, relays_on_laser);
     return TRUE;
 }
 
@@ -366,7 +364,7 @@ static void lost_laser(gpointer device, GError *error) {
     laser_lost(device, error);
 }
 
-static gboolean modbus_relays_open_laser(Laser *laser, GError **error) {
+static gboolean relays_open_laser(Laser *laser, GError **error) {
     struct relays *relays = laser->device.priv;
     relays->n = 1;
     laser->warm_up_s = relays->warm_up_s;
@@ -375,14 +373,14 @@ static gboolean modbus_relays_open_laser(Laser *laser, GError **error) {
     return relays_open(relays, &laser->device, lost_laser, error);
 }
 
-static void modbus_relays_close_laser(Laser *laser) {
+static void relays_close_laser(Laser *laser) {
     relays_close(laser->device.priv);
 }
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
-             sizeof(struct relays), modbus_relays_check, modbus_relays_needs},
-    .open = modbus_relays_open_laser,
-    .close = modbus_relays_close_laser,
+             sizeof(struct relays), relays_check, relays_needs},
+    .open = relays_open_laser,
+    .close = relays_close_laser,
     .set = set_laser,
 };

@@ -27,7 +27,7 @@ static char *port_name(const char *tty) {
     return g_strdup("serial port");
 }
 
-static int modbus_scan_by_name(gconstpointer a, gconstpointer b) {
+static int scan_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -44,7 +44,7 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
              atoi(type) != 0))
             g_ptr_array_add(names, g_strdup(name));
     }
-    g_ptr_array_sort(names, modbus_scan_by_name);
+    g_ptr_array_sort(names, scan_by_name);
     for (guint i = 0; i < names->len; i++) {
         g_autofree char *path = g_strconcat("/dev/", names->pdata[i], NULL);
         g_autofree char *what = port_name(names->pdata[i]);
@@ -61,8 +61,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
 enum presence { ABSENT, REFUSES, ANSWERS };
 
 /* An exception also proves that the unit is present. */
-static enum presence modbus_scan_ask(struct modbus_line *line, const struct modbus_link *link,
-                                     int unit, enum modbus_kind kind, int n) {
+static enum presence scan_ask(struct modbus_line *line, const struct modbus_link *link, int unit,
+                              enum modbus_kind kind, int n) {
     struct modbus_request request = {.kind = kind, .n = n};
     g_autoptr(GError) error = NULL;
     gint64 deadline =
@@ -119,10 +119,10 @@ gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrAr
         return FALSE;
     gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
     for (int unit = first; ok && unit <= last; unit++) {
-        enum presence registers = modbus_scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
+        enum presence registers = scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
         /* The largest common number of coils that the unit reads in one request. */
         int coils = registers == ABSENT ? 0 : 32;
-        while (coils > 0 && modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, coils) != ANSWERS)
+        while (coils > 0 && scan_ask(line, link, unit, MODBUS_READ_COILS, coils) != ANSWERS)
             coils /= 2;
         if (registers != ABSENT)
             add_unit(link, unit, registers == ANSWERS, coils, to);

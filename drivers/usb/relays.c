@@ -65,7 +65,7 @@ static GList *boards;
 
 static const guint16 products[] = {0x05df, 0};
 
-static void usb_relays_job_free(gpointer data) {
+static void relays_job_free(gpointer data) {
     struct job *job = data;
     g_clear_error(&job->error);
     g_free(job);
@@ -82,7 +82,7 @@ static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *er
     board->jobs = g_list_remove(board->jobs, job);
     if (job->device)
         job->func(job->device, job->index, job->on, g_steal_pointer(&job->error));
-    usb_relays_job_free(job);
+    relays_job_free(job);
 }
 
 static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
@@ -116,7 +116,7 @@ static struct usb_relays *next_unplugged(const struct board *board) {
 
 /* A board with a separate power supply keeps the state of its relays. Listeners may close devices
  * and thereby the board. */
-static void usb_relays_on_lost(UsbDevice *usb, gpointer user) {
+static void relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
     struct usb_relays *relays;
     g_clear_pointer(&board->usb, usb_close);
@@ -164,7 +164,7 @@ static gboolean board_connect(struct board *board, GError **error) {
                               .serial = board->serial,
                               .path = board->path,
                               .read_serial = read_serial};
-    board->usb = usb_open(&match, usb_relays_on_lost, board, error);
+    board->usb = usb_open(&match, relays_on_lost, board, error);
     if (!board->usb)
         return FALSE;
     const char *number = usb_product(board->usb) + strlen(match.product_prefix);
@@ -183,7 +183,7 @@ static void board_unref(struct board *board) {
         return;
     boards = g_list_remove(boards, board);
     usb_close(board->usb);
-    g_list_free_full(board->jobs, usb_relays_job_free);
+    g_list_free_full(board->jobs, relays_job_free);
     g_free(board->who);
     g_free(board->serial);
     g_free(board->path);
@@ -306,20 +306,20 @@ static struct board *board_enter(struct device *device, struct usb_relays *relay
 }
 
 /* Describes the relays that are needed. n = 0 means all from the first one on. */
-static void usb_relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
+static void relays_need(const struct usb_relays *relays, int n, GPtrArray *to) {
     g_autofree char *board = usb_words("USB relay board", relays->serial, relays->path);
     const int end = n ? relays->first + n : MAX_RELAYS + 1;
     for (int i = relays->first; i < end; i++)
         g_ptr_array_add(to, g_strdup_printf("relay %d of %s", i, board));
 }
 
-static void usb_relays_lamps_need(gconstpointer given, GPtrArray *to) {
+static void relays_lamps_need(gconstpointer given, GPtrArray *to) {
     const struct usb_relays *relays = given;
-    usb_relays_need(relays, relays->n, to);
+    relays_need(relays, relays->n, to);
 }
 
-static void usb_relays_laser_needs(gconstpointer given, GPtrArray *to) {
-    usb_relays_need(given, 1, to);
+static void relays_laser_needs(gconstpointer given, GPtrArray *to) {
+    relays_need(given, 1, to);
 }
 
 #define FIELD(name) G_STRUCT_OFFSET(struct usb_relays, name)
@@ -344,14 +344,14 @@ static const struct option lamps_options[] = {
     {NULL},
 };
 
-static void usb_relays_on_lamp(gpointer device, int index, gboolean on, GError *error) {
+static void relays_on_lamp(gpointer device, int index, gboolean on, GError *error) {
     lamps_report(device, index, on, error);
 }
 
 static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **error) {
     struct usb_relays *lamps = bank->device.priv;
     guint mask = index < 0 ? mask_of(lamps->first, bank->n) : mask_of(lamps->first + index, 1);
-    if (board_switch(lamps->board, mask, on, usb_relays_on_lamp, bank, index, error))
+    if (board_switch(lamps->board, mask, on, relays_on_lamp, bank, index, error))
         return TRUE;
     error_details_add_subject(error, bank->device.who);
     return FALSE;
@@ -365,31 +365,31 @@ static gboolean lamps_may_shine(gpointer device) {
     return any;
 }
 
-static void usb_relays_lost_lamps(gpointer device, GError *error) {
+static void relays_lost_lamps(gpointer device, GError *error) {
     lamps_lost(device, error);
 }
 
-static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
+static gboolean relays_open_lamps(LampBank *bank, GError **error) {
     struct usb_relays *lamps = bank->device.priv;
     lamps->device = bank;
     lamps->may_shine = lamps_may_shine;
-    lamps->lost = usb_relays_lost_lamps;
+    lamps->lost = relays_lost_lamps;
     bank->n = lamps->n;
     bank->warm_up_s = lamps->warm_up_ms / 1000;
     lamps->board = board_enter(&bank->device, lamps, &bank->n, error);
     return lamps->board != NULL;
 }
 
-static void usb_relays_close_lamps(LampBank *bank) {
+static void relays_close_lamps(LampBank *bank) {
     struct usb_relays *lamps = bank->device.priv;
     board_leave(lamps, mask_of(lamps->first, bank->n));
 }
 
 const struct lamps_driver usb_relays_driver = {
     .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
-             lamps_options, sizeof(struct usb_relays), NULL, usb_relays_lamps_need},
-    .open = usb_relays_open_lamps,
-    .close = usb_relays_close_lamps,
+             lamps_options, sizeof(struct usb_relays), NULL, relays_lamps_need},
+    .open = relays_open_lamps,
+    .close = relays_close_lamps,
     .set = lamps_switch,
 };
 
@@ -401,14 +401,13 @@ static const struct option laser_options[] = {
     {NULL},
 };
 
-static void usb_relays_on_laser(gpointer device, int index, gboolean on, GError *error) {
+static void relays_on_laser(gpointer device, int index, gboolean on, GError *error) {
     laser_report(device, on, error);
 }
 
 static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
     struct usb_relays *priv = laser->device.priv;
-    if (board_switch(priv->board, mask_of(priv->first, 1), on, usb_relays_on_laser, laser, 0,
-                     error))
+    if (board_switch(priv->board, mask_of(priv->first, 1), on, relays_on_laser, laser, 0, error))
         return TRUE;
     error_details_add_subject(error, laser->device.who);
     return FALSE;
@@ -418,30 +417,30 @@ static gboolean laser_may_shine(gpointer device) {
     return laser_is_on(device);
 }
 
-static void usb_relays_lost_laser(gpointer device, GError *error) {
+static void relays_lost_laser(gpointer device, GError *error) {
     laser_lost(device, error);
 }
 
-static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
+static gboolean relays_open_laser(Laser *laser, GError **error) {
     struct usb_relays *priv = laser->device.priv;
     priv->device = laser;
     priv->may_shine = laser_may_shine;
-    priv->lost = usb_relays_lost_laser;
+    priv->lost = relays_lost_laser;
     priv->n = 1;
     laser->warm_up_s = priv->warm_up_ms / 1000;
     priv->board = board_enter(&laser->device, priv, &priv->n, error);
     return priv->board != NULL;
 }
 
-static void usb_relays_close_laser(Laser *laser) {
+static void relays_close_laser(Laser *laser) {
     struct usb_relays *priv = laser->device.priv;
     board_leave(priv, mask_of(priv->first, 1));
 }
 
 const struct laser_driver usb_relay_laser_driver = {
     .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
-             laser_options, sizeof(struct usb_relays), NULL, usb_relays_laser_needs},
-    .open = usb_relays_open_laser,
-    .close = usb_relays_close_laser,
+             laser_options, sizeof(struct usb_relays), NULL, relays_laser_needs},
+    .open = relays_open_laser,
+    .close = relays_close_laser,
     .set = laser_switch,
 };

@@ -17,7 +17,7 @@
 
 static const guint16 tics[] = {0x00b3, 0x00b5, 0x00bd, 0x00c9, 0x00cb};
 
-static char *usb_scan_read_attribute(const char *path, const char *name) {
+static char *scan_read_attribute(const char *path, const char *name) {
     g_autofree char *file = g_build_filename("/sys/bus/usb/devices", path, name, NULL);
     char *text = NULL;
     if (!g_file_get_contents(file, &text, NULL, NULL))
@@ -49,9 +49,9 @@ static void add_device(libusb_device *device, GPtrArray *to) {
         descriptor.bDeviceClass == LIBUSB_CLASS_HUB || is_camera(device))
         return;
     g_autofree char *path = usb_path_of(device);
-    g_autofree char *maker = usb_scan_read_attribute(path, "manufacturer");
-    g_autofree char *product = usb_scan_read_attribute(path, "product");
-    g_autofree char *serial = usb_scan_read_attribute(path, "serial");
+    g_autofree char *maker = scan_read_attribute(path, "manufacturer");
+    g_autofree char *product = scan_read_attribute(path, "product");
+    g_autofree char *serial = scan_read_attribute(path, "serial");
     g_autofree char *what =
         *maker || *product
             ? g_strdup_printf("%s%s%s", maker, *maker ? " " : "", product)

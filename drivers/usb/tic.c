@@ -153,7 +153,7 @@ static gint32 get_i32(const guint8 *data) {
                     (guint32)data[3] << 24);
 }
 
-static void usb_tic_let_go(Axis *axis) {
+static void tic_let_go(Axis *axis) {
     struct tic *tic = axis->device.priv;
     clock_cancel(axis->device.clock, &tic->timer);
     g_clear_pointer(&tic->usb, usb_close);
@@ -163,22 +163,21 @@ static void usb_tic_let_go(Axis *axis) {
 
 /* Reports a fault. Call it last, because the listener may close the axis. Takes ownership of the
  * error. */
-static void usb_tic_fault(Axis *axis, GError *error) {
+static void tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
     tic->halts |= tic->phase == HOMING;
     tic->phase = STANDING;
     tic->watched = FALSE;
     clock_cancel(axis->device.clock, &tic->timer);
     if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED))
-        usb_tic_let_go(axis);
+        tic_let_go(axis);
     axis_report(axis, AXIS_FAULT, error);
 }
 
-static void usb_tic_on_lost(UsbDevice *usb, gpointer data) {
+static void tic_on_lost(UsbDevice *usb, gpointer data) {
     Axis *axis = data;
-    usb_tic_fault(axis,
-                  device_error_new(DEVICE_ERROR_DISCONNECTED, axis->device.who,
-                                   "unplugged" ERROR_ADVICE "plug it in again, then home it"));
+    tic_fault(axis, device_error_new(DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                                     "unplugged" ERROR_ADVICE "plug it in again, then home it"));
 }
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
@@ -192,7 +191,7 @@ static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *e
         return; /* an earlier command, whose failure is no longer relevant */
     /* Report only the first of several failures with the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
-        usb_tic_fault(axis, g_error_copy(error));
+        tic_fault(axis, g_error_copy(error));
 }
 
 /* Returns the deadline of an answer. Requests wait for earlier ones, which may not be answered. */
@@ -226,9 +225,9 @@ static void ended(Axis *axis, enum axis_event event) {
 static void broke_down(Axis *axis, const char *why) {
     struct tic *tic = axis->device.priv;
     tic->halts = TRUE;
-    usb_tic_fault(axis, device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
-                                         "at %.3f°: %s" ERROR_ADVICE "then home it",
-                                         tic->position_deg, why));
+    tic_fault(axis,
+              device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
+                               "at %.3f°: %s" ERROR_ADVICE "then home it", tic->position_deg, why));
 }
 
 /* Returns whether this program was slower than the Tic's command timeout allows. */
@@ -244,7 +243,7 @@ static gboolean stopped_by_timeout(const struct tic *tic, const struct status *s
            !(status->flags & POSITION_UNCERTAIN) && tic->phase != HOMING && was_too_slow(tic);
 }
 
-static void usb_tic_resume(Axis *axis) {
+static void tic_resume(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gboolean to_target = tic->phase == MOVING || tic->on_target;
     GError *error = NULL;
@@ -254,7 +253,7 @@ static void usb_tic_resume(Axis *axis) {
     if (!send(axis, EXIT_SAFE_START, 0, &error) ||
         !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
               to_target ? tic->target_steps : 0, &error)) {
-        usb_tic_fault(axis, error);
+        tic_fault(axis, error);
         return;
     }
     tic->was_well = FALSE;
@@ -307,7 +306,7 @@ static void check_tic_homing(Axis *axis, const struct status *status) {
     }
 }
 
-static void usb_tic_evaluate(Axis *axis, const struct status *status) {
+static void tic_evaluate(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
     if (tic->phase == MOVING && tic->n_asked == tic->n_started)
@@ -318,7 +317,7 @@ static void usb_tic_evaluate(Axis *axis, const struct status *status) {
     if (tic->phase == STOPPING && status->velocity == 0)
         ended(axis, AXIS_STOPPED);
     else if (tic->phase != STOPPING && stopped_by_timeout(tic, status))
-        usb_tic_resume(axis);
+        tic_resume(axis);
     else if (tic->phase == STOPPING || is_broken(axis, status))
         return;
     else if (tic->phase == HOMING)
@@ -344,7 +343,7 @@ static gboolean read_status(const guint8 *data, gsize n, struct status *ret) {
     return TRUE;
 }
 
-static void usb_tic_wake(Axis *axis);
+static void tic_wake(Axis *axis);
 
 static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                       gpointer user) {
@@ -355,26 +354,26 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     if (tic->phase == STANDING && !tic->watched)
         return;
     if (error && tic->n_asked != tic->n_started) {
-        usb_tic_wake(axis); /* the poll was sent before the last command */
+        tic_wake(axis); /* the poll was sent before the last command */
     } else if (error) {
-        usb_tic_fault(axis, g_error_copy(error));
+        tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
-        usb_tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
-                                             "answered %d bytes of %d" ERROR_ADVICE
-                                             "check its firmware, then home it",
-                                             (int)n, VARIABLES_SIZE));
+        tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
+                                         "answered %d bytes of %d" ERROR_ADVICE
+                                         "check its firmware, then home it",
+                                         (int)n, VARIABLES_SIZE));
     } else {
         tic->unfed_us = MAX(tic->unfed_us, clock_now_us(axis->device.clock) - tic->fed_us);
         tic->fed_us = tic->asked_us;
-        usb_tic_wake(axis);
-        usb_tic_evaluate(axis, &status);
+        tic_wake(axis);
+        tic_evaluate(axis, &status);
     }
 }
 
 static const struct usb_request get_status = {TYPE_IN,         GET_VARIABLE, 0,
                                               OPERATION_STATE, NULL,         VARIABLES_SIZE};
 
-static void usb_tic_on_timer(gpointer data) {
+static void tic_on_timer(gpointer data) {
     Axis *axis = data;
     struct tic *tic = axis->device.priv;
     GError *error = NULL;
@@ -387,15 +386,15 @@ static void usb_tic_on_timer(gpointer data) {
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
         !usb_control(tic->usb, &get_status, answer_ms(tic), on_status, axis, &error)) {
         tic->asked = FALSE;
-        usb_tic_fault(axis, error);
+        tic_fault(axis, error);
     }
 }
 
-static void usb_tic_wake(Axis *axis) {
+static void tic_wake(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gint64 period_ms = tic->phase == STANDING ? MAX(STANDING_MS, tic->poll_ms) : tic->poll_ms;
     clock_cancel(axis->device.clock, &tic->timer);
-    tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, usb_tic_on_timer, axis);
+    tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, tic_on_timer, axis);
 }
 
 static void started(Axis *axis, enum phase phase) {
@@ -407,7 +406,7 @@ static void started(Axis *axis, enum phase phase) {
     tic->n_started++;
     tic->start_us = tic->fed_us = clock_now_us(axis->device.clock);
     tic->unfed_us = 0;
-    usb_tic_wake(axis);
+    tic_wake(axis);
 }
 
 static gboolean check_plugged(Axis *axis, GError **error) {
@@ -416,7 +415,7 @@ static gboolean check_plugged(Axis *axis, GError **error) {
                                         "not plugged in" ERROR_ADVICE "plug it in, then home it");
 }
 
-static gboolean usb_tic_set_speed(Axis *axis, double deg_s, GError **error) {
+static gboolean tic_set_speed(Axis *axis, double deg_s, GError **error) {
     struct tic *tic = axis->device.priv;
     const double speed = deg_s * tic->steps_per_deg * SPEED_UNITS;
     if (deg_s == tic->speed_deg_s)
@@ -428,7 +427,7 @@ static gboolean usb_tic_set_speed(Axis *axis, double deg_s, GError **error) {
 static gboolean connect_usb(Axis *axis, GError **error);
 /* Halts first, which makes the position uncertain. Homing is complete when the position is certain
  * again. */
-static gboolean usb_tic_home(Axis *axis, GError **error) {
+static gboolean tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
@@ -436,7 +435,7 @@ static gboolean usb_tic_home(Axis *axis, GError **error) {
     gint32 accel = (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
     tic->speed_deg_s = 0; /* the previous speed is unknown now */
     if (!send(axis, CLEAR_DRIVER_ERROR, 0, error) || !send(axis, ENERGIZE, 0, error) ||
-        !usb_tic_set_speed(axis, tic->motion.speed_deg_s, error) ||
+        !tic_set_speed(axis, tic->motion.speed_deg_s, error) ||
         !send(axis, SET_MAX_ACCEL, accel, error) || !send(axis, SET_MAX_DECEL, accel, error) ||
         !send(axis, EXIT_SAFE_START, 0, error) || !send(axis, HALT_AND_HOLD, 0, error) ||
         !(tic->homing == HOMING_HERE ? send(axis, HALT_AND_SET_POSITION, 0, error)
@@ -446,7 +445,7 @@ static gboolean usb_tic_home(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, GError **error) {
+static gboolean tic_turn(Axis *axis, double target_deg, double speed_deg_s, GError **error) {
     struct tic *tic = axis->device.priv;
     double steps = round((target_deg - tic->home_deg) * tic->steps_per_deg);
     if (!check_plugged(axis, error))
@@ -456,7 +455,7 @@ static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, 
             error, DEVICE_ERROR_RANGE, axis->device.who,
             "%g° is further than the Tic can count" ERROR_ADVICE "home it again", target_deg);
     tic->n_commands++;
-    if (!send(axis, EXIT_SAFE_START, 0, error) || !usb_tic_set_speed(axis, speed_deg_s, error) ||
+    if (!send(axis, EXIT_SAFE_START, 0, error) || !tic_set_speed(axis, speed_deg_s, error) ||
         !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
         return FALSE;
     tic->target_deg = target_deg;
@@ -465,14 +464,14 @@ static gboolean usb_tic_turn(Axis *axis, double target_deg, double speed_deg_s, 
     return TRUE;
 }
 
-static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
+static gboolean tic_move(Axis *axis, double target_deg, GError **error) {
     const struct tic *tic = axis->device.priv;
-    return usb_tic_turn(axis, target_deg, tic->motion.speed_deg_s, error);
+    return tic_turn(axis, target_deg, tic->motion.speed_deg_s, error);
 }
 
 /* A target velocity of 0 brakes with the set deceleration and keeps the position. A halt loses the
  * position. */
-static gboolean usb_tic_stop(Axis *axis, GError **error) {
+static gboolean tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
@@ -484,13 +483,13 @@ static gboolean usb_tic_stop(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static double usb_tic_position(Axis *axis) {
+static double tic_position(Axis *axis) {
     const struct tic *tic = axis->device.priv;
     return tic->on_target ? tic->target_deg : tic->position_deg;
 }
 
-static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 length, guint8 *ret,
-                                    GError **error) {
+static gboolean tic_get_setting(Axis *axis, enum setting setting, guint16 length, guint8 *ret,
+                                GError **error) {
     struct tic *tic = axis->device.priv;
     struct usb_request request = {TYPE_IN, GET_SETTING, 0, (guint16)setting, NULL, length};
     int n = usb_control_sync(tic->usb, &request, ret, error);
@@ -504,8 +503,8 @@ static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 le
 static gboolean check_settings(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     guint8 mode, timeout[2];
-    if (!usb_tic_get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
-        !usb_tic_get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
+    if (!tic_get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
+        !tic_get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
         return FALSE;
     int timeout_ms = tic->timeout_ms = timeout[0] | timeout[1] << 8;
     if (mode != 0)
@@ -548,18 +547,18 @@ static gboolean connect_usb(Axis *axis, GError **error) {
                               .interface_class = CLASS_TIC,
                               .serial = tic->serial,
                               .path = tic->path};
-    tic->usb = usb_open(&match, usb_tic_on_lost, axis, error);
+    tic->usb = usb_open(&match, tic_on_lost, axis, error);
     if (!tic->usb)
         return FALSE;
     device_set_identity(&axis->device, usb_product(tic->usb), usb_serial(tic->usb), tic->path);
     if (check_settings(axis, error) && read_position(axis, error))
         return TRUE;
-    usb_tic_let_go(axis);
+    tic_let_go(axis);
     return FALSE;
 }
 
-static void usb_tic_check(gconstpointer given, const struct config_section *section,
-                          Mistakes *mistakes) {
+static void tic_check(gconstpointer given, const struct config_section *section,
+                      Mistakes *mistakes) {
     const struct tic *tic = given;
     const double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
     const double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
@@ -576,12 +575,12 @@ static void usb_tic_check(gconstpointer given, const struct config_section *sect
             accel / ACCEL_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
 }
 
-static void usb_tic_needs(gconstpointer given, GPtrArray *to) {
+static void tic_needs(gconstpointer given, GPtrArray *to) {
     const struct tic *tic = given;
     g_ptr_array_add(to, usb_words("Tic", tic->serial, tic->path));
 }
 
-static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
+static gboolean tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     axis->motion = tic->motion;
     axis->motion.report_ms = tic->poll_ms + 2 * STAMP_MS;
@@ -589,22 +588,22 @@ static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     return connect_usb(axis, error);
 }
 
-static void usb_tic_close_axis(Axis *axis) {
+static void tic_close_axis(Axis *axis) {
     struct tic *tic = axis->device.priv;
     if (tic->usb && (tic->phase != STANDING || axis_safety(axis) != DEVICE_SAFE))
         usb_control_sync(tic->usb, &brake, NULL, NULL);
-    usb_tic_let_go(axis);
+    tic_let_go(axis);
 }
 
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
-             options, sizeof(struct tic), usb_tic_check, usb_tic_needs},
-    .open = usb_tic_open_axis,
-    .close = usb_tic_close_axis,
-    .home = usb_tic_home,
-    .move = usb_tic_move,
-    .turn = usb_tic_turn,
-    .stop = usb_tic_stop,
-    .position = usb_tic_position,
+             options, sizeof(struct tic), tic_check, tic_needs},
+    .open = tic_open_axis,
+    .close = tic_close_axis,
+    .home = tic_home,
+    .move = tic_move,
+    .turn = tic_turn,
+    .stop = tic_stop,
+    .position = tic_position,
 };

@@ -75,7 +75,7 @@ static GError *library_error(UsbDevice *usb, int code) {
                             "USB failed: %s" ERROR_ADVICE "check its cable", libusb_strerror(code));
 }
 
-static void usb_report_transfer(struct transfer *transfer) {
+static void report_transfer(struct transfer *transfer) {
     static const int codes[] = {[LIBUSB_TRANSFER_COMPLETED] = LIBUSB_SUCCESS,
                                 [LIBUSB_TRANSFER_ERROR] = LIBUSB_ERROR_IO,
                                 [LIBUSB_TRANSFER_TIMED_OUT] = LIBUSB_ERROR_TIMEOUT,
@@ -108,7 +108,7 @@ static gboolean has_news(const struct context *context) {
 }
 
 /* On Linux, libusb keeps its deadlines with a timerfd, but its API requires this check as well. */
-static gboolean usb_usb_prepare(GSource *source, gint *timeout) {
+static gboolean usb_prepare(GSource *source, gint *timeout) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval next;
     *timeout = -1;
@@ -118,7 +118,7 @@ static gboolean usb_usb_prepare(GSource *source, gint *timeout) {
     return has_news(context);
 }
 
-static gboolean usb_usb_check(GSource *source) {
+static gboolean usb_check(GSource *source) {
     struct context *context = ((struct context_source *)source)->context;
     GHashTableIter iter;
     gpointer tag;
@@ -134,7 +134,7 @@ static gboolean usb_usb_check(GSource *source) {
 static void context_unref(struct context *context);
 
 /* A callback may close any device. */
-static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean usb_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval zero = {0};
     struct transfer *transfer;
@@ -142,7 +142,7 @@ static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer u
     context->refs++;
     libusb_handle_events_timeout_completed(context->libusb, &zero, NULL);
     while ((transfer = g_queue_pop_head(&context->done)))
-        usb_report_transfer(transfer);
+        report_transfer(transfer);
     while ((usb = next_lost(context))) {
         usb->reported = TRUE;
         usb->lost_func(usb, usb->user);
@@ -152,7 +152,7 @@ static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer u
 }
 
 static GSourceFuncs source_funcs = {
-    .prepare = usb_usb_prepare, .check = usb_usb_check, .dispatch = usb_usb_dispatch};
+    .prepare = usb_prepare, .check = usb_check, .dispatch = usb_dispatch};
 
 static void LIBUSB_CALL on_fd_added(int fd, short events, void *data) {
     struct context *context = data;
@@ -379,7 +379,7 @@ static gboolean lock_device(UsbDevice *usb, GError **error) {
     return usb->lock != NULL;
 }
 
-static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
+static gboolean usb_claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
     struct libusb_config_descriptor *config;
     int number = -1;
     if (usb->interface >= 0)
@@ -435,7 +435,7 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
         return usb;
     }
     /* The interface must be claimed before a serial number can be read through it. */
-    if (usb_usb_claim(usb, match, error)) {
+    if (usb_claim(usb, match, error)) {
         usb->serial = match->read_serial(usb);
         return usb;
     }
@@ -503,7 +503,7 @@ UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer us
         device_error_set(
             error, DEVICE_ERROR_RANGE, match->who,
             "more than one device fits: %s" ERROR_ADVICE "select one by serial or path", seen->str);
-    } else if (usb_usb_claim(found->data, match, error)) {
+    } else if (usb_claim(found->data, match, error)) {
         usb = found->data;
         usb->lost_func = lost;
         usb->user = user;

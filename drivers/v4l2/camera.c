@@ -153,13 +153,13 @@ static void report_failure(Camera *camera, int code) {
     camera_report_fault(camera, error);
 }
 
-static void v4l2_camera_watch(Camera *camera);
+static void camera_watch(Camera *camera);
 
 static void on_again(gpointer data) {
     Camera *camera = data;
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->timer = 0;
-    v4l2_camera_watch(camera);
+    camera_watch(camera);
 }
 
 static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
@@ -197,7 +197,7 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
 
 /* Watches the device only while a frame is awaited. Otherwise the buffers stay full, and the kernel
  * drops further frames. */
-static void v4l2_camera_watch(Camera *camera) {
+static void camera_watch(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->source = g_unix_fd_add(v4l2->node.fd, G_IO_IN | G_IO_ERR | G_IO_HUP, on_ready, camera);
 }
@@ -225,7 +225,7 @@ static gboolean v4l2_camera_trigger(Camera *camera, guint64 shot, GError **error
     if (v4l2->broken)
         v4l2->timer = clock_call_in(camera->device.clock, 0, on_broken, camera);
     else
-        v4l2_camera_watch(camera);
+        camera_watch(camera);
     return TRUE;
 }
 
@@ -268,7 +268,7 @@ static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError 
     return video_control_set(&v4l2->node, range->id, video_range_nearest(range, wanted), error);
 }
 
-static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
+static gboolean camera_apply_settings(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     if (!set_exposure(v4l2, v4l2->settings.exposure_us, error) ||
         !set_gain(v4l2, v4l2->settings.gain_db, error))
@@ -283,7 +283,7 @@ static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settin
                                       GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->settings = *settings;
-    return v4l2->node.fd < 0 || v4l2_camera_apply_settings(camera, error);
+    return v4l2->node.fd < 0 || camera_apply_settings(camera, error);
 }
 
 static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
@@ -302,7 +302,7 @@ static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
     return TRUE;
 }
 
-static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GError **error) {
+static gboolean camera_check_exposure(const struct v4l2_camera *v4l2, GError **error) {
     if (v4l2->fixed_exposure_us > 0)
         return TRUE;
     if (v4l2->controls.exposure.id == 0)
@@ -318,7 +318,7 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
     return TRUE;
 }
 
-static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
+static void camera_disconnect(struct v4l2_camera *v4l2) {
     video_node_close(&v4l2->node);
     g_clear_pointer(&v4l2->lock, lock_release);
     g_clear_pointer(&v4l2->load, video_load_remove);
@@ -341,7 +341,7 @@ static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
     if (lock_camera(v4l2, error) && video_setup_apply(&v4l2->node, &request, &v4l2->setup, error) &&
-        v4l2_camera_check_exposure(v4l2, error)) {
+        camera_check_exposure(v4l2, error)) {
         g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
         double mb_s = video_setup_mb_s(&v4l2->setup);
         if ((!v4l2->check_bandwidth ||
@@ -349,7 +349,7 @@ static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
             set_controls(v4l2, error))
             return TRUE;
     }
-    v4l2_camera_disconnect(v4l2);
+    camera_disconnect(v4l2);
     return FALSE;
 }
 
@@ -363,13 +363,13 @@ static gboolean find_again(Camera *camera, GError **error) {
     device_set_identity(&camera->device, v4l2->node.card, NULL, v4l2->node.bus);
     if (v4l2->setup.format == before.format && v4l2->setup.width == before.width &&
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
-        return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
+        return v4l2->settings.exposure_us == 0 || camera_apply_settings(camera, error);
     v4l2->setup = before;
     video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
                  "came back with another format, size or frame rate: it is another camera, or "
                  "another program has set it" ERROR_ADVICE
                  "start the rig again, or write format, width, height and frame_rate");
-    v4l2_camera_disconnect(v4l2);
+    camera_disconnect(v4l2);
     return FALSE;
 }
 
@@ -379,7 +379,7 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
         return FALSE;
     if (video_stream_start(&v4l2->stream, &v4l2->node, &v4l2->setup, error))
         return TRUE;
-    v4l2_camera_disconnect(v4l2); /* the next attempt connects again */
+    camera_disconnect(v4l2); /* the next attempt connects again */
     return FALSE;
 }
 
@@ -416,7 +416,7 @@ static void fill_format(Camera *camera) {
             llrint(v4l2->fixed_exposure_us);
 }
 
-static void v4l2_camera_needs(gconstpointer given, GPtrArray *to) {
+static void camera_needs(gconstpointer given, GPtrArray *to) {
     const struct v4l2_camera *v4l2 = given;
     char *node = *v4l2->path ? realpath(v4l2->path, NULL) : NULL;
     const char *path = node ? node : v4l2->path;
@@ -426,7 +426,7 @@ static void v4l2_camera_needs(gconstpointer given, GPtrArray *to) {
     free(node);
 }
 
-static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
+static gboolean camera_open_camera(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->node.fd = -1;
     v4l2->who = camera->device.who;
@@ -446,17 +446,17 @@ static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
     return TRUE;
 }
 
-static void v4l2_camera_close_camera(Camera *camera) {
+static void camera_close_camera(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    v4l2_camera_disconnect(v4l2);
+    camera_disconnect(v4l2);
 }
 
 const struct camera_driver v4l2_camera_driver = {
     .info = {"camera", "v4l2-camera",
              "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
-             sizeof(struct v4l2_camera), NULL, v4l2_camera_needs},
-    .open = v4l2_camera_open_camera,
-    .close = v4l2_camera_close_camera,
+             sizeof(struct v4l2_camera), NULL, camera_needs},
+    .open = camera_open_camera,
+    .close = camera_close_camera,
     .configure = v4l2_camera_configure,
     .arm = v4l2_camera_arm,
     .disarm = v4l2_camera_disarm,

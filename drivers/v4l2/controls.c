@@ -51,15 +51,15 @@ static const struct {
     {V4L2_CID_TEST_PATTERN, VALUE, 0, "frames do not show what the sensor sees"},
 };
 
-static gboolean v4l2_controls_query(const struct video_node *node, guint32 id,
-                                    struct v4l2_queryctrl *ret) {
+static gboolean controls_query(const struct video_node *node, guint32 id,
+                               struct v4l2_queryctrl *ret) {
     *ret = (struct v4l2_queryctrl){.id = id};
     return video_ioctl(node, VIDIOC_QUERYCTRL, ret) == 0 && !(ret->flags & V4L2_CTRL_FLAG_DISABLED);
 }
 
 static gboolean read_range(const struct video_node *node, guint32 id, struct video_range *ret) {
     struct v4l2_queryctrl control;
-    if (!v4l2_controls_query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
+    if (!controls_query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
         control.maximum < control.minimum)
         return FALSE;
     *ret = (struct video_range){id, control.minimum, control.maximum, MAX(control.step, 1)};
@@ -95,7 +95,7 @@ gboolean video_control_set(const struct video_node *node, guint32 id, gint64 val
                            GError **error) {
     struct v4l2_control set = {id, (gint32)value}, is = {.id = id};
     struct v4l2_queryctrl about;
-    gboolean named = v4l2_controls_query(node, id, &about);
+    gboolean named = controls_query(node, id, &about);
     gboolean hidden =
         about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON;
     /* The message is sent over D-Bus, which requires UTF-8. A camera may send any bytes. */
@@ -147,7 +147,7 @@ gboolean video_controls_by_hand(const struct video_node *node, GError **error) {
         guint32 passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
         gint64 value;
         GError *refused = NULL;
-        if (!v4l2_controls_query(node, altering[i].id, &control) || control.flags & passive ||
+        if (!controls_query(node, altering[i].id, &control) || control.flags & passive ||
             !neutral_value(i, &control, &value) ||
             video_control_set(node, altering[i].id, value, &refused))
             continue;
@@ -176,7 +176,7 @@ char **video_controls_left(const struct video_node *node, char **settings) {
         struct v4l2_queryctrl control;
         struct v4l2_control is = {.id = altering[i].id};
         gint64 value;
-        if (!v4l2_controls_query(node, altering[i].id, &control) ||
+        if (!controls_query(node, altering[i].id, &control) ||
             control.flags & V4L2_CTRL_FLAG_INACTIVE || video_ioctl(node, VIDIOC_G_CTRL, &is) < 0)
             continue;
         gboolean known = neutral_value(i, &control, &value);

@@ -37,8 +37,7 @@ static double read_speed(const char *folder) {
     return mbit_s > 0 && mbit_s < 1e6 ? mbit_s : 0;
 }
 
-static gboolean v4l2_load_check_link(const char *link, const struct video_load *new,
-                                     GError **error) {
+static gboolean load_check_link(const char *link, const struct video_load *new, GError **error) {
     g_autoptr(GString) who = g_string_new(NULL);
     double speed = read_speed(link), most = video_link_mb_s(speed), sum = new->mb_s;
     for (GList *l = loads; l; l = l->next) {
@@ -78,7 +77,7 @@ gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct 
         folder = parent;
     }
     for (guint i = 0; ok && i < load->links->len; i++)
-        ok = v4l2_load_check_link(load->links->pdata[i], load, error);
+        ok = load_check_link(load->links->pdata[i], load, error);
     if (!ok || load->links->len == 0) {
         video_load_remove(load);
         return ok;

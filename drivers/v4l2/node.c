@@ -69,7 +69,7 @@ void video_node_close(struct video_node *node) {
     *node = (struct video_node){.fd = -1};
 }
 
-static char *v4l2_node_text_of(const guint8 *field, gsize size) {
+static char *node_text_of(const guint8 *field, gsize size) {
     g_autofree char *text = g_strndup((const char *)field, size);
     return g_utf8_make_valid(text, -1);
 }
@@ -83,9 +83,9 @@ static gboolean open_path(struct video_node *node, const char *path) {
         return FALSE;
     guint32 can = capability.capabilities & V4L2_CAP_DEVICE_CAPS ? capability.device_caps
                                                                  : capability.capabilities;
-    node->card = v4l2_node_text_of(capability.card, sizeof capability.card);
-    node->driver = v4l2_node_text_of(capability.driver, sizeof capability.driver);
-    node->bus = v4l2_node_text_of(capability.bus_info, sizeof capability.bus_info);
+    node->card = node_text_of(capability.card, sizeof capability.card);
+    node->driver = node_text_of(capability.driver, sizeof capability.driver);
+    node->bus = node_text_of(capability.bus_info, sizeof capability.bus_info);
     node->type = can & V4L2_CAP_VIDEO_CAPTURE          ? V4L2_BUF_TYPE_VIDEO_CAPTURE
                  : can & V4L2_CAP_VIDEO_CAPTURE_MPLANE ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE
                                                        : 0;

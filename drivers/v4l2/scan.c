@@ -30,8 +30,8 @@ static char *make_section(const struct video_node *node, const struct video_form
     return g_string_free(section, FALSE);
 }
 
-static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *nodes,
-                               struct found *found) {
+static void scan_describe(const struct video_node *node, const GPtrArray *nodes,
+                          struct found *found) {
     g_autoptr(GArray) offered = video_node_formats(node);
     const struct video_format *format = NULL; /* the format that would be used */
     struct video_controls controls;
@@ -70,7 +70,7 @@ gboolean v4l2_scan(GPtrArray *to, GError **error) {
         struct found *found =
             found_add(to, "video", nodes->pdata[i], opened ? node.card : "a camera", NULL);
         if (opened)
-            v4l2_scan_describe(&node, nodes, found);
+            scan_describe(&node, nodes, found);
         else
             found->note = g_strdup(why->message);
         video_node_close(&node);

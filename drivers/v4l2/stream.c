@@ -52,10 +52,10 @@ static gboolean choose_format(const struct video_node *node, const char *name,
     return *ret != NULL;
 }
 
-static gboolean v4l2_stream_check_format(const struct video_node *node,
-                                         const struct video_request *request,
-                                         const struct video_pix *pix,
-                                         const struct video_setup *setup, GError **error) {
+static gboolean stream_check_format(const struct video_node *node,
+                                    const struct video_request *request,
+                                    const struct video_pix *pix, const struct video_setup *setup,
+                                    GError **error) {
     g_autofree char *name = video_fourcc_name(setup->format->fourcc);
     g_autofree char *sizes = video_node_sizes(node, setup->format->fourcc);
     gboolean wide = request->width > 0 && (guint32)request->width != pix->width;
@@ -128,7 +128,7 @@ gboolean video_setup_apply(const struct video_node *node, const struct video_req
     }
     if (!set)
         return video_set_error(error, node, errno, "could not be set to its format");
-    if (!v4l2_stream_check_format(node, request, &pix, ret, error) ||
+    if (!stream_check_format(node, request, &pix, ret, error) ||
         !set_rate(node, request->frame_rate, &ret->interval_us, error))
         return FALSE;
     ret->width = (int)pix.width;

@@ -43,16 +43,16 @@ static gsize btf_texels(const struct btf_view *view) {
 }
 
 /* Sets an attribute to a point of the rig frame, in the sample frame at a turntable angle. */
-static void btf_set_point(struct exr_part *part, double turntable_rad, const char *name,
-                          struct vec3 rig_mm) {
+static void set_point(struct exr_part *part, double turntable_rad, const char *name,
+                      struct vec3 rig_mm) {
     const struct vec3 p = rig_turn(rig_mm, -turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
 /* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
  * has a flag, and "sigma" if asked for. */
-static struct exr_part *btf_light_part(const struct btf_view *view, const struct btf_light *light,
-                                       const guint8 *flags, gboolean sigma) {
+static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light,
+                                   const guint8 *flags, gboolean sigma) {
     const gsize n = btf_texels(view);
     guint8 any = 0;
     for (gsize i = 0; i < n; i++)
@@ -74,9 +74,9 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
     exr_set_double(part, "view.phi_deg", view->phi_deg);
     exr_set_double(part, "light.theta_deg", light->theta_deg);
     exr_set_double(part, "light.phi_deg", light->phi_deg);
-    btf_set_point(part, light->turntable_rad, "view.centre_mm", rig_camera_centre_mm(view->camera));
-    btf_set_point(part, light->turntable_rad, "light.position_mm",
-                  rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
+    set_point(part, light->turntable_rad, "view.centre_mm", rig_camera_centre_mm(view->camera));
+    set_point(part, light->turntable_rad, "light.position_mm",
+              rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
     exr_set_string(part, "mesorig.inputs", view->inputs);
     return part;
 }
@@ -85,8 +85,8 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
  * irradiance of the texel facing the lamp, o what the lamp gives in this colour and shot relative
  * to rig_lamp_irradiance(). The cosine n·l stays in ρ. variance (n × 3; may be NULL): of rgb on
  * input, of ρ on output. */
-static void btf_to_reflectance(const struct btf_view *view, const struct btf_light *light,
-                               const float *rgb, struct exr_part *part, float *variance) {
+static void to_reflectance(const struct btf_view *view, const struct btf_light *light,
+                           const float *rgb, struct exr_part *part, float *variance) {
     const gsize n = btf_texels(view);
     const struct radiometry_lamp *lamp = light->radiometry;
     g_autofree float *irradiance = g_new(float, n);
@@ -129,14 +129,14 @@ struct posed { /* the rectification of the last light's pose; NULL: none yet */
     gboolean guided;
 };
 
-static void btf_clear_mosaic(struct mosaic *mosaic) {
+static void clear_mosaic(struct mosaic *mosaic) {
     g_clear_pointer(&mosaic->half, g_free);
     g_clear_pointer(&mosaic->bound, g_free);
 }
 
 /* Checks that a frame belongs to the shot, and has the colour filter of the other frames. */
-static gboolean btf_check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
-                                GError **error) {
+static gboolean check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
+                            GError **error) {
     const char *found = "mono";
     int shot = (int)input->shot;
     if (!exr_get_string(frame, "mesorig.cfa", &found, error)) {
@@ -160,7 +160,7 @@ static gboolean btf_check_frame(const struct input *input, const struct exr_part
 }
 
 /* Reads which pixels are saturated, and from which value on shorter exposures were used. */
-static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
+static void load_saturation(const struct exr_part *frame, gsize n_pixels, struct mosaic *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
     to->saturated = -1;
@@ -175,15 +175,15 @@ static void btf_load_saturation(const struct exr_part *frame, gsize n_pixels, st
 }
 
 /* Whether a picture can share a guide with those in the pose of the view. */
-static gboolean btf_is_in_pose(const struct btf_view *view, const struct btf_light *light) {
+static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *light) {
     const double r_mm = hypot(view->grid.width_mm, view->grid.height_mm) / 2;
     const double px_mm = vec3_length(rig_camera_centre_mm(view->camera)) / view->camera->fx_px;
     return fabs(light->turntable_rad - view->turntable_rad) * r_mm <= GUIDE_PX * px_mm;
 }
 
 /* Subtracts the camera's glare from a plane of a frame, and keeps the mean light of each colour. */
-static void btf_subtract_glare(const struct btf_view *view, const char *cfa, gsize plane,
-                               float *values, struct mosaic *to) {
+static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
+                           struct mosaic *to) {
     double mean[3];
     const gboolean rgb = strcmp(cfa, "rgb") == 0;
     if (!view->radiometry || !view->radiometry->known || !(view->radiometry->glare_error > 0))
@@ -197,9 +197,9 @@ static void btf_subtract_glare(const struct btf_view *view, const char *cfa, gsi
 }
 
 /* Stores a frame's planes as half floats; if it guides, adds finite values to the guide. */
-static gboolean btf_store_planes(const struct btf_view *view, const struct input *input,
-                                 const struct exr_part *frame, guint i, gboolean guides,
-                                 struct mosaics *to, GError **error) {
+static gboolean store_planes(const struct btf_view *view, const struct input *input,
+                             const struct exr_part *frame, guint i, gboolean guides,
+                             struct mosaics *to, GError **error) {
     static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"R", "G", "B", NULL};
     const char *const *channels = strcmp(to->cfa, "rgb") == 0 ? rgb : grey;
     const gsize n = to->n_pixels;
@@ -213,8 +213,8 @@ static gboolean btf_store_planes(const struct btf_view *view, const struct input
             return data_error_fail(input->path, 0, error,
                                    "part %s has no channel %s, although its colour filter is %s",
                                    frame->name, *channels, to->cfa);
-        btf_subtract_glare(view, to->cfa, (gsize)(half - to->lights[i].half) / n, plane,
-                           &to->lights[i]);
+        subtract_glare(view, to->cfa, (gsize)(half - to->lights[i].half) / n, plane,
+                       &to->lights[i]);
         exr_half_from_floats(half, plane, n);
         for (gsize k = 0; guides && k < n; k++)
             sum[k] += isfinite(plane[k]) ? (double)plane[k] : 0;
@@ -224,25 +224,25 @@ static gboolean btf_store_planes(const struct btf_view *view, const struct input
 }
 
 /* Loads one light's frame. */
-static gboolean btf_load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
-                                GError **error) {
+static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
+                            GError **error) {
     static const char *const any[] = {NULL};
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
     const struct input *input = &light->input;
     struct exr_part *frame = input_read(input, any, error);
     const gboolean ok =
-        frame && btf_check_frame(input, frame, &to->cfa, error) &&
-        btf_store_planes(view, input, frame, i, btf_is_in_pose(view, light), to, error) &&
+        frame && check_frame(input, frame, &to->cfa, error) &&
+        store_planes(view, input, frame, i, is_in_pose(view, light), to, error) &&
         (!view->noise || btf_exposures_read(frame, input->path, &to->lights[i].exposures, error));
     if (ok)
-        btf_load_saturation(frame, to->n_pixels, &to->lights[i]);
+        load_saturation(frame, to->n_pixels, &to->lights[i]);
     exr_part_free(frame);
     return ok;
 }
 
 /* Sets the flags of n texels: on input whether each is a hole, on output bits of enum btf_flag. */
-static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, const float *values,
-                          const struct mosaics *mosaics, gsize n, guint8 *flags) {
+static void set_flags(const Rectify *rectify, const struct mosaic *mosaic, const float *values,
+                      const struct mosaics *mosaics, gsize n, guint8 *flags) {
     const gsize n_pixels = mosaics->n_pixels;
     g_autofree guint8 *pixels = g_new0(guint8, n_pixels), *found = g_new(guint8, n);
     for (gsize k = 0; mosaic->shorter > 0 && k < mosaics->n_values; k++)
@@ -259,9 +259,9 @@ static void btf_set_flags(const Rectify *rectify, const struct mosaic *mosaic, c
 /* Of the radiance L of each texel and colour: var = noise + detail + ½ δ² · shift + (γ · L̄)² +
  * (ε · L)²; δ: the distance in pixels by which the camera is misregistered (rectify.h); γ: the
  * error of the glare, L̄ the mean of the picture; ε: the tile's residuals in excess of noise. */
-static void btf_add_up_variance(const struct btf_view *view, const Rectify *rectify,
-                                const struct mosaic *mosaic, const float *values, gsize n_values,
-                                const float *rgb, float *ret) {
+static void add_up_variance(const struct btf_view *view, const Rectify *rectify,
+                            const struct mosaic *mosaic, const float *values, gsize n_values,
+                            const float *rgb, float *ret) {
     const gsize n = 3 * btf_texels(view);
     const struct radiometry_camera *camera =
         view->radiometry && view->radiometry->known ? view->radiometry : NULL;
@@ -281,8 +281,8 @@ static void btf_add_up_variance(const struct btf_view *view, const Rectify *rect
 }
 
 /* Rectifies one light's frame. An error if most of its texels are holes. */
-static struct exr_part *btf_make_light(const struct btf_view *view, guint i, const Rectify *rectify,
-                                       const struct mosaics *mosaics, GError **error) {
+static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
+                                   const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
     const struct mosaic *mosaic = &mosaics->lights[i];
     const gsize n = btf_texels(view);
@@ -297,14 +297,14 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
             light->input.path, holes, n);
         return NULL;
     }
-    btf_set_flags(rectify, mosaic, values, mosaics, n, flags);
+    set_flags(rectify, mosaic, values, mosaics, n, flags);
     g_autofree float *variance = mosaic->exposures.n > 0 ? g_new(float, 3 * n) : NULL;
-    struct exr_part *part = btf_light_part(view, light, flags, variance != NULL);
+    struct exr_part *part = light_part(view, light, flags, variance != NULL);
     if (mosaic->saturated >= 0)
         exr_set_int(part, "mesorig.saturated", mosaic->saturated);
     if (variance)
-        btf_add_up_variance(view, rectify, mosaic, values, mosaics->n_values, rgb, variance);
-    btf_to_reflectance(view, light, rgb, part, variance);
+        add_up_variance(view, rectify, mosaic, values, mosaics->n_values, rgb, variance);
+    to_reflectance(view, light, rgb, part, variance);
     if (variance) {
         double scale[3];
         for (gsize k = 0; k < n; k++)
@@ -317,7 +317,7 @@ static struct exr_part *btf_make_light(const struct btf_view *view, guint i, con
 }
 
 /* Predicts the pictures of missing lights from the lights around them. */
-static void btf_predict_missing(const struct btf_view *view, struct exr_part **parts) {
+static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
     const gsize n = btf_texels(view);
     g_autofree guint8 *flags = g_new(guint8, n);
     g_autofree struct exr_part **taken =
@@ -328,7 +328,7 @@ static void btf_predict_missing(const struct btf_view *view, struct exr_part **p
         if (!weights)
             continue;
         btf_missing_flags(weights, taken, view->lights->len, n, flags);
-        parts[i] = btf_light_part(view, light, flags, FALSE);
+        parts[i] = light_part(view, light, flags, FALSE);
         btf_missing_fill(weights, taken, view->lights->len, flags, parts[i]);
         if (light->left_out)
             exr_set_int(parts[i], "mesorig.left_out", 1);
@@ -350,29 +350,29 @@ static Rectify *btf_rectify_new(const struct btf_view *view, const struct mosaic
 }
 
 /* Loads all frames, whose sum is the guide of the rectification. */
-static gboolean btf_load_mosaics(const struct btf_view *view, struct mosaics *to,
-                                 GCancellable *cancellable, GError **error) {
+static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
+                             GCancellable *cancellable, GError **error) {
     for (guint i = 0; i < view->lights->len; i++)
         if (!g_array_index(view->lights, struct btf_light, i).missing &&
             (g_cancellable_set_error_if_cancelled(cancellable, error) ||
-             !btf_load_mosaic(view, i, to, error)))
+             !load_mosaic(view, i, to, error)))
             return FALSE;
     return TRUE;
 }
 
 /* Makes a light's part with the rectification of its pose, which is kept for the next light. */
-static struct exr_part *btf_make_posed(const struct btf_view *view, guint i,
-                                       const struct mosaics *mosaics, struct posed *posed,
-                                       GError **error) {
+static struct exr_part *make_posed(const struct btf_view *view, guint i,
+                                   const struct mosaics *mosaics, struct posed *posed,
+                                   GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
-    const gboolean guided = btf_is_in_pose(view, light);
+    const gboolean guided = is_in_pose(view, light);
     if (posed->rectify && (posed->turntable_rad != light->turntable_rad || posed->guided != guided))
         g_clear_pointer(&posed->rectify, rectify_free);
     if (!posed->rectify)
         posed->rectify = btf_rectify_new(view, mosaics, light->turntable_rad, guided, error);
     posed->turntable_rad = light->turntable_rad;
     posed->guided = guided;
-    return posed->rectify ? btf_make_light(view, i, posed->rectify, mosaics, error) : NULL;
+    return posed->rectify ? make_light(view, i, posed->rectify, mosaics, error) : NULL;
 }
 
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
@@ -384,21 +384,21 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     struct mosaics mosaics = {.lights = lights, .n_pixels = n_pixels};
     struct exr_file *file = exr_file_new();
     struct posed posed = {0};
-    gboolean ok = btf_load_mosaics(view, &mosaics, cancellable, error);
+    gboolean ok = load_mosaics(view, &mosaics, cancellable, error);
     for (guint i = 0; ok && i < n; i++) {
         if (g_array_index(view->lights, struct btf_light, i).missing)
             continue;
         ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             (parts[i] = btf_make_posed(view, i, &mosaics, &posed, error)) != NULL;
-        btf_clear_mosaic(&lights[i]);
+             (parts[i] = make_posed(view, i, &mosaics, &posed, error)) != NULL;
+        clear_mosaic(&lights[i]);
     }
-    btf_predict_missing(view, parts);
+    predict_missing(view, parts);
     for (guint i = 0; i < n; i++)
         if (parts[i])
             exr_file_add(file, parts[i]);
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
     for (guint i = 0; i < n; i++)
-        btf_clear_mosaic(&lights[i]);
+        clear_mosaic(&lights[i]);
     rectify_free(posed.rectify);
     g_free(mosaics.cfa);
     g_free(mosaics.sum);

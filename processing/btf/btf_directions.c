@@ -36,8 +36,8 @@ struct btf_directions *btf_directions_81(void) {
 
 /* Adds a direction to a list with room for MOST, if it is not there yet. Compares by angle: φ wraps
  * around, and counts less near the pole, where its circle has the radius sin θ. */
-static gboolean btf_directions_add(const TextTable *table, int row, double theta, double phi,
-                                   struct direction_list *to, GError **error) {
+static gboolean add(const TextTable *table, int row, double theta, double phi,
+                    struct direction_list *to, GError **error) {
     const char *path = text_table_path(table);
     const int line = text_table_line(table, row);
     for (gsize i = 0; i < to->n; i++) {
@@ -54,8 +54,8 @@ static gboolean btf_directions_add(const TextTable *table, int row, double theta
     return TRUE;
 }
 
-static gboolean btf_directions_read_row(const TextTable *table, int row, const int columns[3],
-                                        struct btf_directions *to, GError **error) {
+static gboolean read_row(const TextTable *table, int row, const int columns[3],
+                         struct btf_directions *to, GError **error) {
     const char *of = text_table_text(table, row, columns[0]);
     const gboolean both = strcmp(of, "both") == 0;
     const gboolean view = both || strcmp(of, "view") == 0, light = both || strcmp(of, "light") == 0;
@@ -69,12 +69,11 @@ static gboolean btf_directions_read_row(const TextTable *table, int row, const i
     if (!(theta >= 0 && theta <= LOWEST) || !(fabs(phi) <= 720))
         return data_error_fail(text_table_path(table), text_table_line(table, row), error,
                                "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
-    return (!view || btf_directions_add(table, row, theta, phi, &to->views, error)) &&
-           (!light || btf_directions_add(table, row, theta, phi, &to->lights, error));
+    return (!view || add(table, row, theta, phi, &to->views, error)) &&
+           (!light || add(table, row, theta, phi, &to->lights, error));
 }
 
-static gboolean btf_directions_read_rows(const TextTable *table, struct btf_directions *to,
-                                         GError **error) {
+static gboolean read_rows(const TextTable *table, struct btf_directions *to, GError **error) {
     static const char *const known[] = {"of", "theta_deg", "phi_deg", NULL};
     const char *path = text_table_path(table);
     if (!text_table_check_columns(table, known, error))
@@ -85,7 +84,7 @@ static gboolean btf_directions_read_rows(const TextTable *table, struct btf_dire
         return data_error_fail(path, 0, error,
                                "a table of directions has the columns of, theta_deg and phi_deg");
     for (int row = 0; row < text_table_rows(table); row++)
-        if (!btf_directions_read_row(table, row, columns, to, error))
+        if (!read_row(table, row, columns, to, error))
             return FALSE;
     if (to->views.n == 0 || to->lights.n == 0)
         return data_error_fail(path, 0, error, "there is no %s in it",
@@ -102,7 +101,7 @@ struct btf_directions *btf_directions_read(const char *path, GError **error) {
     ret->views = direction_list_new(MOST);
     ret->lights = direction_list_new(MOST);
     ret->views.n = ret->lights.n = 0;
-    if (!btf_directions_read_rows(table, ret, error))
+    if (!read_rows(table, ret, error))
         g_clear_pointer(&ret, btf_directions_free);
     return ret;
 }

@@ -3,8 +3,8 @@
 #include "btf_matrix.h"
 
 /* Sets a pixel to the mean of its known neighbours among eight. FALSE: it has none. */
-static gboolean btf_holes_fill(float *const *planes, int n, int width, int height,
-                               const gint8 *known, int pixel) {
+static gboolean fill(float *const *planes, int n, int width, int height, const gint8 *known,
+                     int pixel) {
     const int x = pixel % width, y = pixel / width;
     double sums[8] = {0};
     int found = 0;
@@ -41,7 +41,7 @@ int btf_fill_holes(float *const *planes, int n, int width, int height) {
         int kept = 0, filled = 0;
         g_autofree int *now = g_new(int, left);
         for (int i = 0; i < left; i++)
-            if (btf_holes_fill(planes, n, width, height, known, holes[i]))
+            if (fill(planes, n, width, height, known, holes[i]))
                 now[filled++] = holes[i];
             else
                 holes[kept++] = holes[i];

@@ -60,8 +60,7 @@ void btf_layout_write_sizes(const struct btf_layout *layout, struct exr_part *pa
     exr_set_double(part, "reference_mm", layout->reference_mm);
 }
 
-static void btf_layout_write_list(const char *name, const struct direction_list *list,
-                                  struct exr_file *file) {
+static void write_list(const char *name, const struct direction_list *list, struct exr_file *file) {
     static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
     struct exr_part *part = exr_part_new(name, (int)list->n, 1, channels, EXR_FLOAT);
     memcpy(part->planes[0], list->phi_deg, sizeof(float) * list->n);
@@ -70,12 +69,12 @@ static void btf_layout_write_list(const char *name, const struct direction_list 
 }
 
 void btf_layout_write_directions(const struct btf_layout *layout, struct exr_file *file) {
-    btf_layout_write_list("views", &layout->views, file);
-    btf_layout_write_list("lights", &layout->lights, file);
+    write_list("views", &layout->views, file);
+    write_list("lights", &layout->lights, file);
 }
 
-static gboolean btf_layout_read_list(const struct exr_file *file, const char *name,
-                                     struct direction_list *ret) {
+static gboolean read_list(const struct exr_file *file, const char *name,
+                          struct direction_list *ret) {
     const struct exr_part *part = exr_file_part(file, name);
     const struct direction_list found = {
         .n = part ? (gsize)part->width : 0,
@@ -95,9 +94,9 @@ const char *btf_layout_read(const struct exr_file *file, const struct exr_part *
         !exr_get_double(part, "reference_mm", &ret->reference_mm, NULL) || !(ret->texel_mm > 0) ||
         !isfinite(ret->texel_mm) || !isfinite(ret->reference_mm))
         return "attribute texel_mm or reference_mm is missing or not a size";
-    if (!btf_layout_read_list(file, "views", &ret->views))
+    if (!read_list(file, "views", &ret->views))
         return "part views is missing or damaged";
-    if (!btf_layout_read_list(file, "lights", &ret->lights))
+    if (!read_list(file, "lights", &ret->lights))
         return "part lights is missing or damaged";
     return NULL;
 }

@@ -58,11 +58,11 @@ gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first
     return TRUE;
 }
 
-static int btf_matrix_by_name(gconstpointer a, gconstpointer b) {
+static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-static GPtrArray *btf_matrix_list_views(const Session *session, GError **error) {
+static GPtrArray *list_views(const Session *session, GError **error) {
     g_autofree char *folder = session_file(session, "products/btf");
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
@@ -76,38 +76,37 @@ static GPtrArray *btf_matrix_list_views(const Session *session, GError **error) 
         g_clear_pointer(&paths, g_ptr_array_unref);
         return NULL;
     }
-    g_ptr_array_sort(paths, btf_matrix_by_name);
+    g_ptr_array_sort(paths, by_name);
     return paths;
 }
 
-static gboolean btf_matrix_view_error(const char *path, GError **error, const char *what) {
+static gboolean view_error(const char *path, GError **error, const char *what) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: %s; delete the file and process again, or import again", path, what);
     return FALSE;
 }
 
-static gboolean btf_matrix_direction(const struct exr_part *part, const char *of, const char *path,
-                                     float *ret_theta_deg, float *ret_phi_deg, GError **error) {
+static gboolean direction(const struct exr_part *part, const char *of, const char *path,
+                          float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           btf_matrix_view_error(path, error, "a direction is missing or not a number");
+           view_error(path, error, "a direction is missing or not a number");
 }
 
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
                          GError **error) {
     if (first->parts->len < 1)
-        return btf_matrix_view_error(path, error, "it has no lights");
+        return view_error(path, error, "it has no lights");
     btf->layout.lights = direction_list_new(first->parts->len);
     for (gsize i = 0; i < btf->layout.lights.n; i++)
-        if (!btf_matrix_direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
-                                  &btf->layout.lights.theta_deg[i], &btf->layout.lights.phi_deg[i],
-                                  error))
+        if (!direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
+                       &btf->layout.lights.theta_deg[i], &btf->layout.lights.phi_deg[i], error))
             return FALSE;
     return TRUE;
 }
 
 /* Allocates memory or a scratch file for all views by the first view's number of lights. */
-static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
-                                 const struct exr_file *first, const char *path, GError **error) {
+static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
+                      const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
         return FALSE;
     const gint64 bytes = btf_matrix_bytes(&btf->layout);
@@ -128,26 +127,25 @@ static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
 }
 
 /* Compares a part with the size of the session's grid and with the first view's light. */
-static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struct exr_part *part,
-                                       int light, const char *path, GError **error) {
+static gboolean check_light(const struct btf_matrix *btf, const struct exr_part *part, int light,
+                            const char *path, GError **error) {
     float theta, phi;
     if ((gsize)part->width != btf->layout.width || (gsize)part->height != btf->layout.height)
-        return btf_matrix_view_error(path, error, "its texels differ from those of the session");
+        return view_error(path, error, "its texels differ from those of the session");
     if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
-        return btf_matrix_view_error(path, error, "a colour is missing");
-    if (!btf_matrix_direction(part, "light", path, &theta, &phi, error))
+        return view_error(path, error, "a colour is missing");
+    if (!direction(part, "light", path, &theta, &phi, error))
         return FALSE;
     if (theta != btf->layout.lights.theta_deg[light] || phi != btf->layout.lights.phi_deg[light])
-        return btf_matrix_view_error(path, error, "its lights differ from those of the first view");
+        return view_error(path, error, "its lights differ from those of the first view");
     return TRUE;
 }
 
 /* Fills a picture's holes and adds their number; whatever else is not finite is an error. Holes are
  * known by the channel "mark"; in imported pictures, which have none but may have a number of
  * holes, every black texel is one. A picture of holes alone becomes black. */
-static gboolean btf_matrix_fill_holes(const struct exr_part *part, gsize light,
-                                      float *const planes[COLOURS], const char *path, gint64 *holes,
-                                      GError **error) {
+static gboolean fill_holes(const struct exr_part *part, gsize light, float *const planes[COLOURS],
+                           const char *path, gint64 *holes, GError **error) {
     const int pixels = part->width * part->height;
     const float *flags = exr_part_plane(part, "mark");
     int n = 0;
@@ -166,7 +164,7 @@ static gboolean btf_matrix_fill_holes(const struct exr_part *part, gsize light,
                 g_autofree char *what =
                     g_strdup_printf("under light %zu texel (%d, %d) is infinite", light,
                                     i % part->width, i / part->width);
-                return btf_matrix_view_error(path, error, what);
+                return view_error(path, error, what);
             }
     }
     return TRUE;
@@ -180,15 +178,14 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
     const gsize n = btf->layout.lights.n * COLOURS, texels = btf_layout_texels(&btf->layout);
     g_autofree float **planes = g_new0(float *, n);
     if (file->parts->len != btf->layout.lights.n)
-        return btf_matrix_view_error(path, error,
-                                     "its number of lights differs from that of the first view");
+        return view_error(path, error, "its number of lights differs from that of the first view");
     for (gsize light = 0; light < btf->layout.lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
-        if (!btf_matrix_check_light(btf, part, light, path, error))
+        if (!check_light(btf, part, light, path, error))
             return FALSE;
         for (int c = 0; c < COLOURS; c++)
             planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
-        if (!btf_matrix_fill_holes(part, light, planes + light * COLOURS, path, &btf->holes, error))
+        if (!fill_holes(part, light, planes + light * COLOURS, path, &btf->holes, error))
             return FALSE;
         struct btf_flag_counts counts = {0};
         btf_count_flags(part, &counts);
@@ -199,13 +196,12 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)
             first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
-    return btf_matrix_direction(g_ptr_array_index(file->parts, 0), "view", path,
-                                &btf->layout.views.theta_deg[view],
-                                &btf->layout.views.phi_deg[view], error);
+    return direction(g_ptr_array_index(file->parts, 0), "view", path,
+                     &btf->layout.views.theta_deg[view], &btf->layout.views.phi_deg[view], error);
 }
 
-static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
-                                      const struct work *work, GError **error) {
+static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
+                           const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     const gsize n_views = btf->layout.views.n, texels = btf_layout_texels(&btf->layout);
     g_autofree float *buffer = NULL; /* of the scratch file */
@@ -213,7 +209,7 @@ static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, con
     for (gsize view = 0; ok && view < n_views; view++) {
         const char *path = g_ptr_array_index(paths, view);
         struct exr_file *file = exr_read(path, error);
-        ok = file && (view > 0 || btf_matrix_begin(btf, memory, file, path, error));
+        ok = file && (view > 0 || begin(btf, memory, file, path, error));
         const gsize n = btf->layout.lights.n * COLOURS;
         if (ok && btf->values) {
             ok = btf_take_view(btf, file, (int)view, path, btf->values + view * n, n * n_views,
@@ -236,7 +232,7 @@ struct btf_matrix *btf_open(const char *path, gboolean verify, const struct work
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     if (!session || !session_grid(session, &grid, error) ||
         (verify && !session_check_products(session, "products/btf/", work, error)) ||
-        !(*ret_paths = btf_matrix_list_views(session, error)))
+        !(*ret_paths = list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     btf->name = g_strdup(session_name(session));
@@ -259,7 +255,7 @@ struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const
                                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_matrix *btf = btf_open(path, TRUE, work, &paths, error);
-    if (btf && !btf_matrix_read_views(btf, memory, paths, work, error))
+    if (btf && !read_views(btf, memory, paths, work, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;
 }

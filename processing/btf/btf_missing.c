@@ -13,31 +13,30 @@ struct disc_point {
     double x, y, d;
 };
 
-static double btf_missing_radians(double deg) {
+static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
 /* cos θ_l, which the light's values contain as a factor. */
-static double btf_missing_cosine(const struct btf_light *light) {
-    return fmax(cos(btf_missing_radians(light->theta_deg)), MIN_COS);
+static double cosine(const struct btf_light *light) {
+    return fmax(cos(radians(light->theta_deg)), MIN_COS);
 }
 
-static int btf_missing_by_distance(gconstpointer a, gconstpointer b) {
+static int by_distance(gconstpointer a, gconstpointer b) {
     const struct disc_point *p = a, *q = b;
     return p->d < q->d ? -1 : p->d > q->d ? 1 : (p->light > q->light) - (p->light < q->light);
 }
 
 /* The captured lights in order of their distance from light i. */
-static GArray *btf_missing_around(const struct btf_view *view, struct exr_part *const *taken,
-                                  guint i) {
+static GArray *around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     const struct btf_light *centre = &g_array_index(view->lights, struct btf_light, i);
-    const double b = sin(btf_missing_radians(centre->theta_deg));
-    const double phi_b = btf_missing_radians(centre->phi_deg);
+    const double b = sin(radians(centre->theta_deg));
+    const double phi_b = radians(centre->phi_deg);
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct disc_point));
     for (guint k = 0; k < view->lights->len; k++) {
         const struct btf_light *light = &g_array_index(view->lights, struct btf_light, k);
-        const double a = sin(btf_missing_radians(light->theta_deg));
-        const double phi_a = btf_missing_radians(light->phi_deg);
+        const double a = sin(radians(light->theta_deg));
+        const double phi_a = radians(light->phi_deg);
         struct disc_point point = {.light = k};
         point.x = a * cos(phi_a) - b * cos(phi_b);
         point.y = a * sin(phi_a) - b * sin(phi_b);
@@ -45,7 +44,7 @@ static GArray *btf_missing_around(const struct btf_view *view, struct exr_part *
         if (taken[k])
             g_array_append_val(points, point);
     }
-    g_array_sort(points, btf_missing_by_distance);
+    g_array_sort(points, by_distance);
     return points;
 }
 
@@ -55,7 +54,7 @@ static GArray *btf_missing_around(const struct btf_view *view, struct exr_part *
  * m being the first row of the inverse of the normal matrix Σ w (1, x, y)ᵀ(1, x, y) =
  * [s0 s1 s2; s1 d e; s2 e f]. */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i) {
-    g_autoptr(GArray) points = btf_missing_around(view, taken, i);
+    g_autoptr(GArray) points = around(view, taken, i);
     if (points->len == 0)
         return NULL;
     const struct disc_point *p = (const struct disc_point *)(void *)points->data;
@@ -76,12 +75,11 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
     const double determinant = s[0] * m[0] + s[1] * m[1] + s[2] * m[2];
     const double row[3] = {m[0] / determinant, m[1] / determinant, m[2] / determinant};
     double *weights = g_new0(double, view->lights->len);
-    const double own = btf_missing_cosine(&g_array_index(view->lights, struct btf_light, i));
+    const double own = cosine(&g_array_index(view->lights, struct btf_light, i));
     for (guint k = 0; k < points->len && p[k].d < reach; k++) {
         const double w = (1 - p[k].d / reach) * (1 - p[k].d / reach);
-        weights[p[k].light] =
-            w * (row[0] + row[1] * p[k].x + row[2] * p[k].y) * own /
-            btf_missing_cosine(&g_array_index(view->lights, struct btf_light, p[k].light));
+        weights[p[k].light] = w * (row[0] + row[1] * p[k].x + row[2] * p[k].y) * own /
+                              cosine(&g_array_index(view->lights, struct btf_light, p[k].light));
     }
     return weights;
 }

@@ -53,12 +53,12 @@ void btf_scratch_free(struct btf_scratch *scratch) {
     g_free(scratch);
 }
 
-static off_t btf_scratch_offset(const struct btf_scratch *scratch, int view, gsize first) {
+static off_t offset(const struct btf_scratch *scratch, int view, gsize first) {
     return (off_t)((((gsize)view * scratch->n_texels) + first) * scratch->row * sizeof(guint16));
 }
 
 /* Reads or writes n bytes, repeating short transfers. */
-static gboolean btf_scratch_transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t at) {
+static gboolean transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t at) {
     while (n > 0) {
         const gssize done = write ? pwrite(fd, bytes, n, at) : pread(fd, bytes, n, at);
         if (done < 0 && errno == EINTR)
@@ -78,7 +78,7 @@ gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int
                                 const float *values, GError **error) {
     guint16 halves[PIECE];
     const gsize all = (gsize)n * scratch->row;
-    off_t at = btf_scratch_offset(scratch, view, (gsize)first);
+    off_t at = offset(scratch, view, (gsize)first);
     if (first == 0)
         scratch->hashes[view] = 0;
     for (gsize i = 0; i < all; i += PIECE) {
@@ -86,7 +86,7 @@ gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int
         exr_half_from_floats(halves, values + i, part);
         scratch->hashes[view] =
             XXH3_64bits_withSeed(halves, part * sizeof *halves, scratch->hashes[view]);
-        if (!btf_scratch_transfer(scratch->fd, TRUE, (guint8 *)halves, part * sizeof *halves, at))
+        if (!transfer(scratch->fd, TRUE, (guint8 *)halves, part * sizeof *halves, at))
             return io_error(error, "writing");
         at += (off_t)(part * sizeof *halves);
     }
@@ -102,10 +102,10 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error) {
     guint16 halves[PIECE];
     const gsize all = (gsize)n * scratch->row;
-    off_t at = btf_scratch_offset(scratch, view, (gsize)first);
+    off_t at = offset(scratch, view, (gsize)first);
     for (gsize i = 0; i < all; i += PIECE) {
         const gsize part = MIN(PIECE, all - i);
-        if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves, part * sizeof *halves, at))
+        if (!transfer(scratch->fd, FALSE, (guint8 *)halves, part * sizeof *halves, at))
             return io_error(error, "reading");
         exr_half_to_floats(ret + i, halves, part);
         at += (off_t)(part * sizeof *halves);
@@ -123,9 +123,8 @@ gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int
             return FALSE;
     for (int i = 0; at_once > 0 && i < n; i += at_once) {
         const int rows = MIN(at_once, n - i);
-        if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves,
-                                  (gsize)rows * row * sizeof *halves,
-                                  btf_scratch_offset(scratch, view, (gsize)first + (gsize)i)))
+        if (!transfer(scratch->fd, FALSE, (guint8 *)halves, (gsize)rows * row * sizeof *halves,
+                      offset(scratch, view, (gsize)first + (gsize)i)))
             return io_error(error, "reading");
         for (int j = 0; j < rows; j++)
             exr_half_to_floats(ret + (gsize)indices[i + j] * row, halves + (gsize)j * row, row);

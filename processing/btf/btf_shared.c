@@ -19,7 +19,7 @@ struct btf_shared {
 };
 
 /* FALSE on all ranks if ok is FALSE on any. */
-static gboolean btf_shared_all_ok(const struct team *team, gboolean ok, GError **error) {
+static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
     if (ok && failed > 0)
@@ -29,8 +29,7 @@ static gboolean btf_shared_all_ok(const struct team *team, gboolean ok, GError *
 }
 
 /* One round: rank r reads view from + r, then the ranks distribute their views in turn. */
-static gboolean btf_shared_read_round(struct btf_shared *shared, int from, float *buffer,
-                                      GError **error) {
+static gboolean read_round(struct btf_shared *shared, int from, float *buffer, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const struct team *team = shared->team;
     const int view = from + team->rank;
@@ -42,7 +41,7 @@ static gboolean btf_shared_read_round(struct btf_shared *shared, int from, float
              btf_take_view(btf, file, view, path, buffer, btf->layout.lights.n * COLOURS, error);
         exr_file_free(file);
     }
-    if (!btf_shared_all_ok(team, ok, error))
+    if (!all_ok(team, ok, error))
         return FALSE;
     /* Each rank gets the rows of its own texels. */
     const gsize n = btf->layout.lights.n * COLOURS, row = n * btf->layout.views.n;
@@ -56,7 +55,7 @@ static gboolean btf_shared_read_round(struct btf_shared *shared, int from, float
 }
 
 /* Divides the texels among the ranks and allocates this rank's share. */
-static gboolean btf_shared_take_part(struct btf_shared *shared, GError **error) {
+static gboolean take_part(struct btf_shared *shared, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const gsize n = btf->layout.lights.n * COLOURS;
     shared->starts = g_new0(gsize, shared->team->n_ranks + 1);
@@ -77,7 +76,7 @@ static gboolean btf_shared_take_part(struct btf_shared *shared, GError **error) 
 }
 
 /* Sums what only the rank that read a view has set; it is 0 on all others. */
-static void btf_shared_share_directions(const struct btf_shared *shared) {
+static void share_directions(const struct btf_shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double counts[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
                        (double)btf->predicted};
@@ -98,19 +97,19 @@ static gboolean btf_shared_read(struct btf_shared *shared, const struct work *wo
     const char *path = g_ptr_array_index(shared->paths, 0);
     struct exr_file *first = exr_read_headers(path, error);
     const gboolean ok =
-        first && btf_take_lights(btf, first, path, error) && btf_shared_take_part(shared, error);
+        first && btf_take_lights(btf, first, path, error) && take_part(shared, error);
     exr_file_free(first);
-    if (!btf_shared_all_ok(shared->team, ok, error))
+    if (!all_ok(shared->team, ok, error))
         return FALSE;
     g_autofree float *buffer =
         g_new(float, btf_layout_texels(&btf->layout) * btf->layout.lights.n * COLOURS);
     for (gsize view = 0; view < btf->layout.views.n; view += step) {
-        if (!btf_shared_read_round(shared, view, buffer, error))
+        if (!read_round(shared, view, buffer, error))
             return FALSE;
         const int done = MIN(view + step, btf->layout.views.n);
         work_tell(work, "read", done, btf->layout.views.n, begun_us, NULL);
     }
-    btf_shared_share_directions(shared);
+    share_directions(shared);
     return TRUE;
 }
 
@@ -119,7 +118,7 @@ struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *p
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_shared shared = {team, btf_open(path, FALSE, work, &paths, error)};
     shared.paths = paths;
-    if (!btf_shared_all_ok(team, shared.btf != NULL, error) || !shared.btf ||
+    if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
         !btf_shared_read(&shared, work, error))
         g_clear_pointer(&shared.btf, btf_matrix_free);
     g_free(shared.starts);

@@ -65,7 +65,7 @@ void btf_sigma_pixels(const struct transfer *transfer, const struct btf_exposure
     }
 }
 
-static int btf_sigma_by_size(const void *a, const void *b) {
+static int by_size(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
@@ -74,7 +74,7 @@ static int btf_sigma_by_size(const void *a, const void *b) {
 static double btf_sigma_median(float *values, gsize n) {
     if (n == 0)
         return 0;
-    qsort(values, n, sizeof *values, btf_sigma_by_size);
+    qsort(values, n, sizeof *values, by_size);
     return (double)values[n / 2];
 }
 

@@ -217,8 +217,8 @@ static struct equations follow_measured(const struct smooth *smooth, int n_grid)
 }
 
 /* X (samples × n) of (A + w B) X = R_A + w R_B, by Cholesky decomposition. */
-static double *direction_grid_solve(const struct equations *smooth,
-                                    const struct equations *measured, double weight) {
+static double *solve(const struct equations *smooth, const struct equations *measured,
+                     double weight) {
     const gsize samples = smooth->samples, n = smooth->n;
     g_autofree double *matrix = g_memdup2(smooth->matrix, sizeof(double) * samples * samples);
     double *ret = g_memdup2(smooth->right, sizeof(double) * samples * n);
@@ -257,10 +257,10 @@ float *direction_grid_operator(const struct direction_list *list, int n_grid, gb
     struct equations measured = follow_measured(&smooth, n_grid);
     const gsize samples = everywhere.samples, values = everywhere.n;
     smooth_clear(&smooth);
-    double *rows = direction_grid_solve(&everywhere, &measured, MEASURED);
+    double *rows = solve(&everywhere, &measured, MEASURED);
     for (double w = MEASURED; w > LEAST && gain_of(rows, samples, values) > MOST_GAIN; w /= 2) {
         g_free(rows);
-        rows = direction_grid_solve(&everywhere, &measured, w / 2);
+        rows = solve(&everywhere, &measured, w / 2);
     }
     equations_clear(&everywhere);
     equations_clear(&measured);

@@ -45,21 +45,21 @@ void direction_mesh_point(struct vec3 direction, double ret[2]) {
 }
 
 /* z of a projected direction: (1 − r²) / (1 + r²). */
-static double direction_mesh_cosine(const double point[2]) {
+static double cosine(const double point[2]) {
     const double r2 = point[0] * point[0] + point[1] * point[1];
     return (1 - r2) / (1 + r2);
 }
 
-static double direction_mesh_apart(const double *a, const double *b) {
+static double apart(const double *a, const double *b) {
     return hypot(a[0] - b[0], a[1] - b[1]);
 }
 
 /* Twice the signed area of a triangle, positive if counter-clockwise. */
-static double direction_mesh_area(const double *a, const double *b, const double *c) {
+static double area(const double *a, const double *b, const double *c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-static void direction_mesh_triangulate(DirectionMesh *mesh) {
+static void triangulate(DirectionMesh *mesh) {
     g_autofree double *points = g_new(double, 2 * (gsize)mesh->n + 1);
     g_autofree int *index = g_new(int, (gsize)mesh->n + 1);
     int n = 0, n_triangles;
@@ -78,10 +78,8 @@ static void direction_mesh_triangulate(DirectionMesh *mesh) {
         const double *p[3];
         for (int k = 0; k < 3; k++)
             p[k] = points + (gsize)(2 * c[k]);
-        const double longest =
-            MAX(direction_mesh_apart(p[0], p[1]),
-                MAX(direction_mesh_apart(p[1], p[2]), direction_mesh_apart(p[2], p[0])));
-        if (direction_mesh_area(p[0], p[1], p[2]) > FLAT * longest * longest)
+        const double longest = MAX(apart(p[0], p[1]), MAX(apart(p[1], p[2]), apart(p[2], p[0])));
+        if (area(p[0], p[1], p[2]) > FLAT * longest * longest)
             g_array_append_val(mesh->triangles, triangle);
     }
     triangulation_free(triangulation);
@@ -102,7 +100,7 @@ struct near {
     double distance;
 };
 
-static int direction_mesh_by_distance(const void *a, const void *b) {
+static int by_distance(const void *a, const void *b) {
     const struct near *x = a, *y = b;
     return x->distance != y->distance ? (x->distance < y->distance ? -1 : 1) : x->index - y->index;
 }
@@ -111,7 +109,7 @@ static int direction_mesh_by_distance(const void *a, const void *b) {
  * its n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
  * distance, with least norm. Of the solution, linear in d, the first two rows are kept. Neighbours
  * are the nearest AROUND of those within two triangles. */
-static void direction_mesh_fit_slope(DirectionMesh *mesh, int at) {
+static void fit_slope(DirectionMesh *mesh, int at) {
     g_autofree guint8 *within = g_new0(guint8, mesh->n);
     g_autofree struct near *around = g_new(struct near, mesh->n);
     const double *own = mesh->points + (gsize)(2 * at);
@@ -122,11 +120,10 @@ static void direction_mesh_fit_slope(DirectionMesh *mesh, int at) {
     spread(mesh, within);
     for (int i = 0; i < mesh->n; i++)
         if (within[i] && i != at)
-            around[n++] =
-                (struct near){i, direction_mesh_apart(mesh->points + (gsize)(2 * i), own)};
+            around[n++] = (struct near){i, apart(mesh->points + (gsize)(2 * i), own)};
     if (n < TERMS)
         return;
-    qsort(around, (gsize)n, sizeof *around, direction_mesh_by_distance);
+    qsort(around, (gsize)n, sizeof *around, by_distance);
     n = MIN(n, AROUND);
     const double unit = around[n - 1].distance;
     for (int i = 0; i < n; i++) {
@@ -163,14 +160,13 @@ DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip
     for (int i = 0; i < n; i++) {
         mesh->used[i] = i != skip;
         for (int k = 0; k < i && mesh->used[i]; k++)
-            mesh->used[i] =
-                !mesh->used[k] || direction_mesh_apart(mesh->points + (gsize)(2 * i),
-                                                       mesh->points + (gsize)(2 * k)) > TOGETHER;
+            mesh->used[i] = !mesh->used[k] || apart(mesh->points + (gsize)(2 * i),
+                                                    mesh->points + (gsize)(2 * k)) > TOGETHER;
     }
-    direction_mesh_triangulate(mesh);
+    triangulate(mesh);
     for (int i = 0; i < n; i++)
         if (mesh->used[i])
-            direction_mesh_fit_slope(mesh, i);
+            fit_slope(mesh, i);
     return mesh;
 }
 
@@ -186,15 +182,15 @@ void direction_mesh_free(DirectionMesh *mesh) {
 
 /* Barycentric weights of a point. Returns the smallest one: it is negative outside, and −∞ for a
  * triangle that the moved corners have turned over. */
-static double direction_mesh_weigh(const DirectionMesh *mesh, const double *points, int triangle,
-                                   const double at[2], double ret[3]) {
+static double weigh(const DirectionMesh *mesh, const double *points, int triangle,
+                    const double at[2], double ret[3]) {
     const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
     const double *a = points + (gsize)(2 * corner[0]), *b = points + (gsize)(2 * corner[1]);
-    const double *c = points + (gsize)(2 * corner[2]), whole = direction_mesh_area(a, b, c);
+    const double *c = points + (gsize)(2 * corner[2]), whole = area(a, b, c);
     if (!(whole > 0))
         return -G_MAXDOUBLE;
-    ret[0] = direction_mesh_area(b, c, at) / whole;
-    ret[1] = direction_mesh_area(c, a, at) / whole;
+    ret[0] = area(b, c, at) / whole;
+    ret[1] = area(c, a, at) / whole;
     ret[2] = 1 - ret[0] - ret[1];
     return MIN(ret[0], MIN(ret[1], ret[2]));
 }
@@ -207,22 +203,22 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
     double at[2], weights[3];
     direction_mesh_point(direction, at);
     for (int t = 0; t < n; t++)
-        list[t] = (struct near){t, -direction_mesh_weigh(mesh, mesh->points, t, at, weights)};
-    qsort(list, (gsize)n, sizeof *list, direction_mesh_by_distance);
+        list[t] = (struct near){t, -weigh(mesh, mesh->points, t, at, weights)};
+    qsort(list, (gsize)n, sizeof *list, by_distance);
     ret->n = MIN(n, DIRECTION_MESH_GUESSES);
     for (int k = 0; k < ret->n; k++)
         ret->triangle[k] = list[k].index;
 }
 
 /* The triangle that contains a point, else that with the largest smallest weight; −1: none. */
-static int direction_mesh_find(const DirectionMesh *mesh, const double *points, const double at[2],
-                               const struct direction_guess *guess, double ret[3]) {
+static int find(const DirectionMesh *mesh, const double *points, const double at[2],
+                const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;
     double best = -G_MAXDOUBLE, weights[3];
     int found = -1;
     for (int k = 0; k < guess->n + n && best < -ROUNDING; k++) {
         const int t = k < guess->n ? guess->triangle[k] : k - guess->n;
-        const double inside = direction_mesh_weigh(mesh, points, t, at, weights);
+        const double inside = weigh(mesh, points, t, at, weights);
         if (inside <= best)
             continue;
         best = inside;
@@ -254,11 +250,11 @@ static gboolean limit_weights(double weights[3]) {
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
     double weights[3], end[2] = {0}, sum[2] = {0}, best = G_MAXDOUBLE;
-    const int triangle = direction_mesh_find(mesh, points, at, guess, weights);
+    const int triangle = find(mesh, points, at, guess, weights);
     if (triangle < 0) {
         *ret = (struct direction_share){.weight = {1}, .clamped = TRUE};
         for (int i = 0; i < mesh->n; i++) {
-            const double distance = direction_mesh_apart(points + (gsize)(2 * i), at);
+            const double distance = apart(points + (gsize)(2 * i), at);
             if (!mesh->used[i] || distance >= best)
                 continue;
             best = distance;
@@ -282,7 +278,7 @@ void direction_mesh_share(const DirectionMesh *mesh, const double *points, const
     for (int k = 0; k < 3; k++)
         for (int axis = 0; axis < 2; axis++)
             sum[axis] += (double)ret->weight[k] * points[2 * ret->corner[k] + axis];
-    const double fade = direction_mesh_cosine(at) / MAX(direction_mesh_cosine(sum), 1e-3);
+    const double fade = cosine(at) / MAX(cosine(sum), 1e-3);
     for (int k = 0; k < 3; k++)
         ret->weight[k] *= (float)CLAMP(fade, 0, 1);
 }

@@ -13,7 +13,7 @@
 #define MIN_COSINE    0.05 /* lights at a smaller cos θ are not divided by it */
 #define ROWS          256  /* texels read at a time */
 
-static struct vec3 *energy_directions(const struct direction_list *list) {
+static struct vec3 *directions(const struct direction_list *list) {
     struct vec3 *all = g_new(struct vec3, list->n);
     for (gsize i = 0; i < list->n; i++) {
         const double theta = (double)list->theta_deg[i] * G_PI / 180;
@@ -24,7 +24,7 @@ static struct vec3 *energy_directions(const struct direction_list *list) {
 }
 
 /* Index of the nearest of n directions; −1 if none is within SAME_DEG. */
-static int energy_same(const struct vec3 *all, int n, struct vec3 to) {
+static int same(const struct vec3 *all, int n, struct vec3 to) {
     int best = -1;
     double most = cos(SAME_DEG * G_PI / 180);
     for (int i = 0; i < n; i++)
@@ -37,7 +37,7 @@ static int energy_same(const struct vec3 *all, int n, struct vec3 to) {
 
 /* w_v: the cosine-weighted share of the hemisphere nearest to view v. A disc of uniform density
  * is the projection of the hemisphere weighted by cos θ; its points count for the nearest view. */
-static double *energy_weigh_views(const struct vec3 *views, int n) {
+static double *weigh_views(const struct vec3 *views, int n) {
     double *weight = g_new0(double, n), total = 0;
     for (int j = 0; j < SAMPLES_ASIDE; j++)
         for (int i = 0; i < SAMPLES_ASIDE; i++) {
@@ -58,14 +58,14 @@ static double *energy_weigh_views(const struct vec3 *views, int n) {
 
 int *energy_exchanges(const struct btf_layout *layout) {
     const gsize n_views = layout->views.n, n_lights = layout->lights.n;
-    g_autofree struct vec3 *views = energy_directions(&layout->views);
-    g_autofree struct vec3 *lights = energy_directions(&layout->lights);
+    g_autofree struct vec3 *views = directions(&layout->views);
+    g_autofree struct vec3 *lights = directions(&layout->lights);
     g_autofree int *view_as_light = g_new(int, n_views), *light_as_view = g_new(int, n_lights);
     int *other = g_new(int, n_views *n_lights);
     for (gsize v = 0; v < n_views; v++)
-        view_as_light[v] = energy_same(lights, n_lights, views[v]);
+        view_as_light[v] = same(lights, n_lights, views[v]);
     for (gsize l = 0; l < n_lights; l++)
-        light_as_view[l] = energy_same(views, n_views, lights[l]);
+        light_as_view[l] = same(views, n_views, lights[l]);
     for (gsize v = 0; v < n_views; v++)
         for (gsize l = 0; l < n_lights; l++) {
             gboolean there = view_as_light[v] >= 0 && light_as_view[l] >= 0 &&
@@ -83,9 +83,8 @@ struct symmetry {
 };
 
 /* values: B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged pair. */
-static void energy_add_symmetry(const struct btf_matrix *btf, const int *other,
-                                const struct vec3 *lights, const double *values,
-                                struct symmetry *to) {
+static void add_symmetry(const struct btf_matrix *btf, const int *other, const struct vec3 *lights,
+                         const double *values, struct symmetry *to) {
     const int n_lights = (int)btf->layout.lights.n, n = (int)btf->layout.views.n * n_lights;
     for (int i = 0; i < n; i++) {
         int k = other[i];
@@ -99,13 +98,13 @@ static void energy_add_symmetry(const struct btf_matrix *btf, const int *other,
 }
 
 /* √(Σ (a − b)² / Σ ((a + b)/2)²). */
-static double energy_asymmetry_of(const struct symmetry *symmetry) {
+static double asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
 /* E_r(v) = mean_l f, E_i(l) = mean_v f, f(v, l) = B(v, l) / cos θ_l (Meseth et al. 2003 §4.1). */
-static void energy_sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
-                              const double *values, double *ret_r, double *ret_i) {
+static void sum_fields(const struct btf_matrix *btf, const struct vec3 *lights,
+                       const double *values, double *ret_r, double *ret_i) {
     const int n_views = (int)btf->layout.views.n, n_lights = (int)btf->layout.lights.n;
     int n_divided = 0;
     for (int l = 0; l < n_lights; l++)
@@ -120,9 +119,9 @@ static void energy_sum_fields(const struct btf_matrix *btf, const struct vec3 *l
 
 /* In one pass over all texels: the mean BRDF, E_r and E_i of the requested texel, and the
  * asymmetry of all texels taken singly. values: luminance, ROWS × n_views × n_lights. */
-static gboolean energy_sum_texels(const struct btf_matrix *btf, const int *other,
-                                  const struct vec3 *lights, struct energy *energy,
-                                  double *ret_mean, GError **error) {
+static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
+                           const struct vec3 *lights, struct energy *energy, double *ret_mean,
+                           GError **error) {
     const gsize n_lights = btf->layout.lights.n, n = btf->layout.views.n * n_lights;
     const int n_texels = (int)btf_layout_texels(&btf->layout);
     g_autofree float *buffer = g_new(float, 3 * ROWS * n_lights);
@@ -147,12 +146,12 @@ static gboolean energy_sum_texels(const struct btf_matrix *btf, const int *other
             const double *one = values + (gsize)row * n;
             for (gsize k = 0; k < n; k++)
                 ret_mean[k] += one[k] / n_texels;
-            energy_add_symmetry(btf, other, lights, one, &alone);
+            add_symmetry(btf, other, lights, one, &alone);
             if (first + row == energy->texel)
-                energy_sum_fields(btf, lights, one, energy->texel_e_r, energy->texel_e_i);
+                sum_fields(btf, lights, one, energy->texel_e_r, energy->texel_e_i);
         }
     }
-    energy->texel_asymmetry = energy_asymmetry_of(&alone);
+    energy->texel_asymmetry = asymmetry_of(&alone);
     return TRUE;
 }
 
@@ -192,17 +191,17 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     }
     if (texel < 0)
         texel = btf->layout.height / 2 * btf->layout.width + btf->layout.width / 2;
-    g_autofree struct vec3 *views = energy_directions(&btf->layout.views);
-    g_autofree struct vec3 *lights = energy_directions(&btf->layout.lights);
+    g_autofree struct vec3 *views = directions(&btf->layout.views);
+    g_autofree struct vec3 *lights = directions(&btf->layout.lights);
     g_autofree int *other = energy_exchanges(&btf->layout);
     g_autofree double *mean = g_new0(double, btf->layout.views.n * btf->layout.lights.n);
     struct energy *energy = energy_new(btf, texel);
-    if (!energy_sum_texels(btf, other, lights, energy, mean, error)) {
+    if (!sum_texels(btf, other, lights, energy, mean, error)) {
         energy_free(energy);
         return NULL;
     }
-    g_autofree double *weight = energy_weigh_views(views, btf->layout.views.n);
-    energy_sum_fields(btf, lights, mean, energy->e_r, energy->e_i);
+    g_autofree double *weight = weigh_views(views, btf->layout.views.n);
+    sum_fields(btf, lights, mean, energy->e_r, energy->e_i);
     /* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
     for (int l = 0; l < energy->n_lights; l++) {
         double sum = 0;
@@ -212,8 +211,8 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
         energy->largest_albedo = MAX(energy->largest_albedo, energy->albedo[l]);
     }
     struct symmetry symmetry = {0};
-    energy_add_symmetry(btf, other, lights, mean, &symmetry);
+    add_symmetry(btf, other, lights, mean, &symmetry);
     energy->pairs = symmetry.pairs;
-    energy->asymmetry = energy_asymmetry_of(&symmetry);
+    energy->asymmetry = asymmetry_of(&symmetry);
     return energy;
 }

@@ -21,27 +21,27 @@ void near_field_free(struct near_field *near_field) {
 }
 
 /* Sets the error of a damaged file. */
-static gboolean near_field_damaged(const char *path, GError **error, const char *what) {
+static gboolean damaged(const char *path, GError **error, const char *what) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; delete the file and process again",
                 path, what);
     return FALSE;
 }
 
-static gboolean near_field_has(const struct exr_part *part, const char *name) {
+static gboolean has(const struct exr_part *part, const char *name) {
     double ignored[3];
     return exr_get_v3d(part, name, ignored, NULL);
 }
 
-static gboolean near_field_take_position(const struct near_field *near_field,
-                                         const struct exr_part *part, const char *name,
-                                         const char *path, struct vec3 *ret, GError **error) {
+static gboolean take_position(const struct near_field *near_field, const struct exr_part *part,
+                              const char *name, const char *path, struct vec3 *ret,
+                              GError **error) {
     double at[3];
     if (!exr_get_v3d(part, name, at, NULL))
-        return near_field_damaged(
-            path, error, "some of its parts have the positions of camera and lamp, some do not");
+        return damaged(path, error,
+                       "some of its parts have the positions of camera and lamp, some do not");
     if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
         !isfinite(at[2]))
-        return near_field_damaged(path, error, "a camera or lamp is not above the sample");
+        return damaged(path, error, "a camera or lamp is not above the sample");
     *ret = vec3(at[0], at[1], at[2]);
     return TRUE;
 }
@@ -50,8 +50,7 @@ static gboolean near_field_take_position(const struct near_field *near_field,
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
                           const char *path, GError **error) {
     if (file->parts->len != to->lights.n)
-        return near_field_damaged(path, error,
-                                  "its number of lights differs from that of the first view");
+        return damaged(path, error, "its number of lights differs from that of the first view");
     struct vec3 first = {0}, off = {0};
     for (gsize light = 0; light < to->lights.n; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
@@ -59,19 +58,15 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
         float theta, phi;
         if (!btf_direction(part, "view", &to->views.theta_deg[view], &to->views.phi_deg[view]) ||
             !btf_direction(part, "light", &theta, &phi))
-            return near_field_damaged(path, error, "a direction is missing or not a number");
+            return damaged(path, error, "a direction is missing or not a number");
         if (theta != to->lights.theta_deg[light] || phi != to->lights.phi_deg[light])
-            return near_field_damaged(path, error,
-                                      "its lights differ from those of the first view");
-        if (!lamp &&
-            (near_field_has(part, "view.centre_mm") || near_field_has(part, "light.position_mm")))
-            return near_field_damaged(
-                path, error,
-                "some of its parts have the positions of camera and lamp, some do not");
+            return damaged(path, error, "its lights differ from those of the first view");
+        if (!lamp && (has(part, "view.centre_mm") || has(part, "light.position_mm")))
+            return damaged(path, error,
+                           "some of its parts have the positions of camera and lamp, some do not");
         struct vec3 camera;
-        if (lamp &&
-            (!near_field_take_position(to, part, "view.centre_mm", path, &camera, error) ||
-             !near_field_take_position(to, part, "light.position_mm", path, &lamp[light], error)))
+        if (lamp && (!take_position(to, part, "view.centre_mm", path, &camera, error) ||
+                     !take_position(to, part, "light.position_mm", path, &lamp[light], error)))
             return FALSE;
         if (lamp && light == 0)
             first = camera;
@@ -84,8 +79,8 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
 }
 
 /* The first view gives the lights, and whether positions are there. */
-static gboolean near_field_do_read_views(struct near_field *to, struct btf_matrix *btf,
-                                         const GPtrArray *paths, GError **error) {
+static gboolean do_read_views(struct near_field *to, struct btf_matrix *btf, const GPtrArray *paths,
+                              GError **error) {
     gboolean ok = TRUE;
     for (gsize view = 0; ok && view < to->views.n; view++) {
         const char *path = g_ptr_array_index(paths, (guint)view);
@@ -93,7 +88,7 @@ static gboolean near_field_do_read_views(struct near_field *to, struct btf_matri
         ok = file && (view > 0 || btf_take_lights(btf, file, path, error));
         if (ok && view == 0) {
             to->lights = direction_list_copy(&btf->layout.lights);
-            if (near_field_has(g_ptr_array_index(file->parts, 0), "view.centre_mm")) {
+            if (has(g_ptr_array_index(file->parts, 0), "view.centre_mm")) {
                 to->camera_mm = g_new0(struct vec3, to->views.n);
                 to->lamp_mm = g_new0(struct vec3, to->views.n * to->lights.n);
             }
@@ -113,7 +108,7 @@ struct near_field *near_field_read(const char *path, GError **error) {
     struct near_field *ret = g_new0(struct near_field, 1);
     ret->views = direction_list_new(btf->layout.views.n);
     if (!session || !session_grid(session, &ret->grid, error) ||
-        !near_field_do_read_views(ret, btf, paths, error))
+        !do_read_views(ret, btf, paths, error))
         g_clear_pointer(&ret, near_field_free);
     btf_matrix_free(btf);
     return ret;

@@ -17,8 +17,8 @@
 
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
-static struct resampler_target *texel_resampler_targets(const DirectionMesh *mesh,
-                                                        const struct direction_list *list) {
+static struct resampler_target *targets(const DirectionMesh *mesh,
+                                        const struct direction_list *list) {
     struct resampler_target *ret = g_new0(struct resampler_target, list->n);
     for (gsize i = 0; i < list->n; i++) {
         ret[i].direction =
@@ -30,10 +30,9 @@ static struct resampler_target *texel_resampler_targets(const DirectionMesh *mes
 }
 
 /* A mesh over the target directions with guesses for the measured ones, for the round trip. */
-static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *to, int n_to,
-                                                const struct vec3 *from, int n_from,
-                                                gboolean lights, double **ret_points,
-                                                struct direction_guess **ret_guesses) {
+static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
+                                const struct vec3 *from, int n_from, gboolean lights,
+                                double **ret_points, struct direction_guess **ret_guesses) {
     g_autofree struct vec3 *directions = g_new0(struct vec3, n_to);
     *ret_points = g_new0(double, 2 * (gsize)n_to);
     *ret_guesses = g_new0(struct direction_guess, n_from);
@@ -47,8 +46,7 @@ static DirectionMesh *texel_resampler_back_mesh(const struct resampler_target *t
     return mesh;
 }
 
-static struct resampler_left_out *texel_resampler_leave_out(const struct vec3 *directions, int n,
-                                                            gboolean lights) {
+static struct resampler_left_out *leave_out(const struct vec3 *directions, int n, gboolean lights) {
     struct resampler_left_out *ret = g_new(struct resampler_left_out, n);
     for (int i = 0; i < n; i++) {
         ret[i].mesh = direction_mesh_new(directions, n, i, lights);
@@ -74,14 +72,14 @@ void resampler_init(struct resampler *r, const struct near_field *near,
                             .left_step = (n_texels + MAX_LEFT - 1) / MAX_LEFT};
     r->from_views = direction_mesh_new(views, near->views.n, -1, FALSE);
     r->from_lights = direction_mesh_new(lights, near->lights.n, -1, TRUE);
-    r->views = texel_resampler_targets(r->from_views, &to->views);
-    r->lights = texel_resampler_targets(r->from_lights, &to->lights);
-    r->to_views = texel_resampler_back_mesh(r->views, to->views.n, views, near->views.n, FALSE,
-                                            &r->to_view_points, &r->back_views);
-    r->to_lights = texel_resampler_back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
-                                             &r->to_light_points, &r->back_lights);
-    r->left_views = texel_resampler_leave_out(views, near->views.n, FALSE);
-    r->left_lights = texel_resampler_leave_out(lights, near->lights.n, TRUE);
+    r->views = targets(r->from_views, &to->views);
+    r->lights = targets(r->from_lights, &to->lights);
+    r->to_views = back_mesh(r->views, to->views.n, views, near->views.n, FALSE, &r->to_view_points,
+                            &r->back_views);
+    r->to_lights = back_mesh(r->lights, to->lights.n, lights, near->lights.n, TRUE,
+                             &r->to_light_points, &r->back_lights);
+    r->left_views = leave_out(views, near->views.n, FALSE);
+    r->left_lights = leave_out(lights, near->lights.n, TRUE);
 }
 
 void resampler_clear(struct resampler *r) {
@@ -166,8 +164,8 @@ struct texel_work {
 };
 
 /* ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
-static void texel_resampler_combine(const struct direction_share *share, const float *values,
-                                    const float *slopes, int row, float *ret) {
+static void combine(const struct direction_share *share, const float *values, const float *slopes,
+                    int row, float *ret) {
     const float *f[3], *x[3], *y[3];
     for (int k = 0; k < 3; k++) {
         f[k] = values + (gsize)share->corner[k] * (gsize)row;
@@ -185,7 +183,7 @@ static void texel_resampler_combine(const struct direction_share *share, const f
 }
 
 /* Prepares the shares of a view's lights, unless the present ones have the same lamp positions. */
-static void texel_resampler_take_lights(struct texel_work *w, int view) {
+static void take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     const struct vec3 *lamps = r->near->lamp_mm;
     const gsize n = r->near->lights.n;
@@ -240,10 +238,10 @@ static void forward(struct texel_work *w, float *ret) {
     for (gsize view = 0; view < r->near->views.n; view++) {
         const float *values = w->values + (gsize)view * n_from * LANES;
         float *to = w->between + (gsize)view * n_lights * LANES;
-        texel_resampler_take_lights(w, view);
+        take_lights(w, view);
         direction_mesh_slopes(r->from_lights, values, LANES, w->slopes);
         for (gsize i = 0; i < n_lights; i++) {
-            texel_resampler_combine(&w->light_shares[i], values, w->slopes, LANES, to + i * LANES);
+            combine(&w->light_shares[i], values, w->slopes, LANES, to + i * LANES);
             if (view == 0)
                 w->clamped[i] = w->light_shares[i].clamped;
             if (half)
@@ -255,8 +253,7 @@ static void forward(struct texel_work *w, float *ret) {
     direction_mesh_slopes(r->from_views, w->between, row, w->slopes);
     for (int view = 0; view < r->n_views; view++) {
         const gsize first = (gsize)view * n_lights;
-        texel_resampler_combine(&w->view_shares[view], w->between, w->slopes, row,
-                                ret + first * LANES);
+        combine(&w->view_shares[view], w->between, w->slopes, row, ret + first * LANES);
         for (gsize i = 0; flags && i < n_lights; i++)
             flags[first + i] = flags_of(&w->view_shares[view], half + i, n_lights);
     }
@@ -295,12 +292,12 @@ static void round_trip(struct texel_work *w, const float *made, struct resampler
         float value[LANES];
         direction_mesh_share(r->to_views, r->to_view_points, w->view_points + (gsize)(2 * view),
                              &r->back_views[view], &share);
-        texel_resampler_combine(&share, made, slopes, row, w->between);
-        texel_resampler_take_lights(w, view);
+        combine(&share, made, slopes, row, w->between);
+        take_lights(w, view);
         direction_mesh_slopes(r->to_lights, w->between, LANES, w->slopes);
         for (gsize i = 0; i < n_from; i++) {
             const gsize at = (gsize)view * n_from + i;
-            texel_resampler_combine(&w->back_light_shares[i], w->between, w->slopes, LANES, value);
+            combine(&w->back_light_shares[i], w->between, w->slopes, LANES, value);
             if (was_measured(w, at))
                 add_difference(value, w->values + at * LANES, &sum->back, &sum->back_norm);
         }
@@ -348,7 +345,7 @@ static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
 static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const gsize n = near->lights.n;
-    texel_resampler_take_lights(w, 0);
+    take_lights(w, 0);
     for (gsize light = 0; light < n && n > 1; light++) {
         g_autofree float *weights = weights_without(&w->r->left_lights[light], near->lights.n,
                                                     w->light_points, w->light_points + 2 * light);
@@ -375,7 +372,7 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
 }
 
 /* Angles between target and measured directions, and the share beyond extrapolation. */
-static void texel_resampler_add_moved(const struct texel_work *w, struct resampler_sums *sums) {
+static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->lights.n);
     int clamped = 0;
@@ -410,7 +407,7 @@ static void add_nominal(const struct texel_work *w, const float *made,
         }
 }
 
-static void texel_resampler_begin(struct texel_work *w) {
+static void begin(struct texel_work *w) {
     const struct resampler *r = w->r;
     const gsize n_views = r->near->views.n, n_lights = r->near->lights.n;
     const gsize most = MAX(n_views, (gsize)r->n_views) * MAX(n_lights, (gsize)r->n_lights);
@@ -434,7 +431,7 @@ static void texel_resampler_begin(struct texel_work *w) {
                              &w->view_shares[i]);
 }
 
-static void texel_resampler_end(struct texel_work *w) {
+static void end(struct texel_work *w) {
     g_free(w->views);
     g_free(w->view_points);
     g_free(w->light_points);
@@ -451,10 +448,10 @@ static void texel_resampler_end(struct texel_work *w) {
 void resampler_texel(const struct resampler *r, int texel, const float *values, float *ret,
                      struct resampler_sums *sums) {
     struct texel_work w = {.r = r, .texel = texel};
-    texel_resampler_begin(&w);
+    begin(&w);
     take_values(&w, values);
     forward(&w, ret);
-    texel_resampler_add_moved(&w, sums);
+    add_moved(&w, sums);
     add_nominal(&w, ret, sums);
     round_trip(&w, ret, sums);
     if (texel % r->left_step == 0) {
@@ -463,5 +460,5 @@ void resampler_texel(const struct resampler *r, int texel, const float *values, 
         sums->sampled++;
     }
     sums->texels++;
-    texel_resampler_end(&w);
+    end(&w);
 }

@@ -24,28 +24,27 @@ struct Triangulation {
     int *first, *covering;
 };
 
-static const double *triangulation_point(const Triangulation *t, int index) {
+static const double *point(const Triangulation *t, int index) {
     return t->points + 2 * index;
 }
 
 /* Twice the area of a, b, c; positive if counter-clockwise. */
-static double triangulation_area(const double *a, const double *b, const double *c) {
+static double area(const double *a, const double *b, const double *c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-static double triangulation_turn(const Triangulation *t, int a, int b, int c) {
-    return triangulation_area(triangulation_point(t, a), triangulation_point(t, b),
-                              triangulation_point(t, c));
+static double turn(const Triangulation *t, int a, int b, int c) {
+    return area(point(t, a), point(t, b), point(t, c));
 }
 
 /* Returns whether a point d is within the circumcircle of a counter-clockwise triangle: the
  * determinant of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
-    const double *d = triangulation_point(t, other);
+    const double *d = point(t, other);
     for (int k = 0; k < 3; k++) {
-        m[k][0] = triangulation_point(t, corner[k])[0] - d[0];
-        m[k][1] = triangulation_point(t, corner[k])[1] - d[1];
+        m[k][0] = point(t, corner[k])[0] - d[0];
+        m[k][1] = point(t, corner[k])[1] - d[1];
         m[k][2] = m[k][0] * m[k][0] + m[k][1] * m[k][1];
     }
     double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
@@ -56,23 +55,22 @@ static gboolean in_circle(const Triangulation *t, const int corner[3], int other
 
 static int compare_x(gconstpointer a, gconstpointer b, gpointer data) {
     const Triangulation *t = data;
-    const double *p = triangulation_point(t, *(const int *)a),
-                 *q = triangulation_point(t, *(const int *)b);
+    const double *p = point(t, *(const int *)a), *q = point(t, *(const int *)b);
     if (p[0] != q[0])
         return p[0] < q[0] ? -1 : 1;
     return p[1] < q[1] ? -1 : p[1] > q[1];
 }
 
 /* Connects a point to the right of all others with the hull edges that it sees. */
-static void triangulation_add_point(Triangulation *t, int p) {
+static void add_point(Triangulation *t, int p) {
     const int *hull = (const int *)t->hull->data;
     guint n = t->hull->len;
     g_autoptr(GArray) next = g_array_new(FALSE, FALSE, sizeof(int));
     gboolean added = FALSE;
     for (guint k = 0; k < n; k++) {
         int before = hull[(k + n - 1) % n], here = hull[k], after = hull[(k + 1) % n];
-        gboolean sees_in = triangulation_turn(t, before, here, p) < 0.0;
-        gboolean sees_out = triangulation_turn(t, here, after, p) < 0.0;
+        gboolean sees_in = turn(t, before, here, p) < 0.0;
+        gboolean sees_out = turn(t, here, after, p) < 0.0;
         if (sees_out) {
             struct triangle triangle = {{after, here, p}};
             g_array_append_val(t->triangles, triangle);
@@ -92,7 +90,7 @@ static void triangulation_add_point(Triangulation *t, int p) {
 
 /* Flips the edge that two triangles share if it is not locally Delaunay and their union is
  * convex. */
-static gboolean triangulation_flip(Triangulation *t, guint k, int edge) {
+static gboolean flip(Triangulation *t, guint k, int edge) {
     struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
     int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
     struct triangle *two = NULL;
@@ -105,8 +103,7 @@ static gboolean triangulation_flip(Triangulation *t, guint k, int edge) {
             two = other;
             d = other->corner[(e + 2) % 3];
         }
-    if (!two || !in_circle(t, one->corner, d) || triangulation_turn(t, c, a, d) <= 0.0 ||
-        triangulation_turn(t, c, d, b) <= 0.0)
+    if (!two || !in_circle(t, one->corner, d) || turn(t, c, a, d) <= 0.0 || turn(t, c, d, b) <= 0.0)
         return FALSE;
     *one = (struct triangle){{c, a, d}};
     *two = (struct triangle){{c, d, b}};
@@ -125,12 +122,12 @@ static int triangulation_cell(const Triangulation *t, const double at[2]) {
 }
 
 /* Gives the cells x[0] … x[1], y[0] … y[1] that the bounding box of a triangle overlaps. */
-static void triangulation_box(const Triangulation *t, guint k, int ret_x[2], int ret_y[2]) {
+static void box(const Triangulation *t, guint k, int ret_x[2], int ret_y[2]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
     int *const range[2] = {ret_x, ret_y};
     for (int axis = 0; axis < 2; axis++)
         for (int c = 0; c < 3; c++) {
-            const int here = triangulation_along(t, triangulation_point(t, corner[c])[axis], axis);
+            const int here = triangulation_along(t, point(t, corner[c])[axis], axis);
             range[axis][0] = c == 0 ? here : MIN(range[axis][0], here);
             range[axis][1] = c == 0 ? here : MAX(range[axis][1], here);
         }
@@ -138,7 +135,7 @@ static void triangulation_box(const Triangulation *t, guint k, int ret_x[2], int
 
 /* Makes about as many cells as triangles. Counts the triangles of each cell first, then stores
  * them. */
-static void triangulation_make_grid(Triangulation *t) {
+static void make_grid(Triangulation *t) {
     double high[2] = {-G_MAXDOUBLE, -G_MAXDOUBLE};
     t->low[0] = t->low[1] = G_MAXDOUBLE;
     for (int k = 0; k < 2 * t->n; k++) {
@@ -153,7 +150,7 @@ static void triangulation_make_grid(Triangulation *t) {
     for (int fill = 0; fill < 2; fill++) {
         for (guint k = 0; k < t->triangles->len; k++) {
             int x[2], y[2];
-            triangulation_box(t, k, x, y);
+            box(t, k, x, y);
             for (int j = y[0]; j <= y[1]; j++)
                 for (int i = x[0]; i <= x[1]; i++)
                     if (fill)
@@ -190,18 +187,18 @@ Triangulation *triangulation_new(const double *points, int n) {
     /* Makes a triangulation by adding points from left to right. */
     g_array_append_vals(t->hull, order, MIN(n, 3));
     if (n < 3) {
-        triangulation_make_grid(t);
+        make_grid(t);
         return t;
     }
     struct triangle first = {{order[0], order[1], order[2]}};
-    if (triangulation_turn(t, order[0], order[1], order[2]) < 0.0) {
+    if (turn(t, order[0], order[1], order[2]) < 0.0) {
         first = (struct triangle){{order[0], order[2], order[1]}};
         g_array_index(t->hull, int, 1) = order[2];
         g_array_index(t->hull, int, 2) = order[1];
     }
     g_array_append_val(t->triangles, first);
     for (int k = 3; k < n; k++)
-        triangulation_add_point(t, order[k]);
+        add_point(t, order[k]);
     /* Lawson's algorithm (1977) flips until all edges are locally Delaunay. It terminates. The
      * limit of passes guards against rounding errors. */
     gboolean flipped = TRUE;
@@ -209,9 +206,9 @@ Triangulation *triangulation_new(const double *points, int n) {
         flipped = FALSE;
         for (guint k = 0; k < t->triangles->len; k++)
             for (int edge = 0; edge < 3; edge++)
-                flipped |= triangulation_flip(t, k, edge);
+                flipped |= flip(t, k, edge);
     }
-    triangulation_make_grid(t);
+    make_grid(t);
     return t;
 }
 
@@ -229,13 +226,12 @@ void triangulation_free(Triangulation *t) {
 /* Barycentric weights b_k = area(opposite edge, point) / area(triangle); inside if all are ≥ 0. */
 static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
-    const double *a = triangulation_point(t, corner[0]), *b = triangulation_point(t, corner[1]),
-                 *c = triangulation_point(t, corner[2]);
-    double whole = triangulation_area(a, b, c);
+    const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);
+    double whole = area(a, b, c);
     if (whole <= 0.0)
         return FALSE;
-    ret[0] = triangulation_area(b, c, at) / whole;
-    ret[1] = triangulation_area(c, a, at) / whole;
+    ret[0] = area(b, c, at) / whole;
+    ret[1] = area(c, a, at) / whole;
     ret[2] = 1.0 - ret[0] - ret[1];
     return ret[0] >= 0.0 && ret[1] >= 0.0 && ret[2] >= 0.0;
 }
@@ -258,7 +254,7 @@ void triangulation_weights(const Triangulation *t, const double at[2], int ret_i
     double best = G_MAXDOUBLE;
     for (guint k = 0; k < t->hull->len; k++) {
         const int i = hull[k], j = hull[(k + 1) % t->hull->len];
-        const double *a = triangulation_point(t, i), *b = triangulation_point(t, j);
+        const double *a = point(t, i), *b = point(t, j);
         const double along[2] = {b[0] - a[0], b[1] - a[1]};
         const double length = along[0] * along[0] + along[1] * along[1];
         const double scaled = (at[0] - a[0]) * along[0] + (at[1] - a[1]) * along[1];

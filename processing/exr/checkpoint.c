@@ -29,7 +29,7 @@ struct Checkpoint {
     gboolean own; /* the existing file belongs to this computation */
 };
 
-static void checkpoint_free_array(gpointer data) {
+static void free_array(gpointer data) {
     struct array *array = data;
     g_free(array->name);
     g_free(array);
@@ -38,7 +38,7 @@ static void checkpoint_free_array(gpointer data) {
 Checkpoint *checkpoint_new(const char *path) {
     Checkpoint *checkpoint = g_new0(Checkpoint, 1);
     checkpoint->path = g_strdup(path);
-    checkpoint->kept = g_ptr_array_new_with_free_func(checkpoint_free_array);
+    checkpoint->kept = g_ptr_array_new_with_free_func(free_array);
     checkpoint->found =
         g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_bytes_unref);
     checkpoint->period_us = PERIOD_US;
@@ -86,7 +86,7 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
 }
 
 /* Takes the arrays of a file. Returns a description of the defect, or NULL if there is none. */
-static const char *checkpoint_take(Checkpoint *checkpoint, const struct exr_file *file) {
+static const char *take(Checkpoint *checkpoint, const struct exr_file *file) {
     const struct exr_part *head = exr_file_part(file, HEAD);
     const char *of = NULL, *kind = NULL;
     if (!head || !exr_get_string(head, "mesorig.kind", &kind, NULL) || strcmp(kind, HEAD) != 0 ||
@@ -125,7 +125,7 @@ void checkpoint_begin(Checkpoint *checkpoint, const char *inputs) {
         return;
     g_autoptr(GError) error = NULL;
     g_autoptr(ExrFile) file = exr_read(checkpoint->path, &error);
-    const char *wrong = file ? checkpoint_take(checkpoint, file) : error->message;
+    const char *wrong = file ? take(checkpoint, file) : error->message;
     checkpoint->own = wrong == NULL;
     if (wrong)
         g_hash_table_remove_all(checkpoint->found);
@@ -143,19 +143,18 @@ gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsi
     return bytes && g_bytes_get_size(bytes) == size ? g_bytes_get_data(bytes, NULL) : NULL;
 }
 
-static void checkpoint_do_keep(Checkpoint *checkpoint, const char *name, struct array array) {
+static void do_keep(Checkpoint *checkpoint, const char *name, struct array array) {
     checkpoint_drop(checkpoint, name);
     array.name = g_strdup(name);
     g_ptr_array_add(checkpoint->kept, g_memdup2(&array, sizeof array));
 }
 
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size) {
-    checkpoint_do_keep(checkpoint, name, (struct array){.values = values, .size = size});
+    do_keep(checkpoint, name, (struct array){.values = values, .size = size});
 }
 
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n) {
-    checkpoint_do_keep(checkpoint, name,
-                       (struct array){.flags = flags, .size = sizeof(int) * (gsize)n});
+    do_keep(checkpoint, name, (struct array){.flags = flags, .size = sizeof(int) * (gsize)n});
 }
 
 void checkpoint_drop(Checkpoint *checkpoint, const char *name) {

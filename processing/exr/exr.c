@@ -88,7 +88,7 @@ float *exr_part_plane(const struct exr_part *part, const char *channel) {
     return NULL;
 }
 
-static struct exr_attribute *exr_find(const struct exr_part *part, const char *name) {
+static struct exr_attribute *find(const struct exr_part *part, const char *name) {
     for (guint i = 0; i < part->attributes->len; i++) {
         struct exr_attribute *attribute = g_ptr_array_index(part->attributes, i);
 
@@ -99,8 +99,8 @@ static struct exr_attribute *exr_find(const struct exr_part *part, const char *n
 }
 
 /* Replaces an attribute, or adds it. */
-static struct exr_attribute *exr_set(struct exr_part *part, const char *name, enum exr_kind kind) {
-    struct exr_attribute *attribute = exr_find(part, name);
+static struct exr_attribute *set(struct exr_part *part, const char *name, enum exr_kind kind) {
+    struct exr_attribute *attribute = find(part, name);
 
     if (!attribute) {
         attribute = g_new0(struct exr_attribute, 1);
@@ -120,19 +120,19 @@ gboolean exr_all_finite(const float *values, gsize n) {
 }
 
 void exr_set_string(struct exr_part *part, const char *name, const char *value) {
-    exr_set(part, name, EXR_KIND_STRING)->string = g_strdup(value);
+    set(part, name, EXR_KIND_STRING)->string = g_strdup(value);
 }
 
 void exr_set_int(struct exr_part *part, const char *name, int value) {
-    exr_set(part, name, EXR_KIND_INT)->integer = value;
+    set(part, name, EXR_KIND_INT)->integer = value;
 }
 
 void exr_set_double(struct exr_part *part, const char *name, double value) {
-    exr_set(part, name, EXR_KIND_DOUBLE)->v[0] = value;
+    set(part, name, EXR_KIND_DOUBLE)->v[0] = value;
 }
 
 void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, double z) {
-    struct exr_attribute *attribute = exr_set(part, name, EXR_KIND_V3D);
+    struct exr_attribute *attribute = set(part, name, EXR_KIND_V3D);
 
     attribute->v[0] = x;
     attribute->v[1] = y;
@@ -142,7 +142,7 @@ void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, do
 /* Finds an attribute and checks its type. */
 static const struct exr_attribute *get(const struct exr_part *part, const char *name,
                                        enum exr_kind kind, const char *type, GError **error) {
-    const struct exr_attribute *attribute = exr_find(part, name);
+    const struct exr_attribute *attribute = find(part, name);
 
     if (attribute && attribute->kind == kind)
         return attribute;

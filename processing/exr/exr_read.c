@@ -41,8 +41,8 @@ void exr_watch(ExrWatch watch, gpointer data) {
 }
 
 G_GNUC_PRINTF(4, 5)
-static gboolean exr_read_fail(const struct source *source, enum exr_error code, GError **error,
-                              const char *format, ...) {
+static gboolean fail(const struct source *source, enum exr_error code, GError **error,
+                     const char *format, ...) {
     va_list list;
 
     va_start(list, format);
@@ -57,13 +57,12 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
         *source->message ? source->message : exr_get_default_error_message(rc), -1);
 
     if (source->cancelled)
-        return exr_read_fail(source, EXR_ERROR_CANCELLED, error, "cancelled");
+        return fail(source, EXR_ERROR_CANCELLED, error, "cancelled");
     char begins[2] = "";
     if (pread(source->fd, begins, 1, 0) == 1 && (*begins == '[' || *begins == '#'))
-        return exr_read_fail(
-            source, EXR_ERROR_FORMAT, error,
-            "a text, not an EXR file; “mesorig calibrate show” prints calibrations");
-    return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a valid EXR file: %s", what);
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "a text, not an EXR file; “mesorig calibrate show” prints calibrations");
+    return fail(source, EXR_ERROR_FORMAT, error, "not a valid EXR file: %s", what);
 }
 
 static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,
@@ -152,14 +151,13 @@ static gboolean window_size(struct source *source, const struct exr_part *part,
     const gint64 width = (gint64)window->max.x - window->min.x + 1;
     const gint64 height = (gint64)window->max.y - window->min.y + 1;
     if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
-        return exr_read_fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": the %s window is empty",
-                             part->name, which);
+        return fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": the %s window is empty",
+                    part->name, which);
     return (width <= EXR_MAX_PIXELS && height <= EXR_MAX_PIXELS &&
             width * height <= EXR_MAX_PIXELS) ||
-           exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                         "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
-                         " pixels; at most %d",
-                         part->name, width, height, EXR_MAX_PIXELS);
+           fail(source, EXR_ERROR_TOO_LARGE, error,
+                "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT " pixels; at most %d",
+                part->name, width, height, EXR_MAX_PIXELS);
 }
 
 static int window_width(const exr_attr_box2i_t *window) {
@@ -188,9 +186,8 @@ static gboolean read_size(struct source *source, int index, struct exr_part *par
     const gint64 down =
         (gint64)MIN(data->max.y, display->max.y) - MAX(data->min.y, display->min.y) + 1;
     if (across < 1 || down < 1)
-        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                             "part \"%s\": its pixels lie outside of its display window",
-                             part->name);
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "part \"%s\": its pixels lie outside of its display window", part->name);
     part->width = window_width(display);
     part->height = window_height(display);
     part->left_px = source->placed ? display->min.x : 0;
@@ -207,9 +204,8 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
     if (rc != EXR_ERR_SUCCESS)
         return fail_library(source, rc, error);
     if (list->num_channels < 1 || list->num_channels > EXR_MAX_CHANNELS)
-        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                             "part \"%s\": %d channels; 1 to %d are read", part->name,
-                             list->num_channels, EXR_MAX_CHANNELS);
+        return fail(source, EXR_ERROR_FORMAT, error, "part \"%s\": %d channels; 1 to %d are read",
+                    part->name, list->num_channels, EXR_MAX_CHANNELS);
     part->channels = g_new0(char *, list->num_channels + 1);
     part->planes = g_new0(float *, list->num_channels + 1);
     part->type = EXR_HALF;
@@ -218,9 +214,9 @@ static gboolean read_channels(struct source *source, int index, struct exr_part 
 
         part->channels[part->n_channels++] = g_utf8_make_valid(entry->name.str, -1);
         if (entry->x_sampling != 1 || entry->y_sampling != 1)
-            return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                                 "part \"%s\": channel \"%s\" is subsampled, which is not read",
-                                 part->name, part->channels[c]);
+            return fail(source, EXR_ERROR_FORMAT, error,
+                        "part \"%s\": channel \"%s\" is subsampled, which is not read", part->name,
+                        part->channels[c]);
         if (entry->pixel_type != EXR_PIXEL_HALF)
             part->type = EXR_FLOAT;
     }
@@ -271,10 +267,9 @@ static gboolean check_compression(struct source *source, int index, const struct
     if (rc != EXR_ERR_SUCCESS)
         return fail_library(source, rc, error);
     if (method > EXR_COMPRESSION_PIZ)
-        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                             "part \"%s\": compressed with %s; convert it to ZIP or PIZ first",
-                             part->name,
-                             method < G_N_ELEMENTS(names) ? names[method] : "an unknown method");
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "part \"%s\": compressed with %s; convert it to ZIP or PIZ first", part->name,
+                    method < G_N_ELEMENTS(names) ? names[method] : "an unknown method");
     return TRUE;
 }
 
@@ -298,18 +293,17 @@ static gboolean read_header(struct source *source, int index, struct exr_part *p
         name = "";
     part->name = g_utf8_make_valid(name, -1);
     if (storage != EXR_STORAGE_SCANLINE)
-        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
-                             "part \"%s\": only scan lines are read, not tiles or deep pixels",
-                             part->name);
+        return fail(source, EXR_ERROR_FORMAT, error,
+                    "part \"%s\": only scan lines are read, not tiles or deep pixels", part->name);
     if (!read_size(source, index, part, windows, error) ||
         !read_channels(source, index, part, error) ||
         !check_compression(source, index, part, error) ||
         !read_attributes(source, index, part, error))
         return FALSE;
     return pixel_bytes(part, windows) / MAX_EXPANSION <= (gsize)source->size ||
-           exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                         "part \"%s\": a file of this length cannot hold %d×%d pixels", part->name,
-                         window_width(&windows->data), window_height(&windows->data));
+           fail(source, EXR_ERROR_TOO_LARGE, error,
+                "part \"%s\": a file of this length cannot hold %d×%d pixels", part->name,
+                window_width(&windows->data), window_height(&windows->data));
 }
 
 /* Pads every buffer of the decoder with zeros, because OpenEXR before 3.1.6 reads beyond the end of
@@ -423,8 +417,8 @@ static gboolean new_planes(struct source *source, struct exr_part *part, GError 
     for (int c = 0; c < part->n_channels; c++) {
         part->planes[c] = g_try_malloc0_n(n, sizeof(float));
         if (!part->planes[c])
-            return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                                 "part \"%s\": not enough memory", part->name);
+            return fail(source, EXR_ERROR_TOO_LARGE, error, "part \"%s\": not enough memory",
+                        part->name);
         for (gsize i = 0; part->outside > 0 && i < n; i++)
             part->planes[c][i] = NAN;
     }
@@ -447,7 +441,7 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
     if (rc != EXR_ERR_SUCCESS || step < 1)
         return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
     if (planes + exr_chunk_bytes(&stored, step) > source->memory)
-        return exr_read_fail(
+        return fail(
             source, EXR_ERROR_TOO_LARGE, error,
             "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
             " bytes may take at most %" G_GUINT64_FORMAT
@@ -473,8 +467,7 @@ static gboolean read_pixels(struct source *source, int index, struct exr_part *p
 
 /* Reads a part's header, and its pixels unless left is NULL. left is the number of bytes of the
  * file that may hold pixels of parts not yet read. */
-static struct exr_part *exr_read_one_part(struct source *source, int index, gsize *left,
-                                          GError **error) {
+static struct exr_part *one_part(struct source *source, int index, gsize *left, GError **error) {
     g_autoptr(ExrPart) part = g_new0(struct exr_part, 1);
     struct windows windows = {0};
 
@@ -484,8 +477,8 @@ static struct exr_part *exr_read_one_part(struct source *source, int index, gsiz
         return g_steal_pointer(&part);
     const gsize bytes = pixel_bytes(part, &windows) / MAX_EXPANSION;
     if (bytes > *left) {
-        exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
-                      "a file of this length cannot hold all the pixels of its parts");
+        fail(source, EXR_ERROR_TOO_LARGE, error,
+             "a file of this length cannot hold all the pixels of its parts");
         return NULL;
     }
     *left -= bytes;
@@ -502,11 +495,11 @@ static struct exr_file *read_file(const char *path, gboolean pixels, GError **er
     if (ok)
         exr_get_count(source.context, &n);
     for (int i = 0; ok && i < n; i++) {
-        g_autoptr(ExrPart) part = exr_read_one_part(&source, i, pixels ? &left : NULL, error);
+        g_autoptr(ExrPart) part = one_part(&source, i, pixels ? &left : NULL, error);
 
-        ok = part && (!exr_file_part(file, part->name) ||
-                      exr_read_fail(&source, EXR_ERROR_FORMAT, error,
-                                    "two parts have the name \"%s\"", part->name));
+        ok = part &&
+             (!exr_file_part(file, part->name) ||
+              fail(&source, EXR_ERROR_FORMAT, error, "two parts have the name \"%s\"", part->name));
         if (ok)
             exr_file_add(file, g_steal_pointer(&part));
     }
@@ -538,10 +531,10 @@ struct exr_part *exr_read_part(const char *path, const char *name, GError **erro
         exr_get_name(source.context, i, &other);
         found = g_strcmp0(other ? other : "", name) == 0;
         if (found)
-            part = exr_read_one_part(&source, i, &left, error);
+            part = one_part(&source, i, &left, error);
     }
     if (ok && !found)
-        exr_read_fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);
+        fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);
     source_close(&source);
     return part;
 }
@@ -555,9 +548,9 @@ struct exr_part *exr_read_picture(const char *path, GError **error) {
         source.placed = TRUE;
         exr_get_count(source.context, &n);
         if (n > 0)
-            part = exr_read_one_part(&source, 0, &left, error);
+            part = one_part(&source, 0, &left, error);
         else
-            exr_read_fail(&source, EXR_ERROR_MISSING, error, "it has no part");
+            fail(&source, EXR_ERROR_MISSING, error, "it has no part");
     }
     source_close(&source);
     return part;

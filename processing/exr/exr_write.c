@@ -26,7 +26,7 @@ struct sink {
 
 #define SINK_SIZE (1 << 20)
 
-static void exr_write_flush(struct sink *sink) {
+static void flush(struct sink *sink) {
     gsize done = 0;
 
     while (!sink->error && done < sink->pending->len) {
@@ -49,7 +49,7 @@ static int64_t sink_write(exr_const_context_t context, void *data, const void *b
     if (size > G_MAXINT)
         return -1;
     if (offset != sink->start + sink->pending->len || sink->pending->len + size > SINK_SIZE) {
-        exr_write_flush(sink);
+        flush(sink);
         sink->start = offset;
     }
     g_byte_array_append(sink->pending, buffer, (guint)size);
@@ -73,8 +73,8 @@ struct content {
     struct exr_scratch scratch;
 };
 
-static gboolean exr_write_refuse(GError **error, const char *path, const struct exr_part *part,
-                                 const char *what, const char *value) {
+static gboolean refuse(GError **error, const char *path, const struct exr_part *part,
+                       const char *what, const char *value) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: part \"%s\": %s%s%s", path,
                 part->name ? part->name : "", what, value ? " " : "", value ? value : "");
     return FALSE;
@@ -83,7 +83,7 @@ static gboolean exr_write_refuse(GError **error, const char *path, const struct 
 static gboolean check_part(const char *path, const struct exr_part *part, gboolean filled,
                            GError **error) {
     if (!part->name || !*part->name || strlen(part->name) > 255)
-        return exr_write_refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
+        return refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
     if (part->width < 1 || part->height < 1 ||
         (gint64)part->width * part->height > EXR_MAX_PIXELS) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
@@ -92,35 +92,34 @@ static gboolean check_part(const char *path, const struct exr_part *part, gboole
         return FALSE;
     }
     if (part->n_channels < 1 || part->n_channels > EXR_MAX_CHANNELS)
-        return exr_write_refuse(error, path, part, "must have 1 to 64 channels", NULL);
+        return refuse(error, path, part, "must have 1 to 64 channels", NULL);
     for (int c = 0; c < part->n_channels; c++) {
         if (!*part->channels[c] || strlen(part->channels[c]) > 255)
-            return exr_write_refuse(error, path, part,
-                                    "the name of a channel must have 1 to 255 bytes", NULL);
+            return refuse(error, path, part, "the name of a channel must have 1 to 255 bytes",
+                          NULL);
         if (c && strcmp(part->channels[c - 1], part->channels[c]) >= 0)
-            return exr_write_refuse(error, path, part, "not in alphabetical order: channel",
-                                    part->channels[c]);
+            return refuse(error, path, part, "not in alphabetical order: channel",
+                          part->channels[c]);
         if (!part->planes || (!part->planes[c] && !filled))
-            return exr_write_refuse(error, path, part, "no pixels for channel", part->channels[c]);
+            return refuse(error, path, part, "no pixels for channel", part->channels[c]);
     }
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = g_ptr_array_index(part->attributes, i);
         const char *name = attribute->name;
 
         if (!*name || strlen(name) > 255)
-            return exr_write_refuse(error, path, part,
-                                    "the name of an attribute must have 1 to 255 bytes:", name);
+            return refuse(error, path, part,
+                          "the name of an attribute must have 1 to 255 bytes:", name);
         if (exr_is_standard_attribute(name))
-            return exr_write_refuse(error, path, part, "EXR has its own meaning for the attribute",
-                                    name);
+            return refuse(error, path, part, "EXR has its own meaning for the attribute", name);
         if (attribute->kind == EXR_KIND_STRING && !attribute->string)
-            return exr_write_refuse(error, path, part, "no value for the attribute", name);
+            return refuse(error, path, part, "no value for the attribute", name);
     }
     return TRUE;
 }
 
 /* Checks everything before the file is created. */
-static gboolean exr_write_check(const char *path, const struct content *content, GError **error) {
+static gboolean check(const char *path, const struct content *content, GError **error) {
     const struct exr_file *file = content->file;
     g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
 
@@ -134,7 +133,7 @@ static gboolean exr_write_check(const char *path, const struct content *content,
         if (!check_part(path, part, content->fill != NULL, error))
             return FALSE;
         if (!g_hash_table_add(names, part->name))
-            return exr_write_refuse(error, path, part, "another part has the same name", NULL);
+            return refuse(error, path, part, "another part has the same name", NULL);
     }
     return TRUE;
 }
@@ -226,7 +225,7 @@ static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
 }
 
 /* Packs the lines of all channels one after the other, in the file's byte order. */
-static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
+static exr_result_t pack(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const struct exr_part *part = encoding->part;
     guint8 *to = encode->packed_buffer;
@@ -270,7 +269,7 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
             exr_scratch_swap(&content->scratch, &encode.scratch_buffer_1,
                              &encode.scratch_alloc_size_1, &encode.scratch_buffer_2,
                              &encode.scratch_alloc_size_2);
-        /* The library requires the layout of each channel, although exr_write_pack() does not. */
+        /* The library requires the layout of each channel, although pack() does not. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *channel = &encode.channels[c];
 
@@ -286,7 +285,7 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
         }
         if (encoding.compress)
             encode.compress_fn = exr_write_compress;
-        encode.convert_and_pack_fn = exr_write_pack;
+        encode.convert_and_pack_fn = pack;
         encode.encoding_user_data = &encoding;
         if (rc == EXR_ERR_SUCCESS)
             rc = exr_encoding_run(context, index, &encode);
@@ -335,11 +334,11 @@ static exr_result_t write_file(const char *path, struct sink *sink, struct conte
     if (rc == EXR_ERR_SUCCESS)
         rc = finished;
     exr_scratch_clear(&content->scratch);
-    exr_write_flush(sink);
+    flush(sink);
     return rc;
 }
 
-static gboolean exr_write_fail(GError **error, const char *path, int errno_value) {
+static gboolean fail(GError **error, const char *path, int errno_value) {
     const gboolean full = errno_value == ENOSPC || errno_value == EDQUOT;
     const gboolean link = errno_value == ENOTDIR || errno_value == ELOOP;
 
@@ -363,7 +362,7 @@ static gboolean write_to(struct new_file *to, const char *path, struct content *
         return FALSE;
     }
     if (sink.error)
-        return exr_write_fail(error, path, sink.error);
+        return fail(error, path, sink.error);
     if (rc != EXR_ERR_SUCCESS)
         g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path,
                     *sink.message ? sink.message : exr_get_default_error_message(rc));
@@ -392,18 +391,18 @@ static gboolean exr_write_content(const char *directory, const char *relative,
     struct new_file to;
 
     g_return_val_if_fail(content->compression <= EXR_PIZ, FALSE);
-    if (!exr_write_check(path, content, error))
+    if (!check(path, content, error))
         return FALSE;
     if (!new_file_begin(&to, directory, relative))
-        return exr_write_fail(error, path, errno);
+        return fail(error, path, errno);
     gboolean ok = write_to(&to, path, content, error);
     if (ok && content->compression != EXR_NONE && !may_be_read(to.fd, content->file)) {
         content->compression = EXR_NONE;
-        ok = ftruncate(to.fd, 0) == 0 || exr_write_fail(error, path, errno);
+        ok = ftruncate(to.fd, 0) == 0 || fail(error, path, errno);
         ok = ok && write_to(&to, path, content, error);
     }
     if (ok)
-        return new_file_commit(&to, sync) || exr_write_fail(error, path, errno);
+        return new_file_commit(&to, sync) || fail(error, path, errno);
     new_file_abandon(&to);
     return FALSE;
 }

@@ -18,18 +18,18 @@ struct source {
     struct bonn_header header;
 };
 
-static gboolean export_bonn_fail(const char *path, GError **error, const char *what) {
+static gboolean fail(const char *path, GError **error, const char *what) {
     return data_error_fail(path, 0, error, "%s; process the session again", what);
 }
 
-static gboolean export_bonn_direction(const struct exr_part *part, const char *of, const char *path,
-                                      float *ret_theta_deg, float *ret_phi_deg, GError **error) {
+static gboolean direction(const struct exr_part *part, const char *of, const char *path,
+                          float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           export_bonn_fail(path, error, "a direction is not a number");
+           fail(path, error, "a direction is not a number");
 }
 
 /* Lights are those of the first view. */
-static gboolean export_bonn_read_directions(struct source *source, GError **error) {
+static gboolean read_directions(struct source *source, GError **error) {
     struct bonn_header *header = &source->header;
     const int n = header->n_views = (int)source->paths->len;
     gboolean ok = TRUE;
@@ -38,18 +38,17 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
     for (int v = 0; ok && v < n; v++) {
         const char *path = source->paths->pdata[v];
         g_autoptr(ExrFile) file = exr_read_headers(path, error);
-        ok = file && (file->parts->len > 0 || export_bonn_fail(path, error, "it has no lights")) &&
-             export_bonn_direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
-                                   &header->view_phi_deg[v], error);
+        ok = file && (file->parts->len > 0 || fail(path, error, "it has no lights")) &&
+             direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
+                       &header->view_phi_deg[v], error);
         if (ok && v == 0) {
             header->n_lights = (int)file->parts->len;
             header->light_theta_deg = g_new0(float, header->n_lights);
             header->light_phi_deg = g_new0(float, header->n_lights);
         }
         for (int l = 0; ok && v == 0 && l < header->n_lights; l++)
-            ok = export_bonn_direction(file->parts->pdata[l], "light", path,
-                                       &header->light_theta_deg[l], &header->light_phi_deg[l],
-                                       error);
+            ok = direction(file->parts->pdata[l], "light", path, &header->light_theta_deg[l],
+                           &header->light_phi_deg[l], error);
     }
     return ok;
 }
@@ -61,7 +60,7 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     if (!session || !session_grid(session, &source->grid, error))
         return FALSE;
     source->paths = session_btf_files(session, error);
-    if (!source->paths || !export_bonn_read_directions(source, error))
+    if (!source->paths || !read_directions(source, error))
         return FALSE;
     source->header.setup = g_strdup("mesorig " MESORIG_VERSION);
     source->header.xml = g_strdup("");
@@ -71,8 +70,8 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     return TRUE;
 }
 
-static gboolean export_bonn_read_view(const struct source *source, const char *path, float *ret_rgb,
-                                      GError **error) {
+static gboolean read_view(const struct source *source, const char *path, float *ret_rgb,
+                          GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     const struct bonn_header *header = &source->header;
     const gsize n = (gsize)header->width * (gsize)header->height;
@@ -80,30 +79,29 @@ static gboolean export_bonn_read_view(const struct source *source, const char *p
     if (!file)
         return FALSE;
     if ((int)file->parts->len != header->n_lights)
-        return export_bonn_fail(path, error,
-                                "its number of lights differs from that of the first view");
+        return fail(path, error, "its number of lights differs from that of the first view");
     for (int light = 0; light < header->n_lights; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         float theta, phi;
         if (part->width != header->width || part->height != header->height)
-            return export_bonn_fail(path, error, "its texels differ from those of the first view");
+            return fail(path, error, "its texels differ from those of the first view");
         for (gsize c = 0; c < COLOURS; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             if (!plane)
-                return export_bonn_fail(path, error, "a colour is missing");
+                return fail(path, error, "a colour is missing");
             for (gsize i = 0; i < n; i++)
                 ret_rgb[((gsize)light * n + i) * COLOURS + c] = plane[i];
         }
-        if (!export_bonn_direction(part, "light", path, &theta, &phi, error))
+        if (!direction(part, "light", path, &theta, &phi, error))
             return FALSE;
         if (theta != header->light_theta_deg[light] || phi != header->light_phi_deg[light])
-            return export_bonn_fail(path, error, "its lights differ from those of the first view");
+            return fail(path, error, "its lights differ from those of the first view");
     }
     return TRUE;
 }
 
-static gboolean export_bonn_write_views(const struct source *source, const char *file,
-                                        const struct work *work, GError **error) {
+static gboolean write_views(const struct source *source, const char *file, const struct work *work,
+                            GError **error) {
     const struct bonn_header *header = &source->header;
     const gint64 begun_us = g_get_monotonic_time();
     const gsize n = (gsize)header->width * (gsize)header->height * (gsize)header->n_lights;
@@ -112,7 +110,7 @@ static gboolean export_bonn_write_views(const struct source *source, const char 
     if (!writer)
         return FALSE;
     for (int view = 0; view < header->n_views; view++)
-        if (!export_bonn_read_view(source, source->paths->pdata[view], rgb, error) ||
+        if (!read_view(source, source->paths->pdata[view], rgb, error) ||
             !bonn_writer_view(writer, view, rgb, error) ||
             !work_tell(work, "export", view + 1, header->n_views, begun_us, error))
             return FALSE;
@@ -163,7 +161,7 @@ gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind,
     *ret = (struct export_bonn_result){0};
     gboolean ok = open_source(&source, session, kind, error);
     if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE)) {
-        ok = export_bonn_write_views(&source, file, work, error);
+        ok = write_views(&source, file, work, error);
     } else if (ok) {
         const struct lpca_options options = {
             .n_clusters = 1, .n_components = n_components, .work = *work};

@@ -20,7 +20,7 @@ struct cube {
     guint index;
 };
 
-static int export_surface_by_key(gconstpointer a, gconstpointer b) {
+static int by_key(gconstpointer a, gconstpointer b) {
     const struct cube *x = a, *y = b;
     if (x->key != y->key)
         return x->key < y->key ? -1 : 1;
@@ -65,7 +65,7 @@ static struct fused fuse(const struct surface *surface, const struct cube *cubes
     return ret;
 }
 
-static void export_surface_put_float(GByteArray *to, double value) {
+static void put_float(GByteArray *to, double value) {
     const float narrow = (float)value;
     guint32 bits;
     memcpy(&bits, &narrow, sizeof bits);
@@ -74,9 +74,9 @@ static void export_surface_put_float(GByteArray *to, double value) {
 }
 
 static void put_vector(GByteArray *to, struct vec3 v) {
-    export_surface_put_float(to, v.x);
-    export_surface_put_float(to, v.y);
-    export_surface_put_float(to, v.z);
+    put_float(to, v.x);
+    put_float(to, v.y);
+    put_float(to, v.z);
 }
 
 static gboolean write_points(const struct surface *surface, const char *file, int min_views,
@@ -89,7 +89,7 @@ static gboolean write_points(const struct surface *surface, const char *file, in
         cubes[i].key = (cell(p.z, mm) * 1000001 + cell(p.y, mm)) * 1000001 + cell(p.x, mm);
         cubes[i].index = i;
     }
-    qsort(cubes, n_points, sizeof *cubes, export_surface_by_key);
+    qsort(cubes, n_points, sizeof *cubes, by_key);
     g_autoptr(GByteArray) body = g_byte_array_new();
     for (guint i = 0, n; i < n_points; i += n) {
         for (n = 1; i + n < n_points && cubes[i + n].key == cubes[i].key;)
@@ -100,7 +100,7 @@ static gboolean write_points(const struct surface *surface, const char *file, in
             continue;
         put_vector(body, fused.at_mm);
         put_vector(body, fused.normal);
-        export_surface_put_float(body, fused.spread_mm);
+        put_float(body, fused.spread_mm);
         g_byte_array_append(body, &views, 1);
         ret->points++;
     }
@@ -123,7 +123,7 @@ struct column {
     guint n;
 };
 
-static int export_surface_by_height(gconstpointer a, gconstpointer b, gpointer data) {
+static int by_height(gconstpointer a, gconstpointer b, gpointer data) {
     const struct surface_point *points = data;
     const double x = points[*(const guint *)a].at_mm.z, y = points[*(const guint *)b].at_mm.z;
     return (x < y) - (x > y);
@@ -218,7 +218,7 @@ static gboolean write_map(const struct surface *surface, const char *session, co
     for (int texel = 0; texel < surface->grid.width * surface->grid.height; texel++) {
         struct column column = {order + begin[texel], begin[texel + 1] - begin[texel]};
         gboolean stacked = FALSE;
-        g_qsort_with_data(column.points, (gint)column.n, sizeof(guint), export_surface_by_height,
+        g_qsort_with_data(column.points, (gint)column.n, sizeof(guint), by_height,
                           surface->points->data);
         const guint n = column.n > 0 ? upper_layer(surface, &column, &stacked) : 0;
         map.holes += n == 0;

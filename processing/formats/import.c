@@ -15,7 +15,7 @@
 
 #define EIGENMAPS 4
 
-static gboolean import_fail_errno(const char *path, GError **error) {
+static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
     g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
@@ -30,11 +30,11 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     *place = (struct import_place){0};
     if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
         errno = EEXIST;
-        return import_fail_errno(path, error);
+        return fail_errno(path, error);
     }
     g_autofree char *folder = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
     if (!g_mkdtemp_full(folder, 0777))
-        return import_fail_errno(path, error);
+        return fail_errno(path, error);
     if (g_str_has_suffix(base, ".session"))
         base[strlen(base) - strlen(".session")] = '\0';
     place->session = g_build_filename(folder, "session", NULL);
@@ -88,7 +88,7 @@ struct import {
     int asked;
 };
 
-static gboolean import_check(struct import *import, GError **error) {
+static gboolean check(struct import *import, GError **error) {
     const struct import_material *material = import->material;
     struct import_region *region = &import->region;
     *region = material->region;
@@ -110,8 +110,7 @@ static gboolean import_check(struct import *import, GError **error) {
     return TRUE;
 }
 
-static struct session_direction *import_directions(const float *theta_deg, const float *phi_deg,
-                                                   int n) {
+static struct session_direction *directions(const float *theta_deg, const float *phi_deg, int n) {
     struct session_direction *list = g_new0(struct session_direction, n);
     for (int i = 0; i < n; i++)
         list[i] = (struct session_direction){
@@ -119,8 +118,7 @@ static struct session_direction *import_directions(const float *theta_deg, const
     return list;
 }
 
-static struct exr_part *import_light_part(const struct import *import, int view, int light,
-                                          int holes) {
+static struct exr_part *light_part(const struct import *import, int view, int light, int holes) {
     static const char *const channels[] = {"B", "G", "R", "mark", NULL};
     const struct import_material *m = import->material;
     const struct import_region *r = &import->region;
@@ -144,8 +142,7 @@ static struct exr_part *import_light_part(const struct import *import, int view,
     return part;
 }
 
-static void import_copy_region(const struct import *import, const float *rgb,
-                               struct exr_part *part) {
+static void copy_region(const struct import *import, const float *rgb, struct exr_part *part) {
     const struct import_region *r = &import->region;
     for (int y = 0; y < r->height; y++)
         for (int x = 0; x < r->width; x++) {
@@ -176,8 +173,8 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
              data_error_fail(m->source, 0, error,
                              "%d of %zu texels of view %d, light %d are missing or not numbers",
                              holes[light], n, view, light);
-        struct exr_part *part = import_light_part(import, view, light, holes[light]);
-        import_copy_region(import, rgb + 3 * n * (gsize)light, part);
+        struct exr_part *part = light_part(import, view, light, holes[light]);
+        copy_region(import, rgb + 3 * n * (gsize)light, part);
         exr_file_add(file, part);
     }
     return ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
@@ -190,7 +187,7 @@ struct import_view {
     int view;
 };
 
-static gboolean import_fill_picture(struct exr_part *part, gpointer data, GError **error) {
+static gboolean fill_picture(struct exr_part *part, gpointer data, GError **error) {
     const struct import_view *filled = data;
     struct import *import = filled->import;
     const struct import_material *m = import->material;
@@ -216,17 +213,17 @@ static gboolean write_view_by_pictures(struct import *import, int view, GError *
         if (g_cancellable_set_error_if_cancelled(import->work->cancellable, error) ||
             !m->picture(view, light, &import->region, NULL, &holes, m->data, error))
             return FALSE;
-        struct exr_part *part = import_light_part(import, view, light, holes);
+        struct exr_part *part = light_part(import, view, light, holes);
         exr_part_drop_planes(part);
         exr_file_add(file, part);
         import->holes += holes;
     }
-    return exr_write_filled(path, file, EXR_PIZ, FALSE, import_fill_picture, &filled, error) &&
+    return exr_write_filled(path, file, EXR_PIZ, FALSE, fill_picture, &filled, error) &&
            session_add_product(import->session, relative, m->source, error);
 }
 
 /* A map of one view is a picture of its BTF. */
-static gboolean import_fill_map(struct exr_part *part, gpointer data, GError **error) {
+static gboolean fill_map(struct exr_part *part, gpointer data, GError **error) {
     struct import *import = data;
     const int n_lights = import->material->n_lights;
     g_autofree char *relative = view_relative(0);
@@ -245,7 +242,7 @@ static gboolean import_fill_map(struct exr_part *part, gpointer data, GError **e
     return from != NULL;
 }
 
-static gboolean import_give_column(int view, float *ret_column, gpointer data, GError **error) {
+static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {
     struct import *import = data;
     const int n_views = import->material->n_views;
     g_autofree char *relative = view_relative(view);
@@ -257,7 +254,7 @@ static gboolean import_give_column(int view, float *ret_column, gpointer data, G
                          ret_column, error);
 }
 
-static struct eigenmaps *import_new_eigenmaps(const struct import *import) {
+static struct eigenmaps *new_eigenmaps(const struct import *import) {
     const struct import_material *m = import->material;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
     *maps = (struct eigenmaps){
@@ -279,18 +276,17 @@ static struct eigenmaps *import_new_eigenmaps(const struct import *import) {
 
 static gboolean write_eigenmaps(struct import *import, double *ret_error, GError **error) {
     g_autofree char *path = session_file(import->session, "products/eigenmaps.exr");
-    struct eigenmaps *maps = import_new_eigenmaps(import);
+    struct eigenmaps *maps = new_eigenmaps(import);
     import->begun_us = g_get_monotonic_time();
     *ret_error = 0;
-    const gboolean ok =
-        (maps->layout.views.n == 1
-             ? eigenmaps_write_view(path, maps, import_fill_map, import, error) &&
-                   work_tell(import->work, "eigenmaps", import->material->n_lights,
-                             import->material->n_lights, import->begun_us, error)
-             : eigenmaps_compute(maps, import_give_column, import, ret_error, error) &&
-                   eigenmaps_write(path, maps, error)) &&
-        session_add_product(import->session, "products/eigenmaps.exr", import->material->source,
-                            error);
+    const gboolean ok = (maps->layout.views.n == 1
+                             ? eigenmaps_write_view(path, maps, fill_map, import, error) &&
+                                   work_tell(import->work, "eigenmaps", import->material->n_lights,
+                                             import->material->n_lights, import->begun_us, error)
+                             : eigenmaps_compute(maps, give_column, import, ret_error, error) &&
+                                   eigenmaps_write(path, maps, error)) &&
+                        session_add_product(import->session, "products/eigenmaps.exr",
+                                            import->material->source, error);
     eigenmaps_free(maps);
     return ok;
 }
@@ -333,7 +329,7 @@ static gboolean write_views(struct import *import, GError **error) {
     return TRUE;
 }
 
-static gboolean import_fill(struct import *import, struct import_result *ret, GError **error) {
+static gboolean fill(struct import *import, struct import_result *ret, GError **error) {
     const struct import_material *m = import->material;
     g_autofree int *lights = import->lights = g_new(int, m->n_lights);
     for (int i = 0; i < m->n_lights; i++)
@@ -358,12 +354,12 @@ gboolean import_material(const char *path, const struct import_material *materia
         .material = material, .work = work ? work : &none, .begun_us = g_get_monotonic_time()};
     struct import_place place;
     *ret = (struct import_result){0};
-    if (!import_check(&import, error) || !import_place_begin(&place, path, error))
+    if (!check(&import, error) || !import_place_begin(&place, path, error))
         return FALSE;
     g_autofree struct session_direction *views =
-        import_directions(material->view_theta_deg, material->view_phi_deg, material->n_views);
+        directions(material->view_theta_deg, material->view_phi_deg, material->n_views);
     g_autofree struct session_direction *lights =
-        import_directions(material->light_theta_deg, material->light_phi_deg, material->n_lights);
+        directions(material->light_theta_deg, material->light_phi_deg, material->n_lights);
     const struct session_texts texts = {IMPORT_NO_TEXT, IMPORT_NO_TEXT, IMPORT_NO_TEXT, NULL};
     const struct session_plan plan = {.grid = import.grid,
                                       .views = views,
@@ -371,6 +367,6 @@ gboolean import_material(const char *path, const struct import_material *materia
                                       .lights = lights,
                                       .n_lights = material->n_lights};
     import.session = session_create(place.session, place.name, &texts, &plan, error);
-    const gboolean ok = import.session && import_fill(&import, ret, error);
+    const gboolean ok = import.session && fill(&import, ret, error);
     return import_place_end(&place, import.session, ok, error);
 }

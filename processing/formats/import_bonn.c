@@ -4,8 +4,7 @@
 
 #include "bonn/bonn.h"
 
-static gboolean import_bonn_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
-                                      GError **error) {
+static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
     const BonnFile *file = data;
     const struct bonn_header *header = bonn_header(file);
     const gsize n = 3 * (gsize)header->width * (gsize)header->height;
@@ -38,7 +37,7 @@ gboolean import_bonn(const char *path, const char *file, const struct import_wis
         .view_phi_deg = header->view_phi_deg,
         .light_theta_deg = header->light_theta_deg,
         .light_phi_deg = header->light_phi_deg,
-        .view = import_bonn_give_view,
+        .view = give_view,
         .data = btf,
     };
     return import_material(path, &material, work, ret, error);

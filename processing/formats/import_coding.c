@@ -71,9 +71,8 @@ static double import_coding_white(const struct import_set *set, const struct imp
 }
 
 /* Reads a file that is coded as a row says. */
-static struct import_picture *import_coding_decode(const struct import_set *set,
-                                                   const struct import_row *row, const char *path,
-                                                   GError **error) {
+static struct import_picture *decode(const struct import_set *set, const struct import_row *row,
+                                     const char *path, GError **error) {
     const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
     const struct import_coding *coding = &row->coding;
     const char *name = path == row->path ? row->name : path;
@@ -120,13 +119,13 @@ static struct import_picture *import_coding_decode(const struct import_set *set,
 
 struct import_picture *import_coding_picture(const struct import_set *set,
                                              const struct import_row *row, GError **error) {
-    return import_coding_decode(set, row, row->path, error);
+    return decode(set, row, row->path, error);
 }
 
 /* Turns a flat field into factors m / f, f being the value of a pixel and m the mean of the
  * picture's middle: for each colour by itself, and behind a colour filter for each place in its
  * cell of 2 × 2, so that colours keep their balance. */
-static void import_coding_invert(struct import_picture *flat, gboolean mosaic) {
+static void invert(struct import_picture *flat, gboolean mosaic) {
     double sum[4][3] = {{0}};
     int n[4] = {0};
     const int width = flat->width, height = flat->height;
@@ -163,10 +162,10 @@ gboolean import_coding_flatten(const struct import_set *set, const struct import
                                            coding->bits, (int)coding->transfer, coding->flat_path);
     struct import_picture *flat = g_hash_table_lookup(set->flats, key);
     if (!flat) {
-        flat = import_coding_decode(set, row, coding->flat_path, error);
+        flat = decode(set, row, coding->flat_path, error);
         if (!flat)
             return FALSE;
-        import_coding_invert(flat, flat->grey && strcmp(set->wish->cfa, "mono") != 0);
+        invert(flat, flat->grey && strcmp(set->wish->cfa, "mono") != 0);
         g_hash_table_insert(set->flats, g_steal_pointer(&key), flat);
     }
     if (picture->grey && !flat->grey)

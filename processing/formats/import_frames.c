@@ -74,9 +74,8 @@ static struct exr_part *new_part(const struct import_set *set, const struct impo
     return part;
 }
 
-static gboolean import_frames_write_part(const struct import_set *set, const struct import_row *row,
-                                         struct exr_part *part, struct session_frame *ret,
-                                         GError **error) {
+static gboolean write_part(const struct import_set *set, const struct import_row *row,
+                           struct exr_part *part, struct session_frame *ret, GError **error) {
     const struct session_shot *shot = &g_array_index(set->shots, struct session_shot, row->shot);
     g_autofree char *relative = session_frame_path(shot, set->known->rig.cameras[row->camera].name);
     g_autofree char *path = session_file(set->session, relative);
@@ -167,7 +166,7 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     exr_set_int(part, "mesorig.saturated", n_saturated);
     exr_set_string(part, "mesorig.unit", "DN/ms");
     return check_numbers(set, row, picture, bad, n, error) &&
-           import_frames_write_part(set, row, g_steal_pointer(&part), ret, error);
+           write_part(set, row, g_steal_pointer(&part), ret, error);
 }
 
 /* A camera's pictures of one sweep: rows first … first + n − 1; some steps may be missing. */
@@ -324,8 +323,8 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
 }
 
 /* The plan has one sweep for all cameras of a shot: that of the first camera. */
-static gboolean import_frames_agree(const struct import_set *set, const struct run *run,
-                                    struct session_shot *shot, GError **error) {
+static gboolean agree(const struct import_set *set, const struct run *run,
+                      struct session_shot *shot, GError **error) {
     if (shot->sweep_steps == 0) {
         shot->sweep_from_deg = run->sweep_from_deg;
         shot->sweep_to_deg = run->sweep_to_deg;
@@ -361,8 +360,7 @@ gboolean import_frames_plan(struct import_set *set, GError **error) {
             continue;
         const gboolean ok =
             find_steps(set, &run, error) && check_missing(set, &run, error) &&
-            import_frames_agree(set, &run,
-                                &g_array_index(set->shots, struct session_shot, row->shot), error);
+            agree(set, &run, &g_array_index(set->shots, struct session_shot, row->shot), error);
         g_free(run.missing);
         if (!ok)
             return FALSE;
@@ -371,8 +369,8 @@ gboolean import_frames_plan(struct import_set *set, GError **error) {
 }
 
 /* Writes a camera's part of a shot: rows first … first + n − 1. */
-static gboolean import_frames_write_camera(const struct import_set *set, guint first, int n,
-                                           struct session_frame *ret, GError **error) {
+static gboolean write_camera(const struct import_set *set, guint first, int n,
+                             struct session_frame *ret, GError **error) {
     struct run run = {.rows = row_at(set, first), .n = n};
     if (!run.rows->sweep)
         return write_lamp(set, run.rows, ret, error);
@@ -384,7 +382,7 @@ static gboolean import_frames_write_camera(const struct import_set *set, guint f
                               (int)(SATURATION * IMPORT_WHITE_DN));
         fed.frame = g_new(guint16, fed.n);
         ok = feed_all(set, &run, &fed, error) &&
-             import_frames_write_part(set, run.rows, sweep_part(set, &run, &fed), ret, error);
+             write_part(set, run.rows, sweep_part(set, &run, &fed), ret, error);
         sweep_free(fed.sweep);
     }
     g_free(fed.before);
@@ -403,7 +401,7 @@ gboolean import_frames_write(struct import_set *set, const struct work *work, GE
         while (ok && i < set->rows->len && row_at(set, i)->shot == shot) {
             const int n = run_length(set, i);
             frames[n_frames] = (struct session_frame){0};
-            ok = import_frames_write_camera(set, i, n, &frames[n_frames++], error);
+            ok = write_camera(set, i, n, &frames[n_frames++], error);
             i += (guint)n;
         }
         ok = ok &&

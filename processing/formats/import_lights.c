@@ -33,12 +33,12 @@ struct list {
     int count_line;
 };
 
-static void import_light_clear(gpointer data) {
+static void light_clear(gpointer data) {
     g_free(((struct import_light *)data)->name);
 }
 
-static gboolean import_lights_number(const struct list *list, int line, const char *word,
-                                     double *ret, GError **error) {
+static gboolean number(const struct list *list, int line, const char *word, double *ret,
+                       GError **error) {
     const char separator = *list->columns.separator;
     return text_table_parse(word, separator == ';' || separator == '\t', ret) ||
            data_error_fail(list->path, line, error, "“%s” is not a number", word);
@@ -51,8 +51,7 @@ static gboolean is_number(const char *word) {
 }
 
 /* Adds a light, and takes its name. */
-static gboolean import_lights_add(struct list *list, int line, char *name, const double d[3],
-                                  GError **error) {
+static gboolean add(struct list *list, int line, char *name, const double d[3], GError **error) {
     const double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     const struct import_light *first = (const struct import_light *)(gpointer)list->lights->data;
     const struct import_light light = {.name = g_strdup(name),
@@ -108,12 +107,12 @@ static gboolean parse_words(struct list *list, int line, const char *text, GErro
                 list->path, line, error, "%s" EXPECTED " are expected",
                 list->lights->len == 0 && list->count == 0 ? "the number of pictures, or " : "");
         for (int i = 0; i < 3; i++)
-            if (!import_lights_number(list, line, words[i], &d[i], error))
+            if (!number(list, line, words[i], &d[i], error))
                 return FALSE;
     }
     /* The rest of the text is the name, with its own separators. */
     char *name = nameless ? NULL : g_strndup(text, strlen(g_strchomp(copy)));
-    return import_lights_add(list, line, name, d, error);
+    return add(list, line, name, d, error);
 }
 
 static gboolean parse_cells(struct list *list, int line, const char *text, GError **error) {
@@ -128,14 +127,14 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
                                "names them",
                                g_strv_length(cells), c->most + 1);
     if (c->theta < 0) {
-        if (!import_lights_number(list, line, cells[c->x], &d[0], error) ||
-            !import_lights_number(list, line, cells[c->y], &d[1], error) ||
-            !import_lights_number(list, line, cells[c->z], &d[2], error))
+        if (!number(list, line, cells[c->x], &d[0], error) ||
+            !number(list, line, cells[c->y], &d[1], error) ||
+            !number(list, line, cells[c->z], &d[2], error))
             return FALSE;
     } else {
         double theta, phi;
-        if (!import_lights_number(list, line, cells[c->theta], &theta, error) ||
-            !import_lights_number(list, line, cells[c->phi], &phi, error))
+        if (!number(list, line, cells[c->theta], &theta, error) ||
+            !number(list, line, cells[c->phi], &phi, error))
             return FALSE;
         const double unit = c->radians ? DEG : 1;
         if (!(theta >= 0 && theta * unit <= HORIZON_DEG))
@@ -152,7 +151,7 @@ static gboolean parse_cells(struct list *list, int line, const char *text, GErro
     if (c->name >= 0 && !*cells[c->name])
         return data_error_fail(list->path, line, error, "a picture's name is expected in column %d",
                                c->name + 1);
-    return import_lights_add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
+    return add(list, line, c->name >= 0 ? g_strdup(cells[c->name]) : NULL, d, error);
 }
 
 /* A column that is spelt nearly like one of a picture's name or direction, and is none. NULL: no
@@ -241,7 +240,7 @@ GArray *import_lights_read(const char *path, GError **error) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
         return NULL;
     }
-    g_array_set_clear_func(lights, import_light_clear);
+    g_array_set_clear_func(lights, light_clear);
     g_auto(GStrv) lines = text_table_lines(text);
     for (int i = 0; lines[i]; i++) {
         const char *line = g_strstrip(lines[i]);

@@ -66,7 +66,7 @@ static struct direction import_names_direction(double theta_deg, double phi_deg)
     return d;
 }
 
-static int import_names_compare(gconstpointer a, gconstpointer b) {
+static int compare(gconstpointer a, gconstpointer b) {
     const struct direction *x = a, *y = b;
     if (x->theta != y->theta)
         return x->theta < y->theta ? -1 : 1;
@@ -75,19 +75,18 @@ static int import_names_compare(gconstpointer a, gconstpointer b) {
 
 static void sort_once(GArray *directions) {
     guint n = 0;
-    g_array_sort(directions, import_names_compare);
+    g_array_sort(directions, compare);
     for (guint i = 0; i < directions->len; i++)
-        if (n == 0 ||
-            import_names_compare(&g_array_index(directions, struct direction, i),
-                                 &g_array_index(directions, struct direction, n - 1)) != 0)
+        if (n == 0 || compare(&g_array_index(directions, struct direction, i),
+                              &g_array_index(directions, struct direction, n - 1)) != 0)
             g_array_index(directions, struct direction, n++) =
                 g_array_index(directions, struct direction, i);
     g_array_set_size(directions, n);
 }
 
-static guint import_names_index_of(const GArray *directions, const struct direction *d) {
+static guint index_of(const GArray *directions, const struct direction *d) {
     guint at = 0;
-    return g_array_binary_search((GArray *)directions, d, import_names_compare, &at) ? at : 0;
+    return g_array_binary_search((GArray *)directions, d, compare, &at) ? at : 0;
 }
 
 static gboolean report_missing(const struct pictures *pictures, GError **error) {
@@ -125,8 +124,8 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
     g_ptr_array_set_size(pictures->of, (gint)(pictures->views->len * pictures->lights->len));
     for (guint i = 0; i < pictures->all->len; i++) {
         struct named *named = pictures->all->pdata[i];
-        const guint view = import_names_index_of(pictures->views, &named->view);
-        const guint light = import_names_index_of(pictures->lights, &named->light);
+        const guint view = index_of(pictures->views, &named->view);
+        const guint light = index_of(pictures->lights, &named->light);
         gpointer *at = &pictures->of->pdata[view * pictures->lights->len + light];
         const struct named *other = *at;
         if (other)
@@ -138,7 +137,7 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
     return report_missing(pictures, error);
 }
 
-static int import_names_by_text(gconstpointer a, gconstpointer b) {
+static int by_text(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -150,7 +149,7 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
         return FALSE;
     while ((name = g_dir_read_name(dir)))
         g_ptr_array_add(names, g_strdup(name));
-    g_ptr_array_sort(names, import_names_by_text);
+    g_ptr_array_sort(names, by_text);
     for (guint i = 0; i < names->len; i++) {
         name = names->pdata[i];
         double tl, pl, tv, pv;
@@ -173,7 +172,7 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
                            "there is no .jpg, .png, .tif or .exr picture in that folder");
 }
 
-static int import_names_by_number(gconstpointer a, gconstpointer b) {
+static int by_number(gconstpointer a, gconstpointer b) {
     return strverscmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -294,7 +293,7 @@ static GPtrArray *names_beside(const struct pictures *pictures, const char *list
         for (const char *name; (name = g_dir_read_name(dir));)
             if (*name != '.' && import_is_picture(name))
                 g_ptr_array_add(names, g_strdup(name));
-        g_ptr_array_sort(names, import_names_by_number);
+        g_ptr_array_sort(names, by_number);
     }
     if (names->len == n)
         return listed || order_by_time(list, folder, names, pictures->wish->notes, error)
@@ -319,8 +318,7 @@ static void tell_horizon(const struct pictures *pictures, const char *list,
                             list, light->line, path));
 }
 
-static gboolean import_names_read_list(struct pictures *pictures, const char *list,
-                                       GError **error) {
+static gboolean read_list(struct pictures *pictures, const char *list, GError **error) {
     g_autoptr(GArray) lights = import_lights_read(list, error);
     g_autofree char *folder = g_path_get_dirname(list);
     g_autoptr(GPtrArray) names = NULL;
@@ -360,9 +358,9 @@ static gboolean may_have_holes(const char *path) {
     return says.alpha;
 }
 
-static gboolean import_names_give_picture(int view, int light, const struct import_region *region,
-                                          float *const *ret_planes, int *ret_holes, gpointer data,
-                                          GError **error) {
+static gboolean give_picture(int view, int light, const struct import_region *region,
+                             float *const *ret_planes, int *ret_holes, gpointer data,
+                             GError **error) {
     const struct pictures *pictures = data;
     struct named *named = pictures->of->pdata[(guint)view * pictures->lights->len + (guint)light];
     const gsize n = (gsize)region->width * (gsize)region->height;
@@ -400,8 +398,7 @@ static gboolean import_names_give_picture(int view, int light, const struct impo
     return import_picture_check_holes(picture, (gsize)*ret_holes, n, named->path, 0, NULL, error);
 }
 
-static void import_names_degrees(const GArray *directions, float **ret_theta_deg,
-                                 float **ret_phi_deg) {
+static void degrees(const GArray *directions, float **ret_theta_deg, float **ret_phi_deg) {
     *ret_theta_deg = g_new(float, directions->len);
     *ret_phi_deg = g_new(float, directions->len);
     for (guint i = 0; i < directions->len; i++) {
@@ -411,7 +408,7 @@ static void import_names_degrees(const GArray *directions, float **ret_theta_deg
     }
 }
 
-static gboolean import_names_filled(Session *session, gpointer data, GError **error) {
+static gboolean filled(Session *session, gpointer data, GError **error) {
     const struct pictures *pictures = data;
     return import_look_tell(pictures->look, session, pictures->wish->notes, error);
 }
@@ -447,8 +444,8 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
     }
     pictures.first = first;
     g_clear_pointer(&first->rgb, g_free);
-    import_names_degrees(views, &view_theta, &view_phi);
-    import_names_degrees(lights, &light_theta, &light_phi);
+    degrees(views, &view_theta, &view_phi);
+    degrees(lights, &light_theta, &light_phi);
     const struct import_material material = {
         .source = source,
         .width = first->width,
@@ -461,8 +458,8 @@ static gboolean import_named(const char *path, const char *source, ReadNames rea
         .view_phi_deg = view_phi,
         .light_theta_deg = light_theta,
         .light_phi_deg = light_phi,
-        .picture = import_names_give_picture,
-        .filled = import_names_filled,
+        .picture = give_picture,
+        .filled = filled,
         .data = &pictures,
     };
     int steepest = 0;
@@ -482,5 +479,5 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
 
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
                     const struct work *work, struct import_result *ret, GError **error) {
-    return import_named(path, list, import_names_read_list, wish, work, ret, error);
+    return import_named(path, list, read_list, wish, work, ret, error);
 }

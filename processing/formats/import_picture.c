@@ -61,8 +61,7 @@ static void take_cells(struct import_picture *to, const struct picture *from, co
         }
 }
 
-static struct import_picture *import_picture_read_raw(const char *path, gboolean mosaic,
-                                                      GError **error) {
+static struct import_picture *read_raw(const char *path, gboolean mosaic, GError **error) {
     char cfa[RAW_CFA];
     g_autoptr(Picture) raw = raw_read(path, cfa, error);
     if (!raw)
@@ -127,7 +126,7 @@ static struct import_picture *take_exr(const struct exr_part *part, const float 
     return picture;
 }
 
-static struct import_picture *import_picture_read_exr(const char *path, GError **error) {
+static struct import_picture *read_exr(const char *path, GError **error) {
     g_autoptr(ExrPart) part = exr_read_picture(path, error);
     if (!part)
         return NULL;
@@ -182,13 +181,12 @@ static struct import_picture *read_other(const char *path, const struct import_r
 
 /* codes: the numbers in the file, and of camera raw the mosaic. part: only of pictures of which a
  * part can be read. */
-static struct import_picture *import_picture_read_any(const char *path, gboolean codes,
-                                                      const struct import_region *part,
-                                                      GError **error) {
+static struct import_picture *read_any(const char *path, gboolean codes,
+                                       const struct import_region *part, GError **error) {
     g_autoptr(GError) found = NULL;
     struct import_picture *picture = has_end(path, (const char *const[]){".exr", NULL})
-                                         ? import_picture_read_exr(path, &found)
-                                     : raw_is(path) ? import_picture_read_raw(path, codes, &found)
+                                         ? read_exr(path, &found)
+                                     : raw_is(path) ? read_raw(path, codes, &found)
                                                     : read_other(path, part, &found);
     if (picture && picture->part.width == 0)
         picture->part = (struct import_region){0, 0, picture->width, picture->height};
@@ -205,7 +203,7 @@ struct import_picture *import_picture_read(const char *path, enum picture_tones 
 
 struct import_picture *import_picture_read_part(const char *path, const struct import_region *part,
                                                 enum picture_tones wanted, GError **error) {
-    g_autoptr(ImportPicture) picture = import_picture_read_any(path, FALSE, part, error);
+    g_autoptr(ImportPicture) picture = read_any(path, FALSE, part, error);
     g_autoptr(GError) found = NULL;
     if (!picture)
         return NULL;
@@ -222,7 +220,7 @@ struct import_picture *import_picture_read_part(const char *path, const struct i
 }
 
 struct import_picture *import_picture_read_codes(const char *path, GError **error) {
-    return import_picture_read_any(path, TRUE, NULL, error);
+    return read_any(path, TRUE, NULL, error);
 }
 
 gboolean import_picture_check_same(const struct import_picture *first,

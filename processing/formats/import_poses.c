@@ -16,7 +16,7 @@ const char *const import_poses_columns[] = {
     "file",      "camera",      "lamp", "laser",    "turntable_deg", "arc_deg", "exposure_ms",
     "sweep_deg", "black_level", "bits", "transfer", "flat_field",    NULL};
 
-static gint64 import_poses_steps(double deg) {
+static gint64 steps(double deg) {
     const gint64 turn = (gint64)360 * STEPS_A_DEG;
     const gint64 at = llround(remainder(deg, 360) * STEPS_A_DEG) % turn;
     return at < 0 ? at + turn : at;
@@ -62,9 +62,9 @@ static gboolean read_devices(const struct import_set *set, const TextTable *tabl
     return TRUE;
 }
 
-static gboolean import_poses_read_row(const struct import_set *set, const TextTable *table,
-                                      const struct columns *columns, int index,
-                                      struct import_row *row, GError **error) {
+static gboolean read_row(const struct import_set *set, const TextTable *table,
+                         const struct columns *columns, int index, struct import_row *row,
+                         GError **error) {
     g_autofree char *table_path = g_canonicalize_filename(set->table, NULL);
     g_autofree char *folder = g_path_get_dirname(table_path);
     row->line = text_table_line(table, index);
@@ -92,8 +92,7 @@ static void clear_row(gpointer data) {
     g_free(row->coding.flat_path);
 }
 
-static gboolean import_poses_read_rows(struct import_set *set, const TextTable *table,
-                                       GError **error) {
+static gboolean read_rows(struct import_set *set, const TextTable *table, GError **error) {
     const struct columns columns = {.file = text_table_column(table, "file"),
                                     .camera = text_table_column(table, "camera"),
                                     .lamp = text_table_column(table, "lamp"),
@@ -115,7 +114,7 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
         return data_error_fail(set->table, 0, error, "it has more than %d rows", MAX_ROWS);
     for (int i = 0; i < text_table_rows(table); i++) {
         struct import_row row = {0};
-        const gboolean ok = import_poses_read_row(set, table, &columns, i, &row, error);
+        const gboolean ok = read_row(set, table, &columns, i, &row, error);
         g_array_append_val(set->rows, row);
         if (!ok)
             return FALSE;
@@ -125,11 +124,10 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
 
 /* Order: shot, camera, sweep angle. */
 static int compare_shots(const struct import_row *a, const struct import_row *b) {
-    const gint64 keys[4][2] = {
-        {a->sweep, b->sweep},
-        {import_poses_steps(a->turntable_deg), import_poses_steps(b->turntable_deg)},
-        {import_poses_steps(a->arc_deg), import_poses_steps(b->arc_deg)},
-        {a->device, b->device}};
+    const gint64 keys[4][2] = {{a->sweep, b->sweep},
+                               {steps(a->turntable_deg), steps(b->turntable_deg)},
+                               {steps(a->arc_deg), steps(b->arc_deg)},
+                               {a->device, b->device}};
     for (int i = 0; i < 4; i++)
         if (keys[i][0] != keys[i][1])
             return keys[i][0] < keys[i][1] ? -1 : 1;
@@ -146,7 +144,7 @@ static int compare_rows(gconstpointer x, gconstpointer y) {
     return a->line - b->line;
 }
 
-static double import_poses_radians(double deg) {
+static double radians(double deg) {
     return deg * G_PI / 180;
 }
 
@@ -155,22 +153,21 @@ static double import_poses_radians(double deg) {
 static struct vec3 import_poses_direction(const struct import_set *set, struct vec3 at_mm,
                                           double turntable_deg) {
     at_mm.z -= set->wish->grid.reference_mm;
-    return vec3_unit(rig_turn(at_mm, -import_poses_radians(turntable_deg)));
+    return vec3_unit(rig_turn(at_mm, -radians(turntable_deg)));
 }
 
 /* Index of a view, light or laser position in the list: that of the same device at the same angle,
  * or one whose direction is at most within_deg away, or a new one. */
 static int direction_index(GArray *list, int device, double turntable_deg, struct vec3 direction,
                            double within_deg) {
-    const double least = cos(import_poses_radians(within_deg));
+    const double least = cos(radians(within_deg));
     double theta, phi;
     for (guint i = 0; i < list->len; i++) {
         const struct session_direction *known = &g_array_index(list, struct session_direction, i);
-        if ((known->device == device &&
-             import_poses_steps(known->turntable_deg) == import_poses_steps(turntable_deg)) ||
+        if ((known->device == device && steps(known->turntable_deg) == steps(turntable_deg)) ||
             (within_deg > 0 &&
-             vec3_dot(direction, rig_direction(import_poses_radians(known->theta_deg),
-                                               import_poses_radians(known->phi_deg))) >= least))
+             vec3_dot(direction,
+                      rig_direction(radians(known->theta_deg), radians(known->phi_deg))) >= least))
             return (int)i;
     }
     rig_angles(direction, &theta, &phi);
@@ -184,9 +181,9 @@ static int direction_index(GArray *list, int device, double turntable_deg, struc
 }
 
 /* Lights and laser positions are distinguished by their angle relative to the sample. */
-static int import_poses_source_of(struct import_set *set, const struct import_row *row) {
+static int source_of(struct import_set *set, const struct import_row *row) {
     const struct rig *rig = &set->known->rig;
-    const double arc_rad = import_poses_radians(row->arc_deg);
+    const double arc_rad = radians(row->arc_deg);
     const struct vec3 at_mm =
         row->sweep ? rig_laser_position_mm(&rig->arc, &rig->lasers[row->device], arc_rad)
                    : rig_lamp_position_mm(&rig->arc, &rig->lamps[row->device], arc_rad);
@@ -210,7 +207,7 @@ static void make_shots(struct import_set *set) {
                                               .pose = (int)set->shots->len,
                                               .turntable_deg = row->turntable_deg,
                                               .arc_deg = row->arc_deg,
-                                              .source = import_poses_source_of(set, row),
+                                              .source = source_of(set, row),
                                               .device = row->device};
             g_array_append_val(set->shots, shot);
         }
@@ -254,7 +251,7 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
     for (guint i = 0; i < set->shots->len; i++) {
         struct session_shot *other = &g_array_index(set->shots, struct session_shot, i);
         if (other->kind != SHOT_LAMP || other->source != light_index ||
-            import_poses_steps(other->turntable_deg) != import_poses_steps(view->turntable_deg))
+            steps(other->turntable_deg) != steps(view->turntable_deg))
             continue;
         if (other->state == SHOT_SKIPPED) { /* it is missing for another camera, too */
             other->cameras |= 1u << view->device;
@@ -272,10 +269,8 @@ static gboolean add_missing(struct import_set *set, int view_index, int light_in
     return known;
 }
 
-static gboolean import_poses_fail_missing(const struct import_set *set,
-                                          const struct session_direction *view,
-                                          const struct session_direction *light, int n_missing,
-                                          GError **error) {
+static gboolean fail_missing(const struct import_set *set, const struct session_direction *view,
+                             const struct session_direction *light, int n_missing, GError **error) {
     return data_error_fail(
         set->table, 0, error,
         "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g, or one "
@@ -328,7 +323,7 @@ static gboolean check_lights(struct import_set *set, GError **error) {
             ok = add_missing(set, (int)view, (int)light) && ok;
         }
         if (missing > 0 && (!ok || missing > BTF_MAX_MISSING * n_lights))
-            return import_poses_fail_missing(set, of, first, missing, error);
+            return fail_missing(set, of, first, missing, error);
         if (missing > 0 && set->wish->notes)
             g_ptr_array_add(
                 set->wish->notes,
@@ -363,8 +358,8 @@ static struct import_look *new_look(const struct import_set *set) {
     return import_look_new(set->wish->transfer, (int)set->views->len, (int)n, theta, phi, steepest);
 }
 
-static gboolean import_poses_make(struct import_set *set, const char *path, const struct work *work,
-                                  GError **error) {
+static gboolean make(struct import_set *set, const char *path, const struct work *work,
+                     GError **error) {
     struct import_place place;
     make_shots(set);
     if (!check_double(set, error) || !check_lights(set, error) || !import_frames_plan(set, error) ||
@@ -436,8 +431,7 @@ gboolean import_poses(const char *path, const struct import_poses *poses, const 
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);
     const gboolean ok = table && (set.known = nominal_read(poses->calibration, error)) &&
-                        import_poses_read_rows(&set, table, error) &&
-                        import_poses_make(&set, path, work, error);
+                        read_rows(&set, table, error) && make(&set, path, work, error);
     if (ok)
         tell_downward(&set);
     ret->n_views = (int)set.views->len;

@@ -80,8 +80,8 @@ static const struct nominal_kind {
              {"lamp", lamp_keys, RIG_MAX_LAMPS},
              {"laser", laser_keys, RIG_MAX_LASERS}};
 
-static gboolean nominal_numbers(const struct config_section *section, const struct nominal_key *key,
-                                struct nominal_place *place, GError **error) {
+static gboolean numbers(const struct config_section *section, const struct nominal_key *key,
+                        struct nominal_place *place, GError **error) {
     const char *given = config_value(section, key->name, NULL);
     double *to = (double *)((char *)place + key->offset);
     const char *text = given ? given : key->otherwise;
@@ -219,7 +219,7 @@ static gboolean nominal_section(const struct config_section *section,
         }
     }
     for (const struct nominal_key *key = kind->keys; key->name; key++)
-        if (!nominal_numbers(section, key, &place, error))
+        if (!numbers(section, key, &place, error))
             return FALSE;
     if (kind->keys == camera_keys) {
         if (!nominal_camera(section, &place, rig, error))
@@ -236,7 +236,7 @@ static gboolean nominal_section(const struct config_section *section,
                                    : nominal_laser(section, &place, rig, error);
 }
 
-static struct calibration *nominal_from_config(const Config *config, GError **error) {
+static struct calibration *from_config(const Config *config, GError **error) {
     const struct rig rig = {.id = "nominal"};
     g_autoptr(Calibration) ret = calibration_new(&rig);
     gsize n;
@@ -271,12 +271,12 @@ struct calibration *nominal_read(const char *path, GError **error) {
         g_key_file_has_key(file, "rig", "format", NULL) || !strstr(text, "[camera "))
         return calibration_read(path, error);
     g_autoptr(Config) config = config_parse(text, path, error);
-    return config ? nominal_from_config(config, error) : NULL;
+    return config ? from_config(config, error) : NULL;
 }
 
 /* Appends a section with all keys. picture: a camera's; NULL for others. */
-static void nominal_append(GString *text, const struct nominal_kind *kind, const char *name,
-                           const struct import_picture *picture) {
+static void append(GString *text, const struct nominal_kind *kind, const char *name,
+                   const struct import_picture *picture) {
     g_string_append_printf(text, "\n[%s %s]\n", kind->class_name, name);
     for (const struct nominal_key *key = kind->keys; key->name; key++) {
         g_autofree char *value = g_strdup(key->otherwise ? key->otherwise : UNFILLED);
@@ -328,7 +328,7 @@ char *nominal_template(const char *path, GError **error) {
                 g_string_free(text, TRUE);
                 return NULL;
             }
-            nominal_append(text, &kinds[k], name, picture);
+            append(text, &kinds[k], name, picture);
         }
     return g_string_free(text, FALSE);
 }

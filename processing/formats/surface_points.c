@@ -31,8 +31,7 @@ struct view {
 
 /* Tangent from one neighbour to the other, or from the texel to the one that exists. FALSE: they
  * are on different surfaces. */
-static gboolean surface_points_along(const struct view *view, int i, int before, int after,
-                                     struct vec3 *ret) {
+static gboolean along(const struct view *view, int i, int before, int after, struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
     int from = before >= 0 && view->distance[before] >= 0 ? before : i;
     int to = after >= 0 && view->distance[after] >= 0 ? after : i;
@@ -45,15 +44,12 @@ static gboolean surface_points_along(const struct view *view, int i, int before,
 }
 
 /* Normal: cross product of the tangents along columns and rows, towards the camera. */
-static gboolean surface_points_normal_at(const struct view *view, int column, int row,
-                                         struct vec3 *ret) {
+static gboolean normal_at(const struct view *view, int column, int row, struct vec3 *ret) {
     const int width = view->surface->grid.width, height = view->surface->grid.height;
     const int i = row * width + column;
     struct vec3 x, y;
-    if (!surface_points_along(view, i, column > 0 ? i - 1 : -1, column < width - 1 ? i + 1 : -1,
-                              &x) ||
-        !surface_points_along(view, i, row < height - 1 ? i + width : -1, row > 0 ? i - width : -1,
-                              &y))
+    if (!along(view, i, column > 0 ? i - 1 : -1, column < width - 1 ? i + 1 : -1, &x) ||
+        !along(view, i, row < height - 1 ? i + width : -1, row > 0 ? i - width : -1, &y))
         return FALSE;
     const struct vec3 cross = vec3_cross(x, y);
     if (!(vec3_length(cross) > 0))
@@ -70,8 +66,7 @@ static void add_points(const struct view *view) {
         struct surface_point point = {.view = view->index};
         /* Predicted values are left out: the points of the other views contain them. */
         if (!(view->distance[i] >= 0) || (view->source && view->source[i] >= MDF_PREDICTED) ||
-            !surface_points_normal_at(view, i % surface->grid.width, i / surface->grid.width,
-                                      &point.normal))
+            !normal_at(view, i % surface->grid.width, i / surface->grid.width, &point.normal))
             continue;
         const double own =
             view->error[i] >= 0 ? (double)view->error[i] / surface->texel_mm : UNKNOWN;
@@ -83,8 +78,8 @@ static void add_points(const struct view *view) {
     }
 }
 
-static gboolean surface_points_add_view(struct surface *surface, const struct exr_part *part,
-                                        int index, const char *path, GError **error) {
+static gboolean add_view(struct surface *surface, const struct exr_part *part, int index,
+                         const char *path, GError **error) {
     const float *distance = exr_part_plane(part, "D"), *own = exr_part_plane(part, "S");
     double eye[3];
     if (!distance || !own || part->width != surface->grid.width ||
@@ -134,7 +129,7 @@ gboolean surface_points_read(const char *session, const struct work *work, struc
     g_autoptr(ExrFile) file = exr_read(path, error);
     ret->n_views = file ? (int)file->parts->len : 0;
     for (int i = 0; i < ret->n_views; i++)
-        if (!surface_points_add_view(ret, file->parts->pdata[i], i, path, error) ||
+        if (!add_view(ret, file->parts->pdata[i], i, path, error) ||
             !work_tell(work, "points", i + 1, ret->n_views, begun_us, error))
             return FALSE;
     return file != NULL;

@@ -19,14 +19,14 @@ struct picture {
     float *level; /* ln(green) */
 };
 
-static gsize demosaic_pixel_at(const struct picture *picture, int x, int y) {
+static gsize pixel_at(const struct picture *picture, int x, int y) {
     const int column = demosaic_mirror(x, picture->width),
               row = demosaic_mirror(y, picture->height);
     return (gsize)row * (gsize)picture->width + (gsize)column;
 }
 
 static float own_at(const struct picture *picture, int x, int y) {
-    return picture->own[demosaic_pixel_at(picture, x, y)];
+    return picture->own[pixel_at(picture, x, y)];
 }
 
 /* Green at a red or blue pixel, interpolated in one direction with a Laplacian correction from
@@ -45,7 +45,7 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
 static void fill_green(struct picture *picture) {
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
-            gsize i = demosaic_pixel_at(picture, x, y);
+            gsize i = pixel_at(picture, x, y);
             float value = picture->own[i], across, down;
             if (picture->colour[i] != DEMOSAIC_GREEN) {
                 float h = green_along(picture, x, y, 1, 0, &across);
@@ -64,11 +64,11 @@ static void fill_green(struct picture *picture) {
  *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + MIN_WEIGHT). */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
-    float level = picture->level[demosaic_pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};
+    float level = picture->level[pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};
     float green[DEMOSAIC_COLOURS] = {0};
     for (int v = -RADIUS; v <= RADIUS; v++)
         for (int u = -RADIUS; u <= RADIUS; u++) {
-            gsize k = demosaic_pixel_at(picture, x + u, y + v);
+            gsize k = pixel_at(picture, x + u, y + v);
             float other = (picture->level[k] - level) / LEVEL_SCALE;
             float w = weights[abs(u)] * weights[abs(v)] * (1 / (1 + other * other) + MIN_WEIGHT);
             sum[picture->colour[k]] += w * picture->own[k];
@@ -87,7 +87,7 @@ static void fill_ratios(const struct picture *picture, const float *scale, float
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             float colours[DEMOSAIC_COLOURS];
-            gsize i = demosaic_pixel_at(picture, x, y);
+            gsize i = pixel_at(picture, x, y);
             int mine = picture->colour[i];
             find_colours(picture, weights, x, y, colours);
             for (int c = 0; c < DEMOSAIC_COLOURS; c++) {

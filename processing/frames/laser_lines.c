@@ -164,8 +164,8 @@ static int by_frame(const void *a, const void *b) {
 
 /* Candidates: pixels with a peak that light reached past the sample. off = α(x) − (from +
  * peak·step), α(x): sweep angle of the calibrated sheet through the pixel's point x. */
-static void laser_lines_collect(const LaserRegion *region, const struct laser_sweep *sweep,
-                                struct search *search) {
+static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
+                    struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 in_sample = rig_turn(source, -region->turntable_rad);
     const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -278,8 +278,8 @@ static gboolean disagree(double measured, double error, double known) {
 
 /* The offset m ± e of the lines, for a calibration known to ± k, is shrunk to m·k² / (k² + e²); if
  * they disagree the lines alone count. angle_k = offset + (level_k − measured offset) + own_k. */
-static void laser_lines_combine(const struct search *search, const struct laser_known *known,
-                                double plane_error_rad, struct laser_lines *lines) {
+static void combine(const struct search *search, const struct laser_known *known,
+                    double plane_error_rad, struct laser_lines *lines) {
     const int n = search->n_frames;
     g_autofree double *level = g_new(double, n), *own = g_new(double, n);
     struct laser_frames frames = {n, search->middle, search->error, level, own};
@@ -307,8 +307,8 @@ static void laser_lines_combine(const struct search *search, const struct laser_
 
 /* Alternates between intercepts (middle), scale and roll; then fits all frames once more with the
  * roll combined with the calibration's. FALSE: no frame has a line. */
-static gboolean laser_lines_do_find(struct search *search, const struct laser_known *known,
-                                    struct laser_lines *lines) {
+static gboolean do_find(struct search *search, const struct laser_known *known,
+                        struct laser_lines *lines) {
     double roll = 0;
     lines->roll_error_rad = INFINITY;
     fit_frames(search, 0);
@@ -340,15 +340,14 @@ void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep
     search.first = g_new0(int, n_frames + 1);
     search.middle = g_new(double, n_frames);
     search.error = g_new0(double, n_frames);
-    laser_lines_collect(region, sweep, &search);
+    collect(region, sweep, &search);
     /* beam: from the source towards the origin, perpendicular to the sweep's axis. */
     const struct vec3 axis = rig_laser_axis(sweep->arc, sweep->laser, sweep->arc_rad);
     ret->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 inward = vec3_scale(ret->source_mm, -1);
     ret->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));
-    if (search.n >= MIN_PIXELS && laser_lines_do_find(&search, &least, ret)) {
-        laser_lines_combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm,
-                            ret);
+    if (search.n >= MIN_PIXELS && do_find(&search, &least, ret)) {
+        combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm, ret);
         ret->scatter_mm = search.scale * search.range_mm;
     }
     g_free(search.candidates);

@@ -23,7 +23,7 @@ struct LaserPictures {
 };
 
 /* angle: sweep angle at which the calibrated sheet passes a pixel's point of the plane, or NAN. */
-static void laser_pictures_place(LaserPictures *p) {
+static void place(LaserPictures *p) {
     const struct laser_sweep *s = p->sweep;
     const struct vec3 source = rig_laser_position_mm(s->arc, s->laser, s->arc_rad);
     const struct vec3 axis = rig_laser_axis(s->arc, s->laser, s->arc_rad);
@@ -68,7 +68,7 @@ LaserPictures *laser_pictures_new(const LaserRegion *region, const struct laser_
         sum += exp(-k * k / (2 * SIGMA_PX * SIGMA_PX));
     for (int k = 0; k <= REACH; k++)
         p->weights[k] = (float)(exp(-k * k / (2 * SIGMA_PX * SIGMA_PX)) / sum);
-    laser_pictures_place(p);
+    place(p);
     return p;
 }
 

@@ -86,7 +86,7 @@ static void add_weight(struct weights *weights, guint32 pixel, float weight) {
     weights->sum[pixel] += weight;
 }
 
-static guint32 rectify_pixel_at(const Rectify *rectify, int x, int y) {
+static guint32 pixel_at(const Rectify *rectify, int x, int y) {
     return (guint32)(demosaic_mirror(y, rectify->height) * rectify->width +
                      demosaic_mirror(x, rectify->width));
 }
@@ -111,7 +111,7 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
         area_weights(x - i, columns);
         area_weights(y - j, rows);
         for (int c = 0; c < 9; c++)
-            add_weight(weights, rectify_pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1),
+            add_weight(weights, pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1),
                        share * columns[c % 3] * rows[c / 3]);
     }
 }
@@ -134,7 +134,7 @@ static void weigh_around(const Rectify *rectify, const struct footprint *footpri
             rows[c] = spline(footprint->y[k] - (j0 + c));
         }
         for (int c = 0; c < 36; c++)
-            add_weight(weights, rectify_pixel_at(rectify, i0 + c % 6, j0 + c / 6),
+            add_weight(weights, pixel_at(rectify, i0 + c % 6, j0 + c / 6),
                        columns[c % 6] * rows[c / 6]);
     }
 }
@@ -143,15 +143,15 @@ static struct rows new_rows(int n) {
     return (struct rows){g_new0(struct window, n), g_array_new(FALSE, TRUE, sizeof(float))};
 }
 
-static void rectify_clear_rows(struct rows *rows) {
+static void clear_rows(struct rows *rows) {
     g_free(rows->window);
     g_clear_pointer(&rows->weight, g_array_unref);
 }
 
 /* Moves the weights from the accumulator, which is 0 again afterwards, to the row of a texel. Its
  * window is the smallest with all pixels of non-zero weight; n_rows is 0 if there is none. */
-static void rectify_append_row(const Rectify *rectify, struct rows *rows, int texel,
-                               struct weights *weights, const float *gain) {
+static void append_row(const Rectify *rectify, struct rows *rows, int texel,
+                       struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
     guint x0 = G_MAXUINT, x1 = 0, y0 = G_MAXUINT, y1 = 0, width = (guint)rectify->width;
     for (guint i = 0; i < weights->pixels->len; i++) {
@@ -197,9 +197,9 @@ static void balance(Rectify *rectify, int texel) {
 
 /* Shortest and longest side of a texel in pixels; FALSE if a corner texel is not before the camera.
  * The size varies smoothly over the grid: corners have the extremes. */
-static gboolean rectify_sides_px(const struct rig_camera *camera, double turntable_rad,
-                                 const struct session_grid *grid, double *ret_shortest,
-                                 double *ret_longest) {
+static gboolean sides_px(const struct rig_camera *camera, double turntable_rad,
+                         const struct session_grid *grid, double *ret_shortest,
+                         double *ret_longest) {
     *ret_shortest = INFINITY;
     *ret_longest = 0;
     for (int k = 0; k < 4; k++) {
@@ -229,7 +229,7 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct session_grid *grid, const int *texels) {
     const gsize n = rectify->n_pixels, width = (gsize)camera->width;
     double shortest, longest;
-    const gboolean seen = rectify_sides_px(camera, turntable_rad, grid, &shortest, &longest);
+    const gboolean seen = sides_px(camera, turntable_rad, grid, &shortest, &longest);
     const int side = seen ? points_aside(longest, SPACING_PX) : 4;
     const int coarse = seen ? points_aside(longest, 4 * SPACING_PX) : 4;
     rectify->chroma = seen && shortest > 0 ? (float)(CHROMA_PX / shortest) : 1;
@@ -251,11 +251,11 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
         rectify->n_outside += !inside;
         if (inside)
             weigh_pixels(rectify, &footprint, &weights);
-        rectify_append_row(rectify, &rectify->area, i, &weights, gain);
+        append_row(rectify, &rectify->area, i, &weights, gain);
         if (inside && !rectify->mono &&
             project_texel(camera, turntable_rad, grid, column, row, coarse, &footprint))
             weigh_around(rectify, &footprint, &weights);
-        rectify_append_row(rectify, &rectify->around, i, &weights, NULL);
+        append_row(rectify, &rectify->around, i, &weights, NULL);
         balance(rectify, i);
     }
 }
@@ -309,8 +309,8 @@ void rectify_free(Rectify *rectify) {
     g_free(rectify->ratio);
     g_free(rectify->vary);
     g_free(rectify->balance);
-    rectify_clear_rows(&rectify->area);
-    rectify_clear_rows(&rectify->around);
+    clear_rows(&rectify->area);
+    clear_rows(&rectify->around);
     g_free(rectify);
 }
 
@@ -386,8 +386,8 @@ __attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, c
 }
 #endif
 
-static void rectify_do_apply(const Rectify *rectify, const float *mosaic, const float *ratio,
-                             float *ret_rgb) {
+static void do_apply(const Rectify *rectify, const float *mosaic, const float *ratio,
+                     float *ret_rgb) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
         apply_avx2(rectify, mosaic, ratio, ret_rgb);
@@ -413,8 +413,8 @@ gboolean rectify_pad(const Rectify *rectify, const float *mosaic, float *ret) {
     return !bad;
 }
 
-static gboolean rectify_all_finite(const Rectify *rectify, const struct rows *rows, int texel,
-                                   const float *mosaic) {
+static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int texel,
+                           const float *mosaic) {
     const struct window *window = &rows->window[texel];
     const float *weight = rectify_weights_of(rows, texel);
     const int columns = window->n_wide * LANES;
@@ -442,15 +442,14 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
         if (rectify->planes == 3)
             apply_plane(rectify, padded, c, ret_rgb);
         else
-            rectify_do_apply(rectify, padded, ratio, ret_rgb);
+            do_apply(rectify, padded, ratio, ret_rgb);
     }
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         float *rgb = ret_rgb + 3 * (gsize)texel;
-        const gboolean seen =
-            rectify->area.window[texel].n_rows > 0 && isfinite(rgb[0]) && isfinite(rgb[1]) &&
-            isfinite(rgb[2]) &&
-            (good || (rectify_all_finite(rectify, &rectify->area, texel, mosaic) &&
-                      rectify_all_finite(rectify, &rectify->around, texel, mosaic)));
+        const gboolean seen = rectify->area.window[texel].n_rows > 0 && isfinite(rgb[0]) &&
+                              isfinite(rgb[1]) && isfinite(rgb[2]) &&
+                              (good || (all_finite(rectify, &rectify->area, texel, mosaic) &&
+                                        all_finite(rectify, &rectify->around, texel, mosaic)));
         holes += !seen;
         if (!seen)
             memset(rgb, 0, 3 * sizeof *rgb);

@@ -9,7 +9,7 @@
 
 /* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
  * Without smooth weights (mono) the window is that of the area. Returns the window. */
-static const struct window *rectify_widen(const Rectify *rectify, int texel, float *ret_area) {
+static const struct window *widen(const Rectify *rectify, int texel, float *ret_area) {
     const struct window *area = &rectify->area.window[texel];
     const struct window *window = &rectify->around.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);
@@ -56,8 +56,8 @@ rectify_slopes_of(const Rectify *rectify, int texel, const float *mosaic, const 
 }
 
 /* Squared differences of ln excess from a texel to texel + step; FALSE: either is outside. */
-static gboolean rectify_chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes,
-                                    int texel, int step, float ret[3]) {
+static gboolean chroma_step(const Rectify *rectify, const struct rectify_slopes *slopes, int texel,
+                            int step, float ret[3]) {
     if (rectify->area.window[texel].n_rows == 0 || rectify->area.window[texel + step].n_rows == 0)
         return FALSE;
     for (int c = 0; c < 3; c++) {
@@ -68,7 +68,7 @@ static gboolean rectify_chroma_step(const Rectify *rectify, const struct rectify
 }
 
 /* chroma of each texel: the mean over the adjacent pairs among the 3 × 3 texels around it. */
-static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
+static void find_chroma(const Rectify *rectify, struct rectify_slopes *slopes) {
     const int width = rectify->columns, height = rectify->n_texels / width;
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const int x0 = MAX(texel % width - 1, 0), x1 = MIN(texel % width + 1, width - 1);
@@ -79,8 +79,7 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
             for (int x = x0; x <= x1; x++)
                 for (int down = 0; down < 2; down++) {
                     if ((down ? y == y1 : x == x1) ||
-                        !rectify_chroma_step(rectify, slopes, y * width + x, down ? width : 1,
-                                             step))
+                        !chroma_step(rectify, slopes, y * width + x, down ? width : 1, step))
                         continue;
                     for (int c = 0; c < 3; c++)
                         sum[c] += step[c];
@@ -93,7 +92,7 @@ static void rectify_find_chroma(const Rectify *rectify, struct rectify_slopes *s
 
 /* (l − the mean l of the four nearest pixels behind the same colour filter)² / 1.25: the variance
  * of l, the logarithm of green over a pixel's own colour, if l varies at random. */
-static float rectify_vary_of(const Rectify *rectify, const float *green, int x, int y) {
+static float vary_of(const Rectify *rectify, const float *green, int x, int y) {
     static const struct { int x, y; } next[] = {{-2, 0}, {2, 0}, {0, -2}, {0, 2}};
     const gsize at = (gsize)y * rectify->stride + (gsize)x;
     float off = logf(CLAMP(green[at], 1 / MAX_RATIO, MAX_RATIO));
@@ -122,7 +121,7 @@ float *rectify_find_vary(const Rectify *rectify, const float *ratio) {
             const int c = rectify->phase[2 * (y & 1) + (x & 1)];
             if (weight[i] == 0 || c == DEMOSAIC_GREEN)
                 continue;
-            sum[c] += weight[i] * rectify_vary_of(rectify, green, x, y);
+            sum[c] += weight[i] * vary_of(rectify, green, x, y);
             weights[c] += weight[i];
         }
         for (int c = 0; c < 3; c++)
@@ -145,7 +144,7 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
                                                                 float ret[3]) {
     const gsize plane = rectify->stride * (gsize)rectify->height;
     const struct rectify_slopes *slopes = &frame->slopes[texel];
-    const struct window *window = rectify_widen(rectify, texel, area);
+    const struct window *window = widen(rectify, texel, area);
     const gboolean smooth = window != &rectify->area.window[texel];
     const float *around = smooth ? rectify_weights_of(&rectify->around, texel) : none,
                 *weight = area;
@@ -173,7 +172,7 @@ static inline __attribute__((always_inline)) void rectify_noise(const Rectify *r
 }
 
 /* A texel's area weights, 0 in the picture's first and last column. copy: room for them. */
-static const float *rectify_inner_weights(const Rectify *rectify, int texel, float *copy) {
+static const float *inner_weights(const Rectify *rectify, int texel, float *copy) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = rectify_weights_of(&rectify->area, texel);
     const int columns = window->n_wide * LANES, n = window->n_rows * columns;
@@ -302,13 +301,13 @@ rectify_do_errors(const Rectify *rectify, const float *mosaic, const float *pixe
         most = MAX(most, (guint)MAX(a->n_rows * a->n_wide, b->n_rows * b->n_wide) * LANES);
         slopes[texel] = rectify_slopes_of(rectify, texel, values, ratio);
     }
-    rectify_find_chroma(rectify, slopes);
+    find_chroma(rectify, slopes);
     g_autofree float *area = g_new(float, most), *none = g_new0(float, most);
     g_autofree float *down = g_new(float, 3 * (gsize)most);
     for (int texel = 0; texel < rectify->n_texels; texel++) {
         const gsize i = 3 * (gsize)texel;
         rectify_noise(rectify, texel, &frame, area, none, ret_noise + i);
-        rectify_structure(rectify, texel, &frame, rectify_inner_weights(rectify, texel, area), down,
+        rectify_structure(rectify, texel, &frame, inner_weights(rectify, texel, area), down,
                           ret_noise + i, ret_detail + i, ret_shift + i);
     }
 }
@@ -322,8 +321,8 @@ rectify_errors_avx2(const Rectify *rectify, const float *mosaic, const float *pi
 #endif
 
 /* Of one plane of a frame, as if all of its pixels saw the three colours. */
-static void rectify_plane_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
-                                 float *ret_noise, float *ret_detail, float *ret_shift) {
+static void plane_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
+                         float *ret_noise, float *ret_detail, float *ret_shift) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
         rectify_errors_avx2(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
@@ -334,7 +333,7 @@ static void rectify_plane_errors(const Rectify *rectify, const float *mosaic, co
 }
 
 /* Of "rgb" each colour's values come from its own plane. */
-static void rectify_take_colour(const Rectify *rectify, const float *found, gsize c, float *ret) {
+static void take_colour(const Rectify *rectify, const float *found, gsize c, float *ret) {
     for (gsize i = c; i < 3 * (gsize)rectify->n_texels; i += 3)
         ret[i] = found[i];
 }
@@ -342,16 +341,16 @@ static void rectify_take_colour(const Rectify *rectify, const float *found, gsiz
 void rectify_errors(const Rectify *rectify, const float *mosaic, const float *pixels,
                     float *ret_noise, float *ret_detail, float *ret_shift) {
     if (rectify->planes == 1) {
-        rectify_plane_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
+        plane_errors(rectify, mosaic, pixels, ret_noise, ret_detail, ret_shift);
         return;
     }
     const gsize n = 3 * (gsize)rectify->n_texels;
     g_autofree float *noise = g_new0(float, n), *detail = g_new0(float, n);
     g_autofree float *shift = g_new0(float, n);
     for (gsize c = 0, at = 0; c < rectify->planes; c++, at += rectify->n_pixels) {
-        rectify_plane_errors(rectify, mosaic + at, pixels + at, noise, detail, shift);
-        rectify_take_colour(rectify, noise, c, ret_noise);
-        rectify_take_colour(rectify, detail, c, ret_detail);
-        rectify_take_colour(rectify, shift, c, ret_shift);
+        plane_errors(rectify, mosaic + at, pixels + at, noise, detail, shift);
+        take_colour(rectify, noise, c, ret_noise);
+        take_colour(rectify, detail, c, ret_detail);
+        take_colour(rectify, shift, c, ret_shift);
     }
 }

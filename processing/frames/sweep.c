@@ -196,7 +196,7 @@ static void absorb_whole(Sweep *sweep, const guint16 *const *frames, int n) {
     sweep_absorb(sweep, frames, n);
 }
 
-static int sweep_by_size(const void *a, const void *b) {
+static int by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
@@ -213,7 +213,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
         size[i] = abs((int)value - (int)sweep->sample[i]);
         sweep->sample[i] = value;
     }
-    qsort(size, n, sizeof *size, sweep_by_size);
+    qsort(size, n, sizeof *size, by_size);
     const int difference = size[n / 2];
     const gboolean odd = sweep->count > 1 && sweep->difference > ODD_RATIO * difference + ODD_DN;
     if (odd) {
@@ -232,7 +232,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
 
 /* There are more records than lines explain: noise, or flickering light. The margin grows by half
  * until the records take half of the limit, but not so far that lines are lost. */
-static void sweep_make_room(Sweep *sweep) {
+static void make_room(Sweep *sweep) {
     int most = MAX(MIN_MARGIN, sweep->saturation / MAX_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
         sweep->margin += sweep->margin / 2;
@@ -281,7 +281,7 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
             memcpy(sweep->opening, sweep->darkest, sizeof(guint16) * sweep->n_vectors * LANES);
         sweep->count += some;
         if (sweep->n_records > sweep->crowded)
-            sweep_make_room(sweep);
+            make_room(sweep);
     }
 }
 
@@ -301,7 +301,7 @@ struct history {
     int n;
 };
 
-static void sweep_gather(const Sweep *sweep, gsize vector, struct history *history) {
+static void gather(const Sweep *sweep, gsize vector, struct history *history) {
     int n = 0;
     for (guint32 i = sweep->last[vector]; i != NOTHING; i = sweep->records[i].previous)
         history->record[n++] = &sweep->records[i];
@@ -415,9 +415,9 @@ void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_
     for (gsize i = 0; i < sweep->n_pixels; i++) {
         struct sweep_pulse pulse[2];
         if (i % LANES == 0) {
-            sweep_gather(sweep, i / LANES, &pixel.longer);
+            gather(sweep, i / LANES, &pixel.longer);
             if (shorter)
-                sweep_gather(shorter, i / LANES, &pixel.shorter);
+                gather(shorter, i / LANES, &pixel.shorter);
         }
         take_samples(sweep, i, &pixel);
         if (shorter)

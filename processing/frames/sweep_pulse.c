@@ -50,7 +50,7 @@ static void add_sample(struct sums *sums, double t, double y, double weight) {
 }
 
 /* Solves M c = v, M_ij = m[i + j] (3 × 3), by Cramer's rule. FALSE: M is singular. */
-static gboolean sweep_pulse_solve(const struct sums *sums, double c[3]) {
+static gboolean solve(const struct sums *sums, double c[3]) {
     const double *m = sums->m, *v = sums->v;
     double a = m[2] * m[4] - m[3] * m[3], b = m[2] * m[3] - m[1] * m[4];
     double d = m[1] * m[3] - m[2] * m[2];
@@ -72,7 +72,7 @@ struct gaussian {
 
 /* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance of
  * its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise. */
-static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double value) {
+static double weight_of(const struct sweep_samples *s, int k, double value) {
     const double gain = s->gain ? s->gain[k] : 1;
     return value * value / (gain * (value + gain * READ_DN));
 }
@@ -81,8 +81,8 @@ static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double
  * those above the margin. Else one Gauss-Newton step about the first fit f, y' = ln f + (y − f) /
  * f. Noise does not bias y' as it biases ln y, and dark samples count, too, except those so dark
  * that noise decides whether they are recorded. FALSE: no fit, or its time is outside of part. */
-static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
-                                double middle, const struct gaussian *old, struct gaussian *ret) {
+static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
+                    const struct gaussian *old, struct gaussian *ret) {
     const double height =
         old ? exp(MIN(old->c[0] - 0.25 * old->c[1] * old->c[1] / old->c[2], MAX_LOG)) : 0;
     const gboolean known = s->value[part->first] <= s->margin && s->value[part->last] <= s->margin;
@@ -105,10 +105,10 @@ static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span
         } else {
             y = log(y);
         }
-        add_sample(&sums, t, y, sweep_pulse_weight_of(s, k, model));
+        add_sample(&sums, t, y, weight_of(s, k, model));
         used++;
     }
-    if (used < 3 || !sweep_pulse_solve(&sums, ret->c) || !(ret->c[2] < 0))
+    if (used < 3 || !solve(&sums, ret->c) || !(ret->c[2] < 0))
         return FALSE;
     ret->time = -ret->c[1] / (2 * ret->c[2]);
     ret->width = sqrt(-0.5 / ret->c[2]);
@@ -117,7 +117,7 @@ static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span
 }
 
 /* Value of sample k; outside of the pulse the expected value below the margin, which is not 0. */
-static double sweep_pulse_value_at(const struct sweep_samples *s, const struct span *span, int k) {
+static double value_at(const struct sweep_samples *s, const struct span *span, int k) {
     return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
                                                                           : FAINT * s->margin;
 }
@@ -126,10 +126,8 @@ static double sweep_pulse_value_at(const struct sweep_samples *s, const struct s
  * a, b, c the logarithms at −1, 0, 1: time = ½ (a − c) / (a − 2b + c), σ² = −1 / (a − 2b + c). */
 static void between_few(const struct sweep_samples *s, const struct span *span, int length,
                         struct sweep_pulse *ret) {
-    double a = log(sweep_pulse_value_at(s, span, span->top - 1)),
-           b = log((double)s->value[span->top]);
-    double c = length > 1 ? b : log(sweep_pulse_value_at(s, span, span->top + 1)),
-           curvature = a - 2 * b + c;
+    double a = log(value_at(s, span, span->top - 1)), b = log((double)s->value[span->top]);
+    double c = length > 1 ? b : log(value_at(s, span, span->top + 1)), curvature = a - 2 * b + c;
     ret->time = s->frame[span->top];
     ret->width = 0.5;
     if (!(curvature < 0))
@@ -144,8 +142,7 @@ static void between_few(const struct sweep_samples *s, const struct span *span, 
 static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
                            struct sweep_pulse *ret) {
     double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
-    double a = sweep_pulse_value_at(s, span, span->top - 1),
-           c = sweep_pulse_value_at(s, span, span->top + length);
+    double a = value_at(s, span, span->top - 1), c = value_at(s, span, span->top + length);
     double ratio = log(top / CLAMP(sqrt(MAX(a, low) * MAX(c, low)), low, 0.95 * top));
     double variance = (half * half - 0.25 * length * length) / (2 * ratio);
     ret->width = sqrt(variance);
@@ -167,8 +164,8 @@ static struct span bright_part(const struct sweep_samples *s, const struct span 
     return part;
 }
 
-static void sweep_pulse_measure(const struct sweep_samples *s, const struct span *span,
-                                struct sweep_pulse *ret) {
+static void measure(const struct sweep_samples *s, const struct span *span,
+                    struct sweep_pulse *ret) {
     int length = 1; /* consecutive frames at the maximum */
     while (span->top + length <= span->last && s->value[span->top + length] >= s->value[span->top])
         length++;
@@ -179,8 +176,8 @@ static void sweep_pulse_measure(const struct sweep_samples *s, const struct span
     struct span part = bright_part(s, span, length);
     struct gaussian first, better;
     const double middle = 0.5 * (begin + end);
-    if (sweep_pulse_fit(s, &part, middle, NULL, &first)) {
-        if (!sweep_pulse_fit(s, &part, middle, &first, &better))
+    if (fit(s, &part, middle, NULL, &first)) {
+        if (!fit(s, &part, middle, &first, &better))
             better = first;
         ret->time = middle + better.time;
         ret->width = better.width;
@@ -212,8 +209,8 @@ int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *re
         k = span.last + 1;
     }
     if (found > 0 && ret_first)
-        sweep_pulse_measure(samples, &best[0], ret_first);
+        measure(samples, &best[0], ret_first);
     if (found > 1 && ret_second)
-        sweep_pulse_measure(samples, &best[1], ret_second);
+        measure(samples, &best[1], ret_second);
     return found;
 }

@@ -83,7 +83,7 @@ static gboolean fit_normals_open(struct fit *fit, const char *path, GError **err
 }
 
 /* Fibonacci's spiral over the cap above the lowest light, which gives equal areas. */
-static void fit_normals_choose_lights(struct fit *fit) {
+static void choose_lights(struct fit *fit) {
     const struct direction_list *views = &fit->layout->views;
     g_autofree float *lights = direction_list_vectors(&fit->layout->lights);
     double lowest = 1;
@@ -251,7 +251,7 @@ gboolean fit_normals(const char *path, const char *file, gboolean heights,
     *ret = (struct fit_normals_result){0};
     if (ok) {
         const gsize n = btf_layout_texels(fit.layout);
-        fit_normals_choose_lights(&fit);
+        choose_lights(&fit);
         fit.normals = g_new0(float, 3 * n);
         fit.clipped = g_new0(guint8, n);
         fit.shadowed = g_new0(guint8, n);

@@ -23,13 +23,13 @@ void maps_free(struct maps *maps) {
     g_free(maps);
 }
 
-static float maps_eight(float value) {
+static float eight(float value) {
     return rintf(255 * CLAMP(value, 0, 1)) / 255;
 }
 
 /* Encodes a component of a vector for a normal map. */
-static float maps_eight_signed(float value) {
-    return 2 * maps_eight(value / 2 + 0.5F) - 1;
+static float eight_signed(float value) {
+    return 2 * eight(value / 2 + 0.5F) - 1;
 }
 
 struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
@@ -40,18 +40,18 @@ struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
         ret.specular_colour[c] =
             maps->max_specular * maps_srgb_round(ret.specular_colour[c] / maps->max_specular);
         ret.sheen[c] = maps_srgb_round(ret.sheen[c]);
-        ret.normal[c] = maps_eight_signed(ret.normal[c]);
+        ret.normal[c] = eight_signed(ret.normal[c]);
         length += ret.normal[c] * ret.normal[c];
     }
     for (int c = 0; c < 3; c++)
         ret.normal[c] /= sqrtf(length);
-    ret.metallic = maps_eight(ret.metallic);
-    ret.roughness = maps_eight(ret.roughness);
-    ret.specular = maps_eight(ret.specular);
-    ret.coat = maps_eight(ret.coat);
-    ret.anisotropy = maps->anisotropic ? maps_eight(ret.anisotropy) : 0;
+    ret.metallic = eight(ret.metallic);
+    ret.roughness = eight(ret.roughness);
+    ret.specular = eight(ret.specular);
+    ret.coat = eight(ret.coat);
+    ret.anisotropy = maps->anisotropic ? eight(ret.anisotropy) : 0;
     for (int k = 0; k < 2; k++)
-        ret.direction[k] = maps_eight_signed(ret.direction[k]);
+        ret.direction[k] = eight_signed(ret.direction[k]);
     const float along = hypotf(ret.direction[0], ret.direction[1]);
     ret.direction[0] = along > 0 ? ret.direction[0] / along : 1;
     ret.direction[1] = along > 0 ? ret.direction[1] / along : 0;
@@ -59,7 +59,7 @@ struct maps_texel maps_rounded(const struct maps *maps, gsize texel) {
 }
 
 /* Converts a name to characters that are valid in files, XML and Python. */
-static char *maps_plain_name(const char *name) {
+static char *plain_name(const char *name) {
     char *ret = g_strdup(name && *name ? name : "material");
     g_strcanon(ret, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_", '_');
     if (strlen(ret) > 64)
@@ -69,7 +69,7 @@ static char *maps_plain_name(const char *name) {
 
 /* If anisotropy is left out, the roughness of both directions is their geometric mean. A second
  * call changes nothing. */
-static void maps_summarise(struct maps *maps) {
+static void summarise(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double anisotropy = 0;
     maps->max_specular = 1;
@@ -103,7 +103,7 @@ static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
                        btf->layout.width, btf->layout.height, MAPS_MAX_TEXELS);
         return NULL;
     }
-    maps->name = maps_plain_name(btf->name);
+    maps->name = plain_name(btf->name);
     maps->width = (int)btf->layout.width;
     maps->height = (int)btf->layout.height;
     maps->texel_mm = btf->layout.texel_mm > 0 ? btf->layout.texel_mm : 1;
@@ -115,15 +115,15 @@ static struct maps *maps_of(const struct btf_matrix *btf, enum maps_model model,
     maps->depth_mm = of ? of->depth_mm : 0;
     maps->fit = of ? maps_fit_new(of, NULL, model, work, error) : NULL;
     if (maps->fit)
-        maps_summarise(maps);
+        summarise(maps);
     const gboolean ok = maps->fit && maps_find_errors(maps, of, work, error);
     maps_register_free(of);
     return ok ? g_steal_pointer(&maps) : NULL;
 }
 
 /* Computes the maps that are not fitted: heights from the session's MDF, and occlusion. */
-static gboolean maps_shape(struct maps *maps, const char *session, const struct work *work,
-                           GError **error) {
+static gboolean shape(struct maps *maps, const char *session, const struct work *work,
+                      GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree float *heights = g_new(float, n);
     if (!maps_find_heights(maps, session, work, error))
@@ -137,18 +137,18 @@ static gboolean maps_shape(struct maps *maps, const char *session, const struct 
 struct maps *maps_new_of(const struct btf_matrix *btf, enum maps_model model,
                          const struct work *work, GError **error) {
     g_autoptr(Maps) maps = maps_of(btf, model, work, error);
-    return maps && maps_shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
+    return maps && shape(maps, NULL, work, error) ? g_steal_pointer(&maps) : NULL;
 }
 
 /* Returns the stored fit of an earlier export, or makes a new one, which is stored if the session
  * can be written to. */
-static struct maps *maps_fitted(const char *path, const char *session, enum maps_model model,
-                                gint64 memory, const struct work *work, GError **error) {
+static struct maps *fitted(const char *path, const char *session, enum maps_model model,
+                           gint64 memory, const struct work *work, GError **error) {
     g_autoptr(GError) unknown = NULL;
     g_autofree char *inputs = maps_store_inputs(session, model, &unknown);
     g_autoptr(Maps) maps = inputs ? maps_store_read(session, model, inputs) : NULL;
     if (maps) {
-        maps_summarise(maps);
+        summarise(maps);
         maps->kept = MAPS_FIT_TAKEN;
         return g_steal_pointer(&maps);
     }
@@ -165,6 +165,6 @@ static struct maps *maps_fitted(const char *path, const char *session, enum maps
 struct maps *maps_new(const char *path, enum maps_model model, gint64 memory,
                       const struct work *work, GError **error) {
     g_autofree char *session = btf_matrix_session(path);
-    g_autoptr(Maps) maps = maps_fitted(path, session, model, memory, work, error);
-    return maps && maps_shape(maps, session, work, error) ? g_steal_pointer(&maps) : NULL;
+    g_autoptr(Maps) maps = fitted(path, session, model, memory, work, error);
+    return maps && shape(maps, session, work, error) ? g_steal_pointer(&maps) : NULL;
 }

@@ -15,7 +15,7 @@ struct maps_file {
     GBytes *bytes;
 };
 
-static void maps_files_free_one(gpointer data) {
+static void free_one(gpointer data) {
     struct maps_file *file = data;
     g_free(file->name);
     g_bytes_unref(file->bytes);
@@ -23,7 +23,7 @@ static void maps_files_free_one(gpointer data) {
 }
 
 MapsFiles *maps_files_new(void) {
-    return g_ptr_array_new_with_free_func(maps_files_free_one);
+    return g_ptr_array_new_with_free_func(free_one);
 }
 
 void maps_files_free(MapsFiles *files) {
@@ -40,7 +40,7 @@ void maps_files_take_text(MapsFiles *files, char *name, GString *text) {
     maps_files_take(files, name, g_string_free_to_bytes(text));
 }
 
-static gboolean maps_files_exists(const char *path, GError **error) {
+static gboolean exists(const char *path, GError **error) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS,
                 "%s exists already: give another name, or --force to replace it", path);
     return FALSE;
@@ -57,7 +57,7 @@ gboolean maps_files_check(const char *path, gboolean replace, GError **error) {
     struct stat status;
     g_autofree char *folder = g_path_get_dirname(path);
     if (!replace && g_lstat(path, &status) == 0)
-        return maps_files_exists(path, error);
+        return exists(path, error);
     if (!g_file_test(folder, G_FILE_TEST_IS_DIR)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_IO,
                     "%s cannot be written: there is no folder %s; make it first", path, folder);
@@ -67,7 +67,7 @@ gboolean maps_files_check(const char *path, gboolean replace, GError **error) {
 }
 
 /* Writes a file into an existing folder. If FALSE is returned, errno is set. */
-static gboolean maps_files_write_one(const struct maps_file *file, const char *folder) {
+static gboolean write_one(const struct maps_file *file, const char *folder) {
     struct new_file to;
     if (!new_file_begin(&to, folder, file->name))
         return FALSE;
@@ -80,8 +80,8 @@ static gboolean maps_files_write_one(const struct maps_file *file, const char *f
 }
 
 /* Writes a file into a folder of the user. */
-static gboolean maps_files_write_output(const struct maps_file *file, const char *folder,
-                                        gboolean replace, GError **error) {
+static gboolean write_output(const struct maps_file *file, const char *folder, gboolean replace,
+                             GError **error) {
     g_autofree char *path = g_build_filename(folder, file->name, NULL);
     g_autoptr(OutputFile) to = output_file_new(path, NULL, replace, error);
     gsize size;
@@ -100,7 +100,7 @@ static void maps_files_remove(const MapsFiles *files, guint first, const char *f
 /* Writes files into an existing folder. If there is no such folder, errno is set. */
 static gboolean maps_files_replace(const MapsFiles *files, const char *path, GError **error) {
     for (guint i = 0; i < files->len; i++)
-        if (!maps_files_write_output(files->pdata[i], path, TRUE, error))
+        if (!write_output(files->pdata[i], path, TRUE, error))
             return FALSE;
     return TRUE;
 }
@@ -117,7 +117,7 @@ gboolean maps_files_write_folder(const MapsFiles *files, const char *path, gbool
         return maps_files_io(path, errno, error);
     int number = 0;
     for (guint i = 0; i < files->len && !number; i++)
-        if (!maps_files_write_one(files->pdata[i], hidden))
+        if (!write_one(files->pdata[i], hidden))
             number = errno ? errno : EIO;
     if (!number)
         return output_file_move_folder(hidden, path, error);
@@ -136,7 +136,7 @@ gboolean maps_files_write_beside(const MapsFiles *files, const char *path, gbool
             return FALSE;
     }
     for (guint i = files->len; i-- > 0;) {
-        if (maps_files_write_output(files->pdata[i], folder, replace, error))
+        if (write_output(files->pdata[i], folder, replace, error))
             continue;
         if (!replace)
             maps_files_remove(files, i + 1, folder);

@@ -36,8 +36,8 @@ void maps_fit_free(struct maps_fit *fit) {
 }
 
 /* Gives the values of texels first … first + n − 1, pairs × 3 each. */
-static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n, float *rgb,
-                              GError **error) {
+static gboolean rows(const struct maps_fit_run *run, gsize first, int n, float *rgb,
+                     GError **error) {
     const struct btf_matrix *btf = run->btf;
     const gsize row = btf->layout.lights.n * 3, n_lights = btf->layout.lights.n;
     g_autofree float *buffer = g_new(float, row *(gsize)n);
@@ -60,7 +60,7 @@ static gboolean maps_fit_rows(const struct maps_fit_run *run, gsize first, int n
 }
 
 /* Finds the normal's x and y by Lambert's law: b / |b| of min Σ (Y − b·l)². */
-static void maps_fit_lambert(const struct maps_pairs *pairs, const float *rgb, float ret[2]) {
+static void lambert(const struct maps_pairs *pairs, const float *rgb, float ret[2]) {
     double a[3][3] = {{0}}, b[3] = {0};
     for (int i = 0; i < pairs->n; i++) {
         const float y = rgb_luminance(rgb + 3 * (gsize)i);
@@ -89,7 +89,7 @@ static void maps_fit_lambert(const struct maps_pairs *pairs, const float *rgb, f
         ret[k] = known ? (float)(x[k] / length) : 0;
 }
 
-static void maps_fit_dark(struct maps_texel *ret) {
+static void dark(struct maps_texel *ret) {
     *ret = (struct maps_texel){.roughness = 1,
                                .specular = 1,
                                .specular_colour = {1, 1, 1},
@@ -103,14 +103,14 @@ static void maps_fit_texel(struct maps_fit_run *run, struct maps_solver *solver,
     struct maps_solution solution = {0};
     for (int k = 0; k < STARTS; k++)
         memcpy(starts[k], run->mean, sizeof starts[k]);
-    maps_fit_lambert(run->pairs, rgb, starts[1]);
+    lambert(run->pairs, rgb, starts[1]);
     starts[2][2] -= 1;
     starts[3][2] += 1;
     memcpy(starts[4], starts[1], sizeof(float) * 2);
     starts[4][2] -= 1;
     if (!maps_solver_run(solver, rgb, starts, STARTS, &solution)) {
         if (!run->step)
-            maps_fit_dark(&run->fit->texels[texel]);
+            dark(&run->fit->texels[texel]);
         return;
     }
     if (run->step)
@@ -127,7 +127,7 @@ static void maps_fit_block(int block, gpointer data) {
     const int count = run->step ? 1 : (int)MIN(BLOCK, n - first);
     g_autofree float *rgb = g_new(float, size *(gsize)count);
     g_autoptr(GError) error = NULL;
-    if (!maps_fit_rows(run, first, count, rgb, &error)) {
+    if (!rows(run, first, count, rgb, &error)) {
         g_mutex_lock(&run->mutex);
         if (!run->error)
             run->error = g_steal_pointer(&error);
@@ -140,8 +140,7 @@ static void maps_fit_block(int block, gpointer data) {
     maps_solver_free(solver);
 }
 
-static gboolean maps_fit_blocks(struct maps_fit_run *run, const struct work *work, int n,
-                                GError **error) {
+static gboolean blocks(struct maps_fit_run *run, const struct work *work, int n, GError **error) {
     if (!work_parallel(work, run->step ? "layers" : "fit", n, maps_fit_block, run, error))
         return FALSE;
     if (!run->error)
@@ -161,7 +160,7 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
     float starts[G_N_ELEMENTS(widths) * 6][MAPS_SHAPE] = {{0}};
     struct maps_solution solution = {0};
     for (gsize t = 0; t < n; t += step) {
-        if (!maps_fit_rows(run, t, 1, rgb, error))
+        if (!rows(run, t, 1, rgb, error))
             return FALSE;
         for (gsize i = 0; i < size; i++)
             if (!isnan(rgb[i])) {
@@ -189,8 +188,8 @@ static gboolean maps_fit_mean(struct maps_fit_run *run, GError **error) {
 }
 
 /* Tries sheen and clear coats of some roughnesses on some texels. */
-static gboolean maps_fit_choose(struct maps_fit_run *run, struct maps_pairs *pairs,
-                                const struct work *work, GError **error) {
+static gboolean choose(struct maps_fit_run *run, struct maps_pairs *pairs, const struct work *work,
+                       GError **error) {
     static const double layers[][2] = {{0, 0}, {0.35, 0}, {0.6, 0}, {0.9, 0}, {0, 0.15}, {0, 0.3}};
     const gsize n = btf_layout_texels(&run->btf->layout);
     double least = 0;
@@ -203,7 +202,7 @@ static gboolean maps_fit_choose(struct maps_fit_run *run, struct maps_pairs *pai
         double sum = 0;
         memset(run->costs, 0, sizeof(double) * (gsize)some);
         maps_pairs_set_layers(pairs, &now);
-        ok = maps_fit_blocks(run, work, some, error);
+        ok = blocks(run, work, some, error);
         for (int i = 0; i < some; i++)
             sum += run->costs[i];
         const gboolean none =
@@ -242,10 +241,10 @@ struct maps_fit *maps_fit_new(const struct maps_register *of, const struct maps_
     if (ok && layers)
         fit->layers = *layers;
     else if (ok && model == MAPS_MODEL_FULL)
-        ok = maps_fit_choose(&run, pairs, work, error);
+        ok = choose(&run, pairs, work, error);
     if (ok) {
         maps_pairs_set_layers(pairs, &fit->layers);
-        ok = maps_fit_blocks(&run, work, (int)((n + BLOCK - 1) / BLOCK), error);
+        ok = blocks(&run, work, (int)((n + BLOCK - 1) / BLOCK), error);
     }
     for (gsize t = 0; ok && t < n; t++)
         fit->dark += fit->texels[t].base[0] <= 0 && fit->texels[t].base[1] <= 0 &&

@@ -20,13 +20,13 @@ struct maps_mesh {
     GArray *indices;  /* guint32 */
 };
 
-static struct maps_mesh maps_mesh_new(void) {
+static struct maps_mesh mesh_new(void) {
     return (struct maps_mesh){g_array_new(FALSE, FALSE, sizeof(float)),
                               g_array_new(FALSE, FALSE, sizeof(guint32))};
 }
 
-static void maps_mesh_vertex(struct maps_mesh *mesh, const double p[3], const double n[3],
-                             const double t[3], double u, double v) {
+static void mesh_vertex(struct maps_mesh *mesh, const double p[3], const double n[3],
+                        const double t[3], double u, double v) {
     const float all[VERTEX] = {(float)p[0], (float)p[1], (float)p[2], (float)n[0],
                                (float)n[1], (float)n[2], (float)t[0], (float)t[1],
                                (float)t[2], 1,           (float)u,    (float)v};
@@ -34,22 +34,22 @@ static void maps_mesh_vertex(struct maps_mesh *mesh, const double p[3], const do
 }
 
 /* +x of the sample is +x, and +y of the sample is −z, so that its top row is at the back. */
-static struct maps_mesh maps_mesh_plane(double width, double depth) {
+static struct maps_mesh mesh_plane(double width, double depth) {
     static const double up[3] = {0, 1, 0}, right[3] = {1, 0, 0};
     static const guint32 indices[] = {0, 1, 3, 0, 3, 2};
-    struct maps_mesh mesh = maps_mesh_new();
+    struct maps_mesh mesh = mesh_new();
     for (int i = 0; i < 4; i++) {
         const double u = i % 2, v = i < 2 ? 0 : 1; /* v is 0 at the front */
         const double p[3] = {(u - 0.5) * width, 0, (0.5 - v) * depth};
-        maps_mesh_vertex(&mesh, p, up, right, u, 1 - v);
+        mesh_vertex(&mesh, p, up, right, u, 1 - v);
     }
     g_array_append_vals(mesh.indices, indices, G_N_ELEMENTS(indices));
     return mesh;
 }
 
 /* A sphere around the y axis. At its equator the material has its true size. */
-static struct maps_mesh maps_mesh_sphere(double radius) {
-    struct maps_mesh mesh = maps_mesh_new();
+static struct maps_mesh mesh_sphere(double radius) {
+    struct maps_mesh mesh = mesh_new();
     for (int j = 0; j <= DOWN; j++)
         for (int i = 0; i <= AROUND; i++) {
             /* v counts from the south pole */
@@ -58,7 +58,7 @@ static struct maps_mesh maps_mesh_sphere(double radius) {
             const double n[3] = {cos(e) * cos(a), sin(e), -cos(e) * sin(a)};
             const double t[3] = {-sin(a), 0, -cos(a)};
             const double p[3] = {radius * n[0], radius * n[1], radius * n[2]};
-            maps_mesh_vertex(&mesh, p, n, t, TILES_U * u, TILES_V * (1 - v));
+            mesh_vertex(&mesh, p, n, t, TILES_U * u, TILES_V * (1 - v));
         }
     for (guint32 j = 0; j < DOWN; j++)
         for (guint32 i = 0; i < AROUND; i++) {
@@ -82,17 +82,16 @@ struct maps_gltf {
     MapsFiles *beside; /* textures, if the file is text */
 };
 
-static void maps_gltf_comma(GString *list) {
+static void comma(GString *list) {
     if (list->len > 0)
         g_string_append(list, ",\n  ");
 }
 
 /* target is 0 if there is none. Returns the index of the view. */
-static int maps_gltf_put(struct maps_gltf *to, gconstpointer data, gsize size, int stride,
-                         int target) {
+static int put(struct maps_gltf *to, gconstpointer data, gsize size, int stride, int target) {
     static const guint8 zeros[4] = {0};
     g_byte_array_append(to->bytes, zeros, (4 - to->bytes->len % 4) % 4);
-    maps_gltf_comma(to->views);
+    comma(to->views);
     g_string_append_printf(to->views, "{\"buffer\": 0, \"byteOffset\": %u, \"byteLength\": %zu",
                            to->bytes->len, size);
     if (stride)
@@ -104,23 +103,23 @@ static int maps_gltf_put(struct maps_gltf *to, gconstpointer data, gsize size, i
     return to->n_views++;
 }
 
-static void maps_gltf_number(GString *to, double value) {
+static void number(GString *to, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     g_string_append(to, g_ascii_formatd(text, sizeof text, "%.9g", value));
 }
 
-static void maps_gltf_bounds(GString *to, const char *name, const float values[3]) {
+static void bounds(GString *to, const char *name, const float values[3]) {
     g_string_append_printf(to, ", \"%s\": [", name);
     for (int k = 0; k < 3; k++) {
         g_string_append(to, k ? ", " : "");
-        maps_gltf_number(to, (double)values[k]);
+        number(to, (double)values[k]);
     }
     g_string_append_c(to, ']');
 }
 
-static void maps_gltf_accessor(struct maps_gltf *to, int view, gsize offset, int type, guint count,
-                               const char *kind) {
-    maps_gltf_comma(to->accessors);
+static void accessor(struct maps_gltf *to, int view, gsize offset, int type, guint count,
+                     const char *kind) {
+    comma(to->accessors);
     g_string_append_printf(to->accessors,
                            "{\"bufferView\": %d, \"byteOffset\": %zu, \"componentType\": %d, "
                            "\"count\": %u, \"type\": \"%s\"",
@@ -142,31 +141,30 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
             least[k] = MIN(least[k], p);
             most[k] = MAX(most[k], p);
         }
-    const int vertices = maps_gltf_put(to, mesh.vertices->data, sizeof(float) * mesh.vertices->len,
-                                       VERTEX * (int)sizeof(float), 34962);
-    const int indices =
-        maps_gltf_put(to, mesh.indices->data, sizeof(guint32) * mesh.indices->len, 0, 34963);
+    const int vertices = put(to, mesh.vertices->data, sizeof(float) * mesh.vertices->len,
+                             VERTEX * (int)sizeof(float), 34962);
+    const int indices = put(to, mesh.indices->data, sizeof(guint32) * mesh.indices->len, 0, 34963);
     for (gsize k = 0; k < G_N_ELEMENTS(kinds); k++) {
-        maps_gltf_accessor(to, vertices, sizeof(float) * offsets[k], 5126, n, kinds[k]);
+        accessor(to, vertices, sizeof(float) * offsets[k], 5126, n, kinds[k]);
         if (k == 0) {
-            maps_gltf_bounds(to->accessors, "min", least);
-            maps_gltf_bounds(to->accessors, "max", most);
+            bounds(to->accessors, "min", least);
+            bounds(to->accessors, "max", most);
         }
         g_string_append_c(to->accessors, '}');
     }
-    maps_gltf_accessor(to, indices, 0, 5125, mesh.indices->len, "SCALAR");
+    accessor(to, indices, 0, 5125, mesh.indices->len, "SCALAR");
     g_string_append_c(to->accessors, '}');
-    maps_gltf_comma(to->meshes);
+    comma(to->meshes);
     g_string_append_printf(
         to->meshes,
         "{\"name\": \"%s\", \"primitives\": [{\"attributes\": {\"POSITION\": %u, \"NORMAL\": %u, "
         "\"TANGENT\": %u, \"TEXCOORD_0\": %u}, \"indices\": %u, \"material\": 0}]}",
         name, first, first + 1, first + 2, first + 3, first + 4);
-    maps_gltf_comma(to->nodes);
+    comma(to->nodes);
     g_string_append_printf(to->nodes, "{\"name\": \"%s\", \"mesh\": %d", name, to->n_meshes++);
     if (aside > 0) {
         g_string_append(to->nodes, ", \"translation\": [");
-        maps_gltf_number(to->nodes, aside);
+        number(to->nodes, aside);
         g_string_append(to->nodes, ", 0, 0]");
     }
     g_string_append_c(to->nodes, '}');
@@ -177,8 +175,8 @@ static void maps_gltf_mesh(struct maps_gltf *to, const char *name, double aside,
 typedef void (*MapsGltfFill)(const struct maps *maps, gsize texel, float *ret);
 
 /* Returns the index of the texture, or −1 on error. */
-static int maps_gltf_texture(struct maps_gltf *to, const char *name, int channels, gboolean srgb,
-                             MapsGltfFill fill, GError **error) {
+static int texture(struct maps_gltf *to, const char *name, int channels, gboolean srgb,
+                   MapsGltfFill fill, GError **error) {
     const struct maps *maps = to->maps;
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree float *values = g_new(float, n *(gsize)channels);
@@ -187,7 +185,7 @@ static int maps_gltf_texture(struct maps_gltf *to, const char *name, int channel
     GBytes *png = maps_png(values, maps->width, maps->height, channels, 8, srgb, error);
     if (!png)
         return -1;
-    maps_gltf_comma(to->images);
+    comma(to->images);
     if (to->text) {
         char *file = g_strdup_printf("%s_%s.png", maps->name, name);
         g_string_append_printf(to->images, "{\"uri\": \"%s\"}", file);
@@ -195,13 +193,13 @@ static int maps_gltf_texture(struct maps_gltf *to, const char *name, int channel
     } else {
         gsize size;
         gconstpointer data = g_bytes_get_data(png, &size);
-        const int view = maps_gltf_put(to, data, size, 0, 0);
+        const int view = put(to, data, size, 0, 0);
         g_string_append_printf(
             to->images, "{\"name\": \"%s\", \"bufferView\": %d, \"mimeType\": \"image/png\"}", name,
             view);
         g_bytes_unref(png);
     }
-    maps_gltf_comma(to->textures);
+    comma(to->textures);
     g_string_append_printf(to->textures, "{\"source\": %d, \"sampler\": 0}", to->n_textures);
     return to->n_textures++;
 }
@@ -223,15 +221,15 @@ static void maps_gltf_specular(const struct maps *maps, gsize i, float *ret) {
         ret[c] = maps->fit->texels[i].specular_colour[c] / maps->max_specular;
     ret[3] = maps->fit->texels[i].specular;
 }
-static void maps_gltf_anisotropy(const struct maps *maps, gsize i, float *ret) {
+static void anisotropy(const struct maps *maps, gsize i, float *ret) {
     for (int k = 0; k < 2; k++)
         ret[k] = maps->fit->texels[i].direction[k] / 2 + 0.5F;
     ret[2] = maps->fit->texels[i].anisotropy;
 }
-static void maps_gltf_sheen(const struct maps *maps, gsize i, float *ret) {
+static void sheen(const struct maps *maps, gsize i, float *ret) {
     memcpy(ret, maps->fit->texels[i].sheen, sizeof(float) * 3);
 }
-static void maps_gltf_coat(const struct maps *maps, gsize i, float *ret) {
+static void coat(const struct maps *maps, gsize i, float *ret) {
     ret[0] = ret[1] = ret[2] = maps->fit->texels[i].coat;
 }
 
@@ -240,7 +238,7 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
                                      GError **error) {
     const struct maps *maps = to->maps;
     const struct maps_layers *layers = &maps->fit->layers;
-    const int specular = maps_gltf_texture(to, "Specular", 4, TRUE, maps_gltf_specular, error);
+    const int specular = texture(to, "Specular", 4, TRUE, maps_gltf_specular, error);
     if (specular < 0)
         return FALSE;
     g_string_append(extensions, "\"KHR_materials_specular\"");
@@ -252,11 +250,11 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
         specular, specular);
     for (int c = 0; c < 3; c++) {
         g_string_append(material, c ? ", " : "");
-        maps_gltf_number(material, (double)maps->max_specular);
+        number(material, (double)maps->max_specular);
     }
     g_string_append(material, "]}");
     if (maps->anisotropic) {
-        const int k = maps_gltf_texture(to, "Anisotropy", 3, FALSE, maps_gltf_anisotropy, error);
+        const int k = texture(to, "Anisotropy", 3, FALSE, anisotropy, error);
         if (k < 0)
             return FALSE;
         g_string_append(extensions, ", \"KHR_materials_anisotropy\"");
@@ -266,7 +264,7 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
                                k);
     }
     if (layers->sheen_roughness > 0) {
-        const int k = maps_gltf_texture(to, "SheenColor", 3, TRUE, maps_gltf_sheen, error);
+        const int k = texture(to, "SheenColor", 3, TRUE, sheen, error);
         if (k < 0)
             return FALSE;
         g_string_append(extensions, ", \"KHR_materials_sheen\"");
@@ -274,11 +272,11 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
                                ",\n    \"KHR_materials_sheen\": {\"sheenColorFactor\": [1, 1, 1], "
                                "\"sheenColorTexture\": {\"index\": %d}, \"sheenRoughnessFactor\": ",
                                k);
-        maps_gltf_number(material, (double)layers->sheen_roughness);
+        number(material, (double)layers->sheen_roughness);
         g_string_append_c(material, '}');
     }
     if (layers->coat_roughness > 0) {
-        const int k = maps_gltf_texture(to, "ClearCoat", 3, FALSE, maps_gltf_coat, error);
+        const int k = texture(to, "ClearCoat", 3, FALSE, coat, error);
         if (k < 0)
             return FALSE;
         g_string_append(extensions, ", \"KHR_materials_clearcoat\"");
@@ -287,7 +285,7 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
                                "\"clearcoatTexture\": {\"index\": %d}, "
                                "\"clearcoatRoughnessFactor\": ",
                                k);
-        maps_gltf_number(material, (double)layers->coat_roughness);
+        number(material, (double)layers->coat_roughness);
         g_string_append_c(material, '}');
     }
     g_string_append(material, "}}");
@@ -298,12 +296,10 @@ static gboolean maps_gltf_extensions(struct maps_gltf *to, GString *material, GS
 static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GString *extensions,
                                    GError **error) {
     const struct maps *maps = to->maps;
-    const int base = maps_gltf_texture(to, "BaseColor", 3, TRUE, maps_gltf_base, error);
-    const int orm = base < 0 ? -1
-                             : maps_gltf_texture(to, "OcclusionRoughnessMetallic", 3, FALSE,
-                                                 maps_gltf_orm, error);
-    const int normal =
-        orm < 0 ? -1 : maps_gltf_texture(to, "Normal", 3, FALSE, maps_gltf_normal, error);
+    const int base = texture(to, "BaseColor", 3, TRUE, maps_gltf_base, error);
+    const int orm =
+        base < 0 ? -1 : texture(to, "OcclusionRoughnessMetallic", 3, FALSE, maps_gltf_orm, error);
+    const int normal = orm < 0 ? -1 : texture(to, "Normal", 3, FALSE, maps_gltf_normal, error);
     if (normal < 0)
         return FALSE;
     g_string_append_printf(
@@ -312,7 +308,7 @@ static gboolean maps_gltf_material(struct maps_gltf *to, GString *material, GStr
         "\"metallicRoughnessTexture\": {\"index\": %d}},\n   \"normalTexture\": {\"index\": %d},"
         "\n   \"extras\": {\"depth_mm\": ",
         maps->name, base, orm, normal);
-    maps_gltf_number(material, maps->depth_mm);
+    number(material, maps->depth_mm);
     g_string_append_c(material, '}');
     if (maps->model == MAPS_MODEL_CORE) {
         g_string_append_c(material, '}');
@@ -346,7 +342,7 @@ static GString *maps_gltf_json(const struct maps_gltf *to, const char *binary, c
     return json;
 }
 
-static void maps_gltf_append(GByteArray *to, guint32 value) {
+static void append(GByteArray *to, guint32 value) {
     const guint32 little = GUINT32_TO_LE(value);
     g_byte_array_append(to, (const guint8 *)&little, sizeof little);
 }
@@ -357,14 +353,14 @@ static GBytes *maps_gltf_binary(GString *json, GByteArray *bytes) {
         g_string_append_c(json, ' ');
     while (bytes->len % 4)
         g_byte_array_append(bytes, (const guint8 *)"", 1);
-    maps_gltf_append(glb, 0x46546c67);
-    maps_gltf_append(glb, 2);
-    maps_gltf_append(glb, 12 + 8 + (guint)json->len + 8 + bytes->len);
-    maps_gltf_append(glb, (guint)json->len);
-    maps_gltf_append(glb, GLB_JSON);
+    append(glb, 0x46546c67);
+    append(glb, 2);
+    append(glb, 12 + 8 + (guint)json->len + 8 + bytes->len);
+    append(glb, (guint)json->len);
+    append(glb, GLB_JSON);
     g_byte_array_append(glb, (const guint8 *)json->str, (guint)json->len);
-    maps_gltf_append(glb, bytes->len);
-    maps_gltf_append(glb, GLB_BIN);
+    append(glb, bytes->len);
+    append(glb, GLB_BIN);
     g_byte_array_append(glb, bytes->data, bytes->len);
     return g_byte_array_free_to_bytes(glb);
 }
@@ -375,9 +371,9 @@ static void maps_gltf_shapes(struct maps_gltf *to, int shapes) {
     const double radius = TILES_U * width / (2 * G_PI);
     const double aside = shapes & MAPS_PLANE ? width / 2 + 1.2 * radius : 0;
     if (shapes & MAPS_PLANE)
-        maps_gltf_mesh(to, "plane", 0, maps_mesh_plane(width, depth));
+        maps_gltf_mesh(to, "plane", 0, mesh_plane(width, depth));
     if (shapes & MAPS_SPHERE)
-        maps_gltf_mesh(to, "sphere", aside, maps_mesh_sphere(radius));
+        maps_gltf_mesh(to, "sphere", aside, mesh_sphere(radius));
 }
 
 gboolean maps_add_gltf(const struct maps *maps, const char *file, gboolean text, int shapes,

@@ -51,7 +51,7 @@ static gboolean maps_heights_mdf(struct maps *maps, const char *session, const s
 }
 
 /* Clamps heights to a quantile at either end, and shifts them so that the lowest is 0. */
-static void maps_heights_limit(struct maps *maps) {
+static void limit(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree double *sorted = g_new(double, n);
     for (gsize i = 0; i < n; i++)
@@ -64,7 +64,7 @@ static void maps_heights_limit(struct maps *maps) {
     maps->relief_mm = (double)most - (double)least;
 }
 
-static void maps_heights_normals(struct maps *maps) {
+static void normals(struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree float *p = g_new(float, n), *q = g_new(float, n);
     for (gsize i = 0; i < n; i++) {
@@ -88,10 +88,10 @@ gboolean maps_find_heights(struct maps *maps, const char *session, const struct 
         maps->heights_from = MAPS_HEIGHTS_NORMALS;
     }
     if (maps->heights_from == MAPS_HEIGHTS_NORMALS)
-        maps_heights_normals(maps);
+        normals(maps);
     if (btf_fill_holes(&maps->heights_mm, 1, maps->width, maps->height) < 0)
         memset(maps->heights_mm, 0, sizeof(float) * n);
-    maps_heights_limit(maps);
+    limit(maps);
     return TRUE;
 }
 
@@ -113,7 +113,7 @@ static gboolean maps_heights_at(const struct maps_occlusion *of, double x, doubl
     return TRUE;
 }
 
-static void maps_occlusion_row(int y, gpointer data) {
+static void occlusion_row(int y, gpointer data) {
     const struct maps_occlusion *of = data;
     for (int x = 0; x < of->width; x++) {
         const gsize at = (gsize)y * (gsize)of->width + (gsize)x;
@@ -135,5 +135,5 @@ static void maps_occlusion_row(int y, gpointer data) {
 gboolean maps_find_occlusion(const float *heights, int width, int height, const struct work *work,
                              float *ret, GError **error) {
     struct maps_occlusion of = {heights, width, height, ret};
-    return work_parallel(work, "occlusion", height, maps_occlusion_row, &of, error);
+    return work_parallel(work, "occlusion", height, occlusion_row, &of, error);
 }

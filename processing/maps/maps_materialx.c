@@ -49,7 +49,7 @@ static const struct maps_materialx_names openpbr = {"openpbr",
                                                     "geometry_tangent",
                                                     "OpenPBRRoughness"};
 
-static void maps_materialx_number(GString *to, const char *name, const char *type, double value) {
+static void number(GString *to, const char *name, const char *type, double value) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     g_string_append_printf(to, "    <input name=\"%s\" type=\"%s\" value=\"%s\" />\n", name, type,
                            g_ascii_formatd(text, sizeof text, "%.6g", value));
@@ -111,7 +111,7 @@ static void maps_materialx_maps(const struct maps *maps, const struct maps_mater
 
 /* Returns the factor by which the specular weight and colour of a texel multiply the reflectance of
  * 4 %. */
-static double maps_materialx_factor(const struct maps_texel *t) {
+static double factor(const struct maps_texel *t) {
     const float *s = t->specular_colour;
     return (double)t->specular * (double)(s[0] + s[1] + s[2]) / 3;
 }
@@ -120,7 +120,7 @@ static double maps_materialx_most(const struct maps *maps) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     double ret = 1;
     for (gsize i = 0; i < n; i++)
-        ret = MAX(ret, maps_materialx_factor(&maps->fit->texels[i]));
+        ret = MAX(ret, factor(&maps->fit->texels[i]));
     return ret;
 }
 
@@ -131,18 +131,17 @@ static double maps_materialx_ior(const struct maps *maps) {
     return (1 + root) / (1 - root);
 }
 
-static GString *maps_materialx_document(const struct maps *maps,
-                                        const struct maps_materialx_names *names) {
+static GString *document(const struct maps *maps, const struct maps_materialx_names *names) {
     const struct maps_layers *layers = &maps->fit->layers;
     GString *to = g_string_new("<?xml version=\"1.0\"?>\n<materialx version=\"1.39\" "
                                "colorspace=\"lin_rec709\">\n");
     maps_materialx_maps(maps, names, to);
     g_string_append_printf(to, "  <%s name=\"surface\" type=\"surfaceshader\">\n", names->node);
-    maps_materialx_number(to, names->fixed, "float", 1);
+    number(to, names->fixed, "float", 1);
     maps_materialx_link(to, names->base, "color3", "map_BaseColor");
     maps_materialx_link(to, names->metallic, "float", "map_Metallic");
     maps_materialx_link(to, names->specular, "float", "map_SpecularWeight");
-    maps_materialx_number(to, names->ior, "float", maps_materialx_ior(maps));
+    number(to, names->ior, "float", maps_materialx_ior(maps));
     g_autofree char *roughness = g_strdup_printf("map_%s", names->roughness_map);
     maps_materialx_link(to, names->roughness, "float", roughness);
     maps_materialx_link(to, names->normal, "vector3", "bent_normal");
@@ -152,17 +151,17 @@ static GString *maps_materialx_document(const struct maps *maps,
     }
     if (layers->coat_roughness > 0) {
         maps_materialx_link(to, names->coat, "float", "map_ClearCoat");
-        maps_materialx_number(to, names->coat_roughness, "float", (double)layers->coat_roughness);
+        number(to, names->coat_roughness, "float", (double)layers->coat_roughness);
     }
     if (layers->sheen_roughness > 0) {
-        maps_materialx_number(to, names->sheen, "float", 1);
+        number(to, names->sheen, "float", 1);
         maps_materialx_link(to, names->sheen_colour, "color3", "map_SheenColor");
-        maps_materialx_number(to, names->sheen_roughness, "float", (double)layers->sheen_roughness);
+        number(to, names->sheen_roughness, "float", (double)layers->sheen_roughness);
     }
     g_string_append_printf(to, "  </%s>\n", names->node);
     g_string_append(to, "  <displacement name=\"relief\" type=\"displacementshader\">\n");
     maps_materialx_link(to, "displacement", "float", "map_Height");
-    maps_materialx_number(to, "scale", "float", maps->relief_mm / 1000);
+    number(to, "scale", "float", maps->relief_mm / 1000);
     g_string_append_printf(
         to,
         "  </displacement>\n  <surfacematerial name=\"%s\" type=\"material\">\n    <input "
@@ -175,8 +174,8 @@ static GString *maps_materialx_document(const struct maps *maps,
 
 /* OpenPBR's roughness r: αt = r² √(2 / (1 + (1 − a)²)), with a the level of anisotropy (ASWF 2024).
  * The specular weight is relative to the index of refraction of the document. */
-static gboolean maps_materialx_add_map(const struct maps *maps, gboolean roughness,
-                                       MapsFiles *files, GError **error) {
+static gboolean add_map(const struct maps *maps, gboolean roughness, MapsFiles *files,
+                        GError **error) {
     const gsize n = (gsize)maps->width * (gsize)maps->height;
     g_autofree float *values = g_new(float, n);
     const double most = maps_materialx_most(maps);
@@ -184,8 +183,8 @@ static gboolean maps_materialx_add_map(const struct maps *maps, gboolean roughne
         const struct maps_texel *t = &maps->fit->texels[i];
         const float ab = t->roughness * t->roughness;
         const float at = ab + (1 - ab) * t->anisotropy * t->anisotropy, left = ab / at;
-        values[i] = roughness ? sqrtf(at / sqrtf(2 / (1 + left * left)))
-                              : (float)(maps_materialx_factor(t) / most);
+        values[i] =
+            roughness ? sqrtf(at / sqrtf(2 / (1 + left * left))) : (float)(factor(t) / most);
     }
     GBytes *png = maps_png(values, maps->width, maps->height, 1, 8, FALSE, error);
     if (!png)
@@ -201,8 +200,7 @@ gboolean maps_add_materialx(const struct maps *maps, MapsFiles *files, GError **
     const struct maps_materialx_names *const all[] = {&openpbr, &standard_surface};
     for (gsize k = 0; k < G_N_ELEMENTS(all); k++)
         maps_files_take_text(files, g_strdup_printf("%s_%s.mtlx", maps->name, all[k]->file),
-                             maps_materialx_document(maps, all[k]));
-    return maps_materialx_add_map(maps, TRUE, files, error) &&
-           maps_materialx_add_map(maps, FALSE, files, error) &&
+                             document(maps, all[k]));
+    return add_map(maps, TRUE, files, error) && add_map(maps, FALSE, files, error) &&
            maps_add_maps(maps, FALSE, files, error);
 }

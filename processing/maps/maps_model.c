@@ -4,7 +4,7 @@
 
 #define MIN_COSINE 1e-4
 
-static double maps_model_dot(const double a[3], const double b[3]) {
+static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
@@ -16,7 +16,7 @@ double maps_lobe(double alpha, double nl, double nv, double nh) {
 }
 
 /* Λ of Estevez & Kulla 2017, eq. 3 and its table, interpolated between the roughnesses 0 and 1. */
-static double maps_model_sheen_curve(double x, double alpha) {
+static double sheen_curve(double x, double alpha) {
     const double k = (1 - alpha) * (1 - alpha);
     const double a = 21.5473 + k * (25.3245 - 21.5473), b = 3.82987 + k * (3.32435 - 3.82987);
     const double c = 0.19823 + k * (0.16801 - 0.19823), d = -1.97760 + k * (-1.27393 + 1.97760);
@@ -24,23 +24,21 @@ static double maps_model_sheen_curve(double x, double alpha) {
     return a / (1 + b * pow(x, c)) + d * x + e;
 }
 
-static double maps_model_sheen_lambda(double cosine, double alpha) {
-    return cosine < 0.5 ? exp(maps_model_sheen_curve(cosine, alpha))
-                        : exp(2 * maps_model_sheen_curve(0.5, alpha) -
-                              maps_model_sheen_curve(1 - cosine, alpha));
+static double sheen_lambda(double cosine, double alpha) {
+    return cosine < 0.5 ? exp(sheen_curve(cosine, alpha))
+                        : exp(2 * sheen_curve(0.5, alpha) - sheen_curve(1 - cosine, alpha));
 }
 
 double maps_sheen(double roughness, double nl, double nv, double nh) {
     const double alpha = roughness * roughness;
     const double sine = sqrt(MAX(1 - nh * nh, 0));
     const double d = (2 + 1 / alpha) * pow(sine, 1 / alpha) / (2 * G_PI);
-    const double g =
-        1 / (1 + maps_model_sheen_lambda(nv, alpha) + maps_model_sheen_lambda(nl, alpha));
+    const double g = 1 / (1 + sheen_lambda(nv, alpha) + sheen_lambda(nl, alpha));
     return d * CLAMP(g / (4 * MAX(nl * nv, MIN_COSINE)), 0, 1);
 }
 
 /* ∫ D_s V_s n·l dl over the hemisphere, by the midpoint rule in cos θ and φ. */
-static double maps_model_sheen_integral(double roughness, double cosine) {
+static double sheen_integral(double roughness, double cosine) {
     enum { STEPS = 48 };
     const double nv = CLAMP(cosine, 0.02, 1), sv = sqrt(1 - nv * nv);
     double sum = 0;
@@ -58,8 +56,7 @@ static double maps_model_sheen_integral(double roughness, double cosine) {
 struct maps_layers maps_layers_new(double sheen_roughness, double coat_roughness) {
     struct maps_layers ret = {(float)sheen_roughness, (float)coat_roughness, {0}};
     for (int i = 0; i <= MAPS_SHEEN_STEPS && sheen_roughness > 0; i++)
-        ret.sheen_albedo[i] =
-            (float)maps_model_sheen_integral(sheen_roughness, (double)i / MAPS_SHEEN_STEPS);
+        ret.sheen_albedo[i] = (float)sheen_integral(sheen_roughness, (double)i / MAPS_SHEEN_STEPS);
     return ret;
 }
 
@@ -71,33 +68,31 @@ double maps_sheen_albedo(const struct maps_layers *layers, double cosine) {
 }
 
 /* The angles of a texel in two directions. */
-struct maps_model_angles {
+struct angles {
     double nl, nv, nh, vh;
     double specular; /* D V */
 };
 
-static gboolean maps_model_angles(const struct maps_texel *texel, const double v[3],
-                                  const double l[3], const double h[3],
-                                  struct maps_model_angles *ret) {
+static gboolean angles(const struct maps_texel *texel, const double v[3], const double l[3],
+                       const double h[3], struct angles *ret) {
     const double n[3] = {texel->normal[0], texel->normal[1], texel->normal[2]};
     const double dx = texel->direction[0], dy = texel->direction[1];
     const double along = dx * n[0] + dy * n[1]; /* t is (dx, dy, 0) without its part along n */
     double t[3] = {dx - along * n[0], dy - along * n[1], -along * n[2]};
-    const double length = sqrt(MAX(maps_model_dot(t, t), 1e-12));
+    const double length = sqrt(MAX(dot(t, t), 1e-12));
     for (int i = 0; i < 3; i++)
         t[i] /= length;
     const double b[3] = {n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2],
                          n[0] * t[1] - n[1] * t[0]};
     const double alpha = (double)texel->roughness * texel->roughness;
     const double at = alpha + (1 - alpha) * texel->anisotropy * texel->anisotropy;
-    *ret = (struct maps_model_angles){maps_model_dot(n, l), maps_model_dot(n, v),
-                                      maps_model_dot(n, h), maps_model_dot(v, h), 0};
+    *ret = (struct angles){dot(n, l), dot(n, v), dot(n, h), dot(v, h), 0};
     if (ret->nl <= MIN_COSINE || ret->nv <= MIN_COSINE)
         return FALSE;
-    const double ht = maps_model_dot(h, t) / at, hb = maps_model_dot(h, b) / alpha;
+    const double ht = dot(h, t) / at, hb = dot(h, b) / alpha;
     const double w = ht * ht + hb * hb + ret->nh * ret->nh;
-    const double vt = at * maps_model_dot(v, t), vb = alpha * maps_model_dot(v, b);
-    const double lt = at * maps_model_dot(l, t), lb = alpha * maps_model_dot(l, b);
+    const double vt = at * dot(v, t), vb = alpha * dot(v, b);
+    const double lt = at * dot(l, t), lb = alpha * dot(l, b);
     const double both = ret->nl * sqrt(vt * vt + vb * vb + ret->nv * ret->nv) +
                         ret->nv * sqrt(lt * lt + lb * lb + ret->nl * ret->nl);
     ret->specular = 0.5 / (G_PI * at * alpha * w * w * both);
@@ -105,7 +100,7 @@ static gboolean maps_model_angles(const struct maps_texel *texel, const double v
 }
 
 /* Computes f_0 of each colour. */
-static void maps_model_base(const struct maps_texel *texel, const struct maps_model_angles *at,
+static void maps_model_base(const struct maps_texel *texel, const struct angles *at,
                             double ret[3]) {
     const double m = texel->metallic, w = texel->specular, f5 = pow(MAX(1 - at->vh, 0), 5);
     double fd[3], most = 0;
@@ -125,13 +120,13 @@ void maps_evaluate(const struct maps_layers *layers, const struct maps_texel *te
                    const float v[3], const float l[3], float ret[3]) {
     const double dv[3] = {v[0], v[1], v[2]}, dl[3] = {l[0], l[1], l[2]};
     double h[3] = {dv[0] + dl[0], dv[1] + dl[1], dv[2] + dl[2]}, f[3];
-    const double length = sqrt(maps_model_dot(h, h));
-    struct maps_model_angles at;
+    const double length = sqrt(dot(h, h));
+    struct angles at;
     for (int i = 0; i < 3; i++) {
         h[i] /= length;
         ret[i] = 0;
     }
-    if (!maps_model_angles(texel, dv, dl, h, &at))
+    if (!angles(texel, dv, dl, h, &at))
         return;
     maps_model_base(texel, &at, f);
     for (int c = 0; c < 3; c++)

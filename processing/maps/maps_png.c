@@ -19,10 +19,10 @@ static void maps_png_write(png_structp png, png_bytep data, png_size_t length) {
     g_byte_array_append(png_get_io_ptr(png), data, (guint)length);
 }
 
-static void maps_png_flush(png_structp png) {
+static void flush(png_structp png) {
 }
 
-static void maps_png_fail(png_structp png, png_const_charp message) {
+static void fail(png_structp png, png_const_charp message) {
     g_set_error((GError **)png_get_error_ptr(png), G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
                 "a map cannot be written as PNG: %s", message);
     png_longjmp(png, 1);
@@ -49,7 +49,7 @@ GBytes *maps_png(const float *values, int width, int height, int channels, int b
     const int types[] = {0, PNG_COLOR_TYPE_GRAY, 0, PNG_COLOR_TYPE_RGB, PNG_COLOR_TYPE_RGB_ALPHA};
     GByteArray *to = g_byte_array_new();
     guint8 *row = g_malloc((gsize)width * (gsize)channels * 2);
-    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, error, maps_png_fail, NULL);
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, error, fail, NULL);
     png_infop info = png_create_info_struct(png);
     if (setjmp(png_jmpbuf(png))) {
         png_destroy_write_struct(&png, &info);
@@ -57,7 +57,7 @@ GBytes *maps_png(const float *values, int width, int height, int channels, int b
         g_free(row);
         return NULL;
     }
-    png_set_write_fn(png, to, maps_png_write, maps_png_flush);
+    png_set_write_fn(png, to, maps_png_write, flush);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, bits, types[channels],
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     if (srgb)

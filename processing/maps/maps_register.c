@@ -33,8 +33,8 @@ void maps_register_free(struct maps_register *registered) {
 }
 
 /* Gives four texels and their weights at a position. Returns FALSE outside of the picture. */
-static gboolean maps_register_corners(double x, double y, int width, int height, gsize ret_at[4],
-                                      float ret_share[4]) {
+static gboolean corners(double x, double y, int width, int height, gsize ret_at[4],
+                        float ret_share[4]) {
     const int x0 = CLAMP((int)floor(x), 0, MAX(width - 2, 0));
     const int y0 = CLAMP((int)floor(y), 0, MAX(height - 2, 0));
     const int x1 = MIN(x0 + 1, width - 1), y1 = MIN(y0 + 1, height - 1);
@@ -91,9 +91,9 @@ static double maps_register_differ(const struct maps_register_search *s, double 
                 gsize at[4];
                 float share[4];
                 const gsize k = 2 * (gsize)v;
-                if (!maps_register_corners(x + depth * (double)s->tangents[k],
-                                           y + depth * (double)s->tangents[k + 1], s->width,
-                                           s->height, at, share))
+                if (!corners(x + depth * (double)s->tangents[k],
+                             y + depth * (double)s->tangents[k + 1], s->width, s->height, at,
+                             share))
                     continue;
                 for (int c = 0; c < 3; c++) {
                     double value = 0;
@@ -209,7 +209,7 @@ const float *maps_register_rows(const struct maps_register *registered, int view
         gsize at[4], stride;
         float share[4];
         const int i0 = (first + t) % width, j0 = (first + t) / width;
-        const gboolean inside = maps_register_corners(i0 + sx, j0 + sy, width, height, at, share);
+        const gboolean inside = corners(i0 + sx, j0 + sy, width, height, at, share);
         for (gsize i = 0; i < row; i++)
             to[i] = inside ? 0 : NAN;
         for (int k = 0; inside && k < 4; k++) {

@@ -133,8 +133,8 @@ static inline float maps_solver_below(float weight, float f5) {
 }
 
 /* Minimises xᵀ A x − 2 bᵀ x within bounds, coordinate by coordinate. */
-static void maps_solver_box(const double (*a)[MAPS_COLUMNS], const double *b, int n,
-                            const double *least, const double *most, double *x) {
+static void box(const double (*a)[MAPS_COLUMNS], const double *b, int n, const double *least,
+                const double *most, double *x) {
     for (int round = 0; round < 60; round++) {
         double moved = 0;
         for (int j = 0; j < n; j++) {
@@ -185,8 +185,8 @@ static double maps_solver_try(struct maps_solver *solver, const float shape[MAPS
         matrix[j][j] += solver->weak;
         right[j] += solver->weak * priors[j];
     }
-    maps_solver_box((const double(*)[MAPS_COLUMNS])matrix, right,
-                    solver->pairs->extra ? MAPS_COLUMNS : MAPS_COLUMNS - 1, least, most, x);
+    box((const double(*)[MAPS_COLUMNS])matrix, right,
+        solver->pairs->extra ? MAPS_COLUMNS : MAPS_COLUMNS - 1, least, most, x);
     for (int j = 0; j < MAPS_COLUMNS; j++)
         factors[j] = (float)x[j];
     for (int i = 0; i < solver->n; i++) {
@@ -222,7 +222,7 @@ static double maps_solver_cost(struct maps_solver *solver, const float shape[MAP
 
 /* Solves A x = b for a positive definite A, which is overwritten. Returns FALSE if A is not
  * positive definite. */
-static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
+static gboolean cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[MAPS_SHAPE]) {
     for (int j = 0; j < MAPS_SHAPE; j++) {
         for (int k = 0; k < j; k++)
             a[j][j] -= a[j][k] * a[j][k];
@@ -250,7 +250,7 @@ static gboolean maps_solver_cholesky(double a[MAPS_SHAPE][MAPS_SHAPE], double b[
 
 /* Returns the number of a shape's values that are fitted. The core model's lobe is isotropic, and
  * its w is 1. */
-static int maps_solver_free_values(const struct maps_solver *solver) {
+static int free_values(const struct maps_solver *solver) {
     return solver->pairs->model == MAPS_MODEL_CORE ? 3 : MAPS_SHAPE;
 }
 
@@ -263,7 +263,7 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
     maps_solver_prior(shape, prior);
     for (int k = 0; k < MAPS_SHAPE; k++) {
         float moved[MAPS_SHAPE];
-        if (k >= maps_solver_free_values(solver)) {
+        if (k >= free_values(solver)) {
             memset(solver->slopes[k], 0, sizeof(float) * (gsize)solver->n);
             continue;
         }
@@ -291,7 +291,7 @@ static void maps_solver_slopes(struct maps_solver *solver, const float shape[MAP
     }
 }
 
-static void maps_solver_limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
+static void limit(const struct maps_solver *solver, float shape[MAPS_SHAPE]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     const float length = hypotf(shape[0], shape[1]);
     if (length > MAX_NORMAL)
@@ -304,8 +304,7 @@ static void maps_solver_limit(const struct maps_solver *solver, float shape[MAPS
 }
 
 /* Improves shape from its residuals and its cost. Both are updated. */
-static double maps_solver_descend(struct maps_solver *solver, double cost,
-                                  struct maps_solution *at) {
+static double descend(struct maps_solver *solver, double cost, struct maps_solution *at) {
     double damping = 1e-2;
     for (int step = 0; step < STEPS; step++) {
         double normal[MAPS_SHAPE][MAPS_SHAPE], right[MAPS_SHAPE], next = cost;
@@ -317,11 +316,11 @@ static double maps_solver_descend(struct maps_solver *solver, double cost,
             memcpy(x, right, sizeof x);
             for (int k = 0; k < MAPS_SHAPE; k++)
                 a[k][k] *= 1 + damping;
-            if (!maps_solver_cholesky(a, x))
+            if (!cholesky(a, x))
                 return cost;
             for (int k = 0; k < MAPS_SHAPE; k++)
                 moved.shape[k] += (float)x[k];
-            maps_solver_limit(solver, moved.shape);
+            limit(solver, moved.shape);
             next = maps_solver_cost(solver, moved.shape, solver->trial, moved.factors);
             if (next < cost) {
                 *at = moved;
@@ -344,7 +343,7 @@ static double maps_solver_descend(struct maps_solver *solver, double cost,
 /* Computes weights (m_i + y0)^−0.6 from the model's values m_i instead of the measured ones, so
  * that values in shadow do not count most. Also computes Huber's factors, from residuals whose
  * standard deviation is estimated by their median. */
-static void maps_solver_robust(struct maps_solver *solver) {
+static void robust(struct maps_solver *solver) {
     int n = 0;
     solver->energy = 0;
     for (int i = 0; i < solver->n; i++) {
@@ -365,7 +364,7 @@ static void maps_solver_robust(struct maps_solver *solver) {
     }
 }
 
-static gboolean maps_solver_take(struct maps_solver *solver, const float *rgb) {
+static gboolean take(struct maps_solver *solver, const float *rgb) {
     double sum = 0, weights = 0;
     int n = 0;
     for (int i = 0; i < solver->n; i++) {
@@ -395,12 +394,12 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
                          float (*const starts)[MAPS_SHAPE], int n_starts,
                          struct maps_solution *ret) {
     double cost = 0;
-    if (!maps_solver_take(solver, rgb))
+    if (!take(solver, rgb))
         return FALSE;
     for (int k = 0; k < n_starts; k++) {
         float factors[MAPS_COLUMNS], start[MAPS_SHAPE];
         memcpy(start, starts[k], sizeof start);
-        maps_solver_limit(solver, start);
+        limit(solver, start);
         const double next = maps_solver_cost(solver, start, solver->trial, factors);
         if (k > 0 && next >= cost)
             continue;
@@ -410,10 +409,10 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
     for (int round = 0; round < ROUNDS; round++) {
         cost = maps_solver_cost(solver, ret->shape, solver->residuals, ret->factors);
         if (round > 0) {
-            maps_solver_robust(solver);
+            robust(solver);
             cost = maps_solver_cost(solver, ret->shape, solver->residuals, ret->factors);
         }
-        maps_solver_descend(solver, cost, ret);
+        descend(solver, cost, ret);
     }
     /* The reported cost is that of the lobes only. */
     maps_solver_try(solver, ret->shape, solver->residuals, ret->factors);
@@ -426,7 +425,7 @@ gboolean maps_solver_run(struct maps_solver *solver, const float *rgb,
 
 /* Returns the metallic m for which m base + (1 − m) 0.04 is the reflectance S, with base = d / (1 −
  * m). Returns 0 if S is at most least. */
-static double maps_solver_metallic(double d, double s, double least) {
+static double metallic(double d, double s, double least) {
     double low = 0, high = 1;
     if (s <= least)
         return 0;
@@ -449,9 +448,8 @@ struct maps_colours {
 
 /* Gives the factors of base, specular colour and sheen in pair i. Returns the remaining part, which
  * does not depend on them. */
-static double maps_solver_colour_columns(const struct maps_solver *solver,
-                                         const struct maps_colours *of, int i,
-                                         double ret[MAPS_COLUMNS]) {
+static double colour_columns(const struct maps_solver *solver, const struct maps_colours *of, int i,
+                             double ret[MAPS_COLUMNS]) {
     const float *const *p = (const float *const *)solver->pairs->planes;
     const gboolean sheen = of->layers->sheen_roughness > 0;
     const double f5 = (double)p[MAPS_F5][i], lobe = (double)solver->lobe[i];
@@ -472,9 +470,9 @@ static double maps_solver_colour_columns(const struct maps_solver *solver,
 }
 
 /* Fits each colour by least squares with the weights of solver->trial. */
-static void maps_solver_colours_fit(const struct maps_solver *solver, const float *rgb,
-                                    const struct maps_colours *of, const double start[MAPS_COLUMNS],
-                                    double ret[3][MAPS_COLUMNS]) {
+static void colours_fit(const struct maps_solver *solver, const float *rgb,
+                        const struct maps_colours *of, const double start[MAPS_COLUMNS],
+                        double ret[3][MAPS_COLUMNS]) {
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     /* In the core model, the reflectance of a dielectric is fixed. */
     const double least[MAPS_COLUMNS] = {0, core ? 1 : 0, 0};
@@ -485,7 +483,7 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
         double columns[MAPS_COLUMNS];
         if (solver->weights[i] <= 0)
             continue;
-        const double known = maps_solver_colour_columns(solver, of, i, columns);
+        const double known = colour_columns(solver, of, i, columns);
         for (int c = 0; c < 3; c++)
             for (int j = 0; j < MAPS_COLUMNS; j++) {
                 b[c][j] += weight * columns[j] * ((double)rgb[3 * (gsize)i + (gsize)c] - known);
@@ -500,8 +498,8 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
         b[c][1] += prior * start[1];
         a[c][0][0] += 1e-9;
         a[c][2][2] += 1e-9;
-        maps_solver_box((const double(*)[MAPS_COLUMNS])a[c], b[c],
-                        of->layers->sheen_roughness > 0 ? 3 : 2, least, most, ret[c]);
+        box((const double(*)[MAPS_COLUMNS])a[c], b[c], of->layers->sheen_roughness > 0 ? 3 : 2,
+            least, most, ret[c]);
     }
 }
 
@@ -510,16 +508,15 @@ static void maps_solver_colours_fit(const struct maps_solver *solver, const floa
  * colours, not their mixture, which differs from both. A view counts with the visible area of the
  * surface, v·z. Grazing views, which differ most because they show other points, are then less
  * important. */
-static void maps_solver_colours_robust(struct maps_solver *solver, const float *rgb,
-                                       const struct maps_colours *of,
-                                       const double x[3][MAPS_COLUMNS]) {
+static void colours_robust(struct maps_solver *solver, const float *rgb,
+                           const struct maps_colours *of, const double x[3][MAPS_COLUMNS]) {
     int n = 0;
     for (int i = 0; i < solver->n; i++) {
         double columns[MAPS_COLUMNS], squares = 0;
         float model[3];
         if (solver->weights[i] <= 0)
             continue;
-        const double known = maps_solver_colour_columns(solver, of, i, columns);
+        const double known = colour_columns(solver, of, i, columns);
         for (int c = 0; c < 3; c++) {
             double value = known;
             for (int k = 0; k < MAPS_COLUMNS; k++)
@@ -547,7 +544,7 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
     const gboolean core = solver->pairs->model == MAPS_MODEL_CORE;
     /* If a specular colour can represent it, a reflectance of up to twice a dielectric's is not
      * assumed to be that of a metal. */
-    const double m = maps_solver_metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
+    const double m = metallic(d, s, (core ? 1.001 : 2) * (double)MAPS_DIELECTRIC);
     const double w = core ? 1 : MAX((double)solution->shape[5], MIN(2 * s, 1));
     const double base = MIN(d / MAX(1 - m, 1e-9), 1);
     const double grey = m < 0.999 && !core
@@ -563,8 +560,8 @@ void maps_solver_colours(struct maps_solver *solver, const float *rgb,
         solver->trial[i] = solver->weights[i] * solver->weights[i];
     for (int round = 0; round <= COLOUR_ROUNDS; round++) {
         if (round > 0)
-            maps_solver_colours_robust(solver, rgb, &of, x);
-        maps_solver_colours_fit(solver, rgb, &of, start, x);
+            colours_robust(solver, rgb, &of, x);
+        colours_fit(solver, rgb, &of, start, x);
     }
     for (int c = 0; c < 3; c++) {
         ret->base[c] = (float)x[c][0];

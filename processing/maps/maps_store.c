@@ -67,8 +67,7 @@ char *maps_store_inputs(const char *session, enum maps_model model, GError **err
 }
 
 /* Reads every number of struct maps from a part. Returns FALSE if one is missing. */
-static gboolean maps_store_numbers(const struct exr_part *part, struct maps *maps,
-                                   double ret_layers[2]) {
+static gboolean numbers(const struct exr_part *part, struct maps *maps, double ret_layers[2]) {
     int holes = 0;
     const gboolean ok =
         exr_get_int(part, "n_views", &maps->n_views, NULL) &&
@@ -107,8 +106,8 @@ struct maps *maps_store_read(const char *session, enum maps_model model, const c
     maps->model = model;
     maps->width = texels->width;
     maps->height = texels->height;
-    if (n > MAPS_MAX_TEXELS || !maps_store_numbers(texels, maps, layers) ||
-        pairs->width != maps->n_lights || pairs->height != maps->n_views)
+    if (n > MAPS_MAX_TEXELS || !numbers(texels, maps, layers) || pairs->width != maps->n_lights ||
+        pairs->height != maps->n_views)
         return NULL;
     maps->fit->layers = maps_layers_new(layers[0], layers[1]);
     maps->fit->texels = g_new0(struct maps_texel, n);

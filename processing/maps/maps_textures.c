@@ -10,7 +10,7 @@
 #define CELL   8 /* pixels of a pair of directions in the picture */
 #define MAX_DE 10.0F
 
-static void maps_textures_widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
+static void widths(const struct maps_texel *texel, float *ret_t, float *ret_b) {
     *ret_b = texel->roughness * texel->roughness;
     *ret_t = *ret_b + (1 - *ret_b) * texel->anisotropy * texel->anisotropy;
 }
@@ -27,44 +27,44 @@ struct maps_texture {
     void (*fill)(const struct maps *maps, gsize texel, float *ret);
 };
 
-static void maps_textures_base(const struct maps *maps, gsize i, float *ret) {
+static void base(const struct maps *maps, gsize i, float *ret) {
     memcpy(ret, maps->fit->texels[i].base, sizeof(float) * 3);
 }
-static void maps_textures_metallic(const struct maps *maps, gsize i, float *ret) {
+static void metallic(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].metallic;
 }
-static void maps_textures_roughness(const struct maps *maps, gsize i, float *ret) {
+static void roughness(const struct maps *maps, gsize i, float *ret) {
     float at, ab;
-    maps_textures_widths(&maps->fit->texels[i], &at, &ab);
+    widths(&maps->fit->texels[i], &at, &ab);
     *ret = powf(at * ab, 0.25F);
 }
-static void maps_textures_specular(const struct maps *maps, gsize i, float *ret) {
+static void specular(const struct maps *maps, gsize i, float *ret) {
     const struct maps_texel *t = &maps->fit->texels[i];
     *ret = MIN(t->specular * maps_textures_grey(t) / 2, 1);
 }
-static void maps_textures_edge(const struct maps *maps, gsize i, float *ret) {
+static void edge(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].specular;
 }
 /* Gives only the tint, scaled so that its largest component is 1. */
-static void maps_textures_tint(const struct maps *maps, gsize i, float *ret) {
+static void tint(const struct maps *maps, gsize i, float *ret) {
     const float *s = maps->fit->texels[i].specular_colour;
     const float most = MAX(MAX(s[0], s[1]), s[2]);
     for (int c = 0; c < 3; c++)
         ret[c] = most > 0 ? s[c] / most : 1;
 }
-static void maps_textures_normal(const struct maps *maps, gsize i, float *ret) {
+static void normal(const struct maps *maps, gsize i, float *ret) {
     for (int c = 0; c < 3; c++)
         ret[c] = maps->fit->texels[i].normal[c] / 2 + 0.5F;
 }
 static void maps_textures_height(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->relief_mm > 0 ? maps->heights_mm[i] / (float)maps->relief_mm : 0;
 }
-static void maps_textures_occlusion(const struct maps *maps, gsize i, float *ret) {
+static void occlusion(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->occlusion[i];
 }
-static void maps_textures_level(const struct maps *maps, gsize i, float *ret) {
+static void level(const struct maps *maps, gsize i, float *ret) {
     float at, ab;
-    maps_textures_widths(&maps->fit->texels[i], &at, &ab);
+    widths(&maps->fit->texels[i], &at, &ab);
     *ret = 1 - ab / at;
 }
 static void maps_textures_angle(const struct maps *maps, gsize i, float *ret) {
@@ -72,33 +72,33 @@ static void maps_textures_angle(const struct maps *maps, gsize i, float *ret) {
     const float angle = atan2f(d[1], d[0]) / (2 * (float)G_PI);
     *ret = angle < 0 ? angle + 0.5F : angle; /* t and −t are the same */
 }
-static void maps_textures_sheen(const struct maps *maps, gsize i, float *ret) {
+static void sheen(const struct maps *maps, gsize i, float *ret) {
     memcpy(ret, maps->fit->texels[i].sheen, sizeof(float) * 3);
 }
-static void maps_textures_coat(const struct maps *maps, gsize i, float *ret) {
+static void coat(const struct maps *maps, gsize i, float *ret) {
     *ret = maps->fit->texels[i].coat;
 }
 
 static const struct maps_texture textures[] = {
-    {"BaseColor", 3, 8, TRUE, maps_textures_base},
-    {"Metallic", 1, 8, FALSE, maps_textures_metallic},
-    {"Roughness", 1, 8, FALSE, maps_textures_roughness},
-    {"SpecularLevel", 1, 8, FALSE, maps_textures_specular},
-    {"SpecularEdge", 1, 8, FALSE, maps_textures_edge},
-    {"SpecularColor", 3, 8, TRUE, maps_textures_tint},
-    {"Normal", 3, 16, FALSE, maps_textures_normal},
+    {"BaseColor", 3, 8, TRUE, base},
+    {"Metallic", 1, 8, FALSE, metallic},
+    {"Roughness", 1, 8, FALSE, roughness},
+    {"SpecularLevel", 1, 8, FALSE, specular},
+    {"SpecularEdge", 1, 8, FALSE, edge},
+    {"SpecularColor", 3, 8, TRUE, tint},
+    {"Normal", 3, 16, FALSE, normal},
     {"Height", 1, 16, FALSE, maps_textures_height},
-    {"AmbientOcclusion", 1, 8, FALSE, maps_textures_occlusion},
-    {"AnisotropyLevel", 1, 8, FALSE, maps_textures_level},
+    {"AmbientOcclusion", 1, 8, FALSE, occlusion},
+    {"AnisotropyLevel", 1, 8, FALSE, level},
     {"AnisotropyAngle", 1, 8, FALSE, maps_textures_angle},
-    {"SheenColor", 3, 8, TRUE, maps_textures_sheen},
-    {"ClearCoat", 1, 8, FALSE, maps_textures_coat},
+    {"SheenColor", 3, 8, TRUE, sheen},
+    {"ClearCoat", 1, 8, FALSE, coat},
 };
 
-static gboolean maps_textures_has(const struct maps *maps, const struct maps_texture *texture) {
-    if (texture->fill == maps_textures_sheen)
+static gboolean has(const struct maps *maps, const struct maps_texture *texture) {
+    if (texture->fill == sheen)
         return maps->fit->layers.sheen_roughness > 0;
-    if (texture->fill == maps_textures_coat)
+    if (texture->fill == coat)
         return maps->fit->layers.coat_roughness > 0;
     return TRUE;
 }
@@ -135,7 +135,7 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
     g_autofree float *values = g_new(float, 3 * n);
     for (gsize k = 0; k < G_N_ELEMENTS(textures); k++) {
         const struct maps_texture *texture = &textures[k];
-        if (!maps_textures_has(maps, texture))
+        if (!has(maps, texture))
             continue;
         for (gsize i = 0; i < n; i++)
             texture->fill(maps, i, values + i * (gsize)texture->channels);
@@ -152,7 +152,7 @@ gboolean maps_add_maps(const struct maps *maps, gboolean exr, MapsFiles *files, 
 }
 
 /* A scale from black over violet and orange to white. Texels that were not compared are grey. */
-static void maps_textures_heat(float delta_e, float ret[3]) {
+static void heat(float delta_e, float ret[3]) {
     static const float stops[5][3] = {
         {0, 0, 0}, {0.24F, 0.06F, 0.44F}, {0.73F, 0.21F, 0.33F}, {0.98F, 0.65F, 0.2F}, {1, 1, 1}};
     const float at = 4 * CLAMP(delta_e / MAX_DE, 0, 1);
@@ -163,22 +163,18 @@ static void maps_textures_heat(float delta_e, float ret[3]) {
 }
 
 /* Draws each value as a square of cell pixels. */
-static GBytes *maps_textures_picture(const float *values, int width, int height, int cell,
-                                     GError **error) {
+static GBytes *picture(const float *values, int width, int height, int cell, GError **error) {
     const gsize row = (gsize)width * (gsize)cell;
     g_autofree float *rgb = g_new(float, row *(gsize)height *(gsize)cell * 3);
     for (gsize i = 0; i < row * (gsize)height * (gsize)cell; i++)
-        maps_textures_heat(values[i / row / (gsize)cell * (gsize)width + i % row / (gsize)cell],
-                           rgb + 3 * i);
+        heat(values[i / row / (gsize)cell * (gsize)width + i % row / (gsize)cell], rgb + 3 * i);
     return maps_png(rgb, width * cell, height * cell, 3, 8, FALSE, error);
 }
 
 gboolean maps_add_errors(const struct maps *maps, MapsFiles *files, GError **error) {
     const struct maps_errors *errors = &maps->errors;
-    GBytes *pairs =
-        maps_textures_picture(errors->pairs, errors->n_lights, errors->n_views, CELL, error);
-    GBytes *texels =
-        pairs ? maps_textures_picture(errors->texels, maps->width, maps->height, 1, error) : NULL;
+    GBytes *pairs = picture(errors->pairs, errors->n_lights, errors->n_views, CELL, error);
+    GBytes *texels = pairs ? picture(errors->texels, maps->width, maps->height, 1, error) : NULL;
     if (!texels) {
         g_clear_pointer(&pairs, g_bytes_unref);
         return FALSE;

@@ -22,13 +22,13 @@ struct material_place {
     float *view_weights, *light_weights;
 };
 
-static int material_wrap(double i, int n) {
+static int wrap(double i, int n) {
     const int rest = (int)fmod(i, n);
     return rest < 0 ? rest + n : rest;
 }
 
 /* ∫ of the tent max(0, 1 − |t|) from −∞ to t. */
-static double material_tent(double t) {
+static double tent(double t) {
     t = CLAMP(t, -1, 1);
     return t < 0 ? 0.5 * (t + 1) * (t + 1) : 1 - 0.5 * (1 - t) * (1 - t);
 }
@@ -36,13 +36,13 @@ static double material_tent(double t) {
 /* Gives the weights for the mean of the linear interpolant over at − width/2 … at + width/2, where
  * texel i has its centre at i + ½. If that is wider than ACROSS texels, ACROSS evenly spaced texels
  * count. A width larger than the tile counts as the whole tile. */
-static void material_axis_find(double at, double width, int n, struct material_axis *ret) {
+static void axis_find(double at, double width, int n, struct material_axis *ret) {
     ret->n = 0;
     width = MIN(width, n);
     if (width > ACROSS) {
         for (; ret->n < ACROSS; ret->n++) {
             const double x = at + width * ((ret->n + 0.5) / ACROSS - 0.5);
-            ret->index[ret->n] = material_wrap(floor(x), n);
+            ret->index[ret->n] = wrap(floor(x), n);
             ret->weight[ret->n] = 1.0F / ACROSS;
         }
         return;
@@ -50,16 +50,15 @@ static void material_axis_find(double at, double width, int n, struct material_a
     const double low = at - 0.5 * width - 0.5, high = at + 0.5 * width - 0.5;
     if (width < 1e-6) {
         const double first = floor(low), part = low - first;
-        *ret = (struct material_axis){2,
-                                      {material_wrap(first, n), material_wrap(first + 1, n)},
-                                      {(float)(1 - part), (float)part}};
+        *ret = (struct material_axis){
+            2, {wrap(first, n), wrap(first + 1, n)}, {(float)(1 - part), (float)part}};
         return;
     }
     for (double i = floor(low); i <= ceil(high) && ret->n < ACROSS + 2; i++) {
-        const double weight = (material_tent(high - i) - material_tent(low - i)) / width;
+        const double weight = (tent(high - i) - tent(low - i)) / width;
         if (weight <= 0)
             continue;
-        ret->index[ret->n] = material_wrap(i, n);
+        ret->index[ret->n] = wrap(i, n);
         ret->weight[ret->n++] = (float)weight;
     }
 }
@@ -75,8 +74,8 @@ static void material_evaluate_level(const mesorig_material *m, guint level, doub
     int index[(ACROSS + 2) * (ACROSS + 2)], n = 0;
     float shares[G_N_ELEMENTS(index)];
     G_STATIC_ASSERT(G_N_ELEMENTS(index) <= CODEC_MAX_TEXELS);
-    material_axis_find(u * layout->width, width * layout->width, (int)layout->width, &x);
-    material_axis_find(v * layout->height, width * layout->height, (int)layout->height, &y);
+    axis_find(u * layout->width, width * layout->width, (int)layout->width, &x);
+    axis_find(v * layout->height, width * layout->height, (int)layout->height, &y);
     for (int j = 0; j < y.n; j++)
         for (int i = 0; i < x.n; i++) {
             index[n] = y.index[j] * (int)layout->width + x.index[i];
@@ -102,8 +101,8 @@ static void material_evaluate_texels(const mesorig_material *m, double u, double
 }
 
 /* Fills one list from up to four measured directions. The pole is replaced by its members. */
-static int material_list(const Directions *directions, gsize n, const struct direction_weights *at,
-                         float scale, int *ret_index, float *ret_weight) {
+static int list(const Directions *directions, gsize n, const struct direction_weights *at,
+                float scale, int *ret_index, float *ret_weight) {
     int count = 0, n_pole;
     const int *pole = directions_pole(directions, &n_pole);
     for (int k = 0; k < 4; k++) {
@@ -116,8 +115,7 @@ static int material_list(const Directions *directions, gsize n, const struct dir
     return count;
 }
 
-static int material_grid_list(int n_grid, const float direction[3], int *ret_index,
-                              float *ret_weight) {
+static int grid_list(int n_grid, const float direction[3], int *ret_index, float *ret_weight) {
     int count = 0, index[4];
     float weight[4];
     direction_grid_weights(n_grid, direction, index, weight);
@@ -130,8 +128,8 @@ static int material_grid_list(int n_grid, const float direction[3], int *ret_ind
 }
 
 /* Returns FALSE if nothing is reflected. */
-static gboolean material_place_set(const mesorig_material *m, const float view[3],
-                                   const float light[3], struct material_place *place) {
+static gboolean place_set(const mesorig_material *m, const float view[3], const float light[3],
+                          struct material_place *place) {
     struct codec_query *query = &place->query;
     struct vec3 v = vec3(view[0], view[1], view[2]), l = vec3(light[0], light[1], light[2]);
     const double v_length = vec3_length(v), l_length = vec3_length(l);
@@ -148,36 +146,32 @@ static gboolean material_place_set(const mesorig_material *m, const float view[3
         .light_weights = place->light_weights,
     };
     if (m->n_grid > 0) {
-        query->n_views =
-            material_grid_list(m->n_grid, query->view, place->views, place->view_weights);
-        query->n_lights =
-            material_grid_list(m->n_grid, query->light, place->lights, place->light_weights);
+        query->n_views = grid_list(m->n_grid, query->view, place->views, place->view_weights);
+        query->n_lights = grid_list(m->n_grid, query->light, place->lights, place->light_weights);
         return TRUE;
     }
     struct direction_weights at;
     directions_weights(m->views, v, &at);
-    query->n_views =
-        material_list(m->views, m->layout->views.n, &at, 1, place->views, place->view_weights);
+    query->n_views = list(m->views, m->layout->views.n, &at, 1, place->views, place->view_weights);
     const double fade = directions_fade_weights(m->lights, l, &at);
-    query->n_lights = material_list(m->lights, m->layout->lights.n, &at, (float)fade, place->lights,
-                                    place->light_weights);
+    query->n_lights =
+        list(m->lights, m->layout->lights.n, &at, (float)fade, place->lights, place->light_weights);
     return TRUE;
 }
 
 /* Returns the maximum length of a list: four directions, and the members of the pole. */
-static gsize material_most(const Directions *directions) {
+static gsize most(const Directions *directions) {
     int n_pole = 0;
     if (directions)
         directions_pole(directions, &n_pole);
     return 4 + (gsize)n_pole;
 }
 
-static void material_evaluate_one(const mesorig_material *m, const float *uv, const float *view,
-                                  const float *light, float footprint, struct material_place *place,
-                                  float ret[COLOURS]) {
+static void one(const mesorig_material *m, const float *uv, const float *view, const float *light,
+                float footprint, struct material_place *place, float ret[COLOURS]) {
     float sum[COLOURS] = {0};
     if (isfinite(uv[0]) && isfinite(uv[1]) && footprint >= 0 && isfinite(footprint) &&
-        material_place_set(m, view, light, place))
+        place_set(m, view, light, place))
         material_evaluate_texels(m, uv[0] - floor((double)uv[0]), uv[1] - floor((double)uv[1]),
                                  footprint, &place->query, sum);
     for (int c = 0; c < COLOURS; c++)
@@ -189,7 +183,7 @@ int mesorig_material_evaluate(const mesorig_material *m, size_t n, const float *
                               float *ret_rgb) {
     if (!m || (n > 0 && (!uv || !view || !light || !ret_rgb)))
         return MESORIG_ERROR_ARGUMENT;
-    const gsize n_views = material_most(m->views), n_lights = material_most(m->lights);
+    const gsize n_views = most(m->views), n_lights = most(m->lights);
     int few_indices[64];
     float few_weights[G_N_ELEMENTS(few_indices)];
     g_autofree int *indices = NULL;
@@ -209,7 +203,7 @@ int mesorig_material_evaluate(const mesorig_material *m, size_t n, const float *
         .light_weights = weight + n_views,
     };
     for (size_t k = 0; k < n; k++)
-        material_evaluate_one(m, uv + 2 * k, view + 3 * k, light + 3 * k,
-                              footprint ? footprint[k] : 0, &place, ret_rgb + 3 * k);
+        one(m, uv + 2 * k, view + 3 * k, light + 3 * k, footprint ? footprint[k] : 0, &place,
+            ret_rgb + 3 * k);
     return MESORIG_OK;
 }

@@ -9,8 +9,8 @@
  * v_z, and the surface is P (x, y) = (x, y, 0) − v D / v_z. Its normal is along ∂P/∂x × ∂P/∂y =
  * (D_x, D_y, 1 − (v_x D_x + v_y D_y) / v_z). The product of this vector with v is v_z, so that it
  * faces the eye. */
-static void material_hit(const mesorig_material *m, const float *uv, struct vec3 v,
-                         struct mesorig_hit *ret) {
+static void hit(const mesorig_material *m, const float *uv, struct vec3 v,
+                struct mesorig_hit *ret) {
     double depth = 0, slope[2] = {0, 0}, width = 1, height = 1;
     const double down = MAX(v.z, MIN_SLOPE);
     const double view[3] = {v.x, v.y, v.z};
@@ -38,7 +38,7 @@ int mesorig_material_intersect(const mesorig_material *m, size_t n, const float 
         const double length = vec3_length(v);
         memset(&ret[k], 0, sizeof ret[k]);
         if (isfinite(uv[2 * k]) && isfinite(uv[2 * k + 1]) && isfinite(length) && v.z > 0)
-            material_hit(m, uv + 2 * k, vec3_scale(v, 1 / length), &ret[k]);
+            hit(m, uv + 2 * k, vec3_scale(v, 1 / length), &ret[k]);
     }
     return MESORIG_OK;
 }

@@ -18,7 +18,7 @@ static int material_status(const GError *error) {
                                                                   : MESORIG_ERROR_FORMAT;
 }
 
-static void material_tell(struct mesorig_error *ret_error, int status, const char *text) {
+static void tell(struct mesorig_error *ret_error, int status, const char *text) {
     const char *end;
     if (!ret_error)
         return;
@@ -28,14 +28,14 @@ static void material_tell(struct mesorig_error *ret_error, int status, const cha
         ret_error->text[end - ret_error->text] = '\0';
 }
 
-static void material_tell_error(GError *error, struct mesorig_error *ret_error) {
-    material_tell(ret_error, material_status(error), error->message);
+static void tell_error(GError *error, struct mesorig_error *ret_error) {
+    tell(ret_error, material_status(error), error->message);
     g_error_free(error);
 }
 
 /* Returns the compressed material with the smallest error among a folder's files. A file whose
  * error is not known is only used if there is no other. Returns NULL if there is none. */
-static char *material_best_of(const char *folder) {
+static char *best_of(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     char *best = NULL;
     double least = G_MAXDOUBLE;
@@ -65,7 +65,7 @@ static char *material_product(const char *directory, GError **error) {
     g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
     if (g_file_test(btf, G_FILE_TEST_IS_DIR))
         return g_steal_pointer(&btf);
-    char *best = material_best_of(products);
+    char *best = best_of(products);
     if (!best)
         g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                     "%s: there is no material in it: give a session that “mesorig process” has "
@@ -75,14 +75,14 @@ static char *material_product(const char *directory, GError **error) {
 }
 
 /* Returns the measured MDF of a session, or NULL. */
-static char *material_mdf_of(const char *directory) {
+static char *mdf_of(const char *directory) {
     g_autofree char *session = btf_matrix_session(directory);
     g_autofree char *mdf = g_build_filename(session, "products", "mdf.exr", NULL);
     return g_file_test(mdf, G_FILE_TEST_EXISTS) ? g_steal_pointer(&mdf) : NULL;
 }
 
 /* Makes the tables of directions, unless the directions are samples of a grid. */
-static gboolean material_make_directions(mesorig_material *m, GError **error) {
+static gboolean make_directions(mesorig_material *m, GError **error) {
     const struct direction_list *views = &m->layout->views, *lights = &m->layout->lights;
     gconstpointer model = m->levels->pdata[0];
     m->n_grid = m->codec->grid ? m->codec->grid(model) : 0;
@@ -115,14 +115,14 @@ static gboolean material_read(mesorig_material *m, const char *path, GError **er
     gconstpointer model = m->levels->pdata[0];
     m->layout = G_STRUCT_MEMBER_P(model, m->codec->layout);
     m->error = folder ? 0 : m->codec->error ? G_STRUCT_MEMBER(double, model, m->codec->error) : -1;
-    if (material_make_directions(m, error))
+    if (make_directions(m, error))
         return TRUE;
     g_prefix_error(error, "%s: ", path);
     return FALSE;
 }
 
 /* path and mdf are files, or path is a BTF. */
-static mesorig_material *material_new_from(const char *path, const char *mdf, GError **error) {
+static mesorig_material *new_from(const char *path, const char *mdf, GError **error) {
     mesorig_material *m = g_new0(mesorig_material, 1);
     pthread_mutex_init(&m->sampling_lock, NULL);
     if (material_read(m, path, error) &&
@@ -136,20 +136,20 @@ mesorig_material *mesorig_material_open(const char *path, const char *mdf,
                                         struct mesorig_error *ret_error) {
     GError *error = NULL;
     if (!path) {
-        material_tell(ret_error, MESORIG_ERROR_ARGUMENT, "path is NULL: give a file or a session");
+        tell(ret_error, MESORIG_ERROR_ARGUMENT, "path is NULL: give a file or a session");
         return NULL;
     }
     const gboolean folder = g_file_test(path, G_FILE_TEST_IS_DIR);
     g_autofree char *product = folder ? material_product(path, &error) : g_strdup(path);
-    g_autofree char *relief = folder && !mdf ? material_mdf_of(path) : g_strdup(mdf);
-    mesorig_material *m = product ? material_new_from(product, relief, &error) : NULL;
+    g_autofree char *relief = folder && !mdf ? mdf_of(path) : g_strdup(mdf);
+    mesorig_material *m = product ? new_from(product, relief, &error) : NULL;
     if (error)
-        material_tell_error(error, ret_error);
+        tell_error(error, ret_error);
     return m;
 }
 
 /* Makes a file in memory for the readers. Returns its descriptor, or −1 with an error. */
-static int material_file_of(const void *bytes, size_t n, GError **error) {
+static int file_of(const void *bytes, size_t n, GError **error) {
     const int fd = memfd_create("mesorig-material", MFD_CLOEXEC);
     if (fd >= 0 && new_file_write(fd, bytes, n))
         return fd;
@@ -172,23 +172,23 @@ mesorig_material *mesorig_material_open_memory(const void *material, size_t mate
                                                struct mesorig_error *ret_error) {
     GError *error = NULL;
     if (!material || material_bytes == 0 || (mdf && mdf_bytes == 0)) {
-        material_tell(ret_error, MESORIG_ERROR_ARGUMENT,
-                      "there are no bytes of a material, or none of the MDF: give those of a file "
-                      "that “mesorig compress” wrote");
+        tell(ret_error, MESORIG_ERROR_ARGUMENT,
+             "there are no bytes of a material, or none of the MDF: give those of a file "
+             "that “mesorig compress” wrote");
         return NULL;
     }
     mesorig_material *m = NULL;
-    const int fd = material_file_of(material, material_bytes, &error);
-    const int mdf_fd = fd >= 0 && mdf ? material_file_of(mdf, mdf_bytes, &error) : -1;
+    const int fd = file_of(material, material_bytes, &error);
+    const int mdf_fd = fd >= 0 && mdf ? file_of(mdf, mdf_bytes, &error) : -1;
     g_autofree char *path = g_strdup_printf("/proc/self/fd/%d", fd);
     g_autofree char *mdf_path = mdf_fd >= 0 ? g_strdup_printf("/proc/self/fd/%d", mdf_fd) : NULL;
     if (!error)
-        m = material_new_from(path, mdf_path, &error);
+        m = new_from(path, mdf_path, &error);
     if (error) {
         if (mdf_path)
             material_rename(error, mdf_path, "the MDF in memory");
         material_rename(error, path, "the material in memory");
-        material_tell_error(error, ret_error);
+        tell_error(error, ret_error);
     }
     if (fd >= 0)
         close(fd);

@@ -43,15 +43,15 @@ void material_relief_size_mm(const struct material_relief *relief, double *ret_w
     *ret_height = relief->table->height * relief->table->texel_mm;
 }
 
-static int material_relief_wrap(double i, int n) {
+static int wrap(double i, int n) {
     const int rest = (int)fmod(i, n);
     return rest < 0 ? rest + n : rest;
 }
 
 /* Interpolates between four texels at fractions (p, q), with depths a b / c d:
  *   value (1−q)((1−p)a + p b) + q((1−p)c + p d), ∂/∂p, ∂/∂q */
-static void material_relief_add(const float *depth, const gsize at[4], double p, double q,
-                                double share, double sum[3]) {
+static void add(const float *depth, const gsize at[4], double p, double q, double share,
+                double sum[3]) {
     const double a = depth[at[0]], b = depth[at[1]], c = depth[at[2]], d = depth[at[3]];
     sum[0] += share * ((1 - q) * ((1 - p) * a + p * b) + q * ((1 - p) * c + p * d));
     sum[1] += share * ((1 - q) * (b - a) + q * (d - c));
@@ -62,8 +62,8 @@ double material_relief_depth(const struct material_relief *relief, double u, dou
                              const double view[3], double ret_slope[2]) {
     const struct mdf_table *t = relief->table;
     const double x = (u - floor(u)) * t->width - 0.5, y = (v - floor(v)) * t->height - 0.5;
-    const int left = material_relief_wrap(floor(x), t->width), right = (left + 1) % t->width;
-    const int top = material_relief_wrap(floor(y), t->height), below = (top + 1) % t->height;
+    const int left = wrap(floor(x), t->width), right = (left + 1) % t->width;
+    const int top = wrap(floor(y), t->height), below = (top + 1) % t->height;
     const gsize at[4] = {
         (gsize)top * t->width + left,
         (gsize)top * t->width + right,
@@ -80,9 +80,8 @@ double material_relief_depth(const struct material_relief *relief, double u, dou
         const gboolean is_pole = weights.index[k] >= t->n_views;
         const int members = is_pole ? n_pole : 1;
         for (int i = 0; weights.weight[k] > 0 && i < members; i++)
-            material_relief_add(t->depth_mm + (gsize)(is_pole ? pole[i] : weights.index[k]) * n, at,
-                                x - floor(x), y - floor(y), (double)weights.weight[k] / members,
-                                sum);
+            add(t->depth_mm + (gsize)(is_pole ? pole[i] : weights.index[k]) * n, at, x - floor(x),
+                y - floor(y), (double)weights.weight[k] / members, sum);
     }
     /* Rows count downwards, y upwards. */
     ret_slope[0] = sum[1] / t->texel_mm;

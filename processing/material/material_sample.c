@@ -60,7 +60,7 @@ static MaterialSampler *sample_make(const mesorig_material *m) {
 
 /* Returns the sampler. Its tables are made at the first call, because not every renderer needs
  * them. */
-static const MaterialSampler *material_sampling(const mesorig_material *material) {
+static const MaterialSampler *sampling(const mesorig_material *material) {
     mesorig_material *m = (mesorig_material *)material;
     MaterialSampler *ready = g_atomic_pointer_get(&m->sampling);
     if (ready)
@@ -105,7 +105,7 @@ int mesorig_material_sample(const mesorig_material *material, size_t n, const fl
     if (material == NULL ||
         (n > 0 && (uv == NULL || view == NULL || random == NULL || !ret_light || !ret_pdf)))
         return MESORIG_ERROR_ARGUMENT;
-    const MaterialSampler *sampler = material_sampling(material);
+    const MaterialSampler *sampler = sampling(material);
     for (size_t k = 0; k < n; k++) {
         float v[3], numbers[2] = {random[2 * k], random[2 * k + 1]};
         ret_light[3 * k] = ret_light[3 * k + 1] = ret_light[3 * k + 2] = ret_pdf[k] = 0.0F;
@@ -125,7 +125,7 @@ int mesorig_material_pdf(const mesorig_material *material, size_t n, const float
                          float *ret_pdf) {
     if (material == NULL || (n > 0 && (uv == NULL || view == NULL || light == NULL || !ret_pdf)))
         return MESORIG_ERROR_ARGUMENT;
-    const MaterialSampler *sampler = material_sampling(material);
+    const MaterialSampler *sampler = sampling(material);
     for (size_t k = 0; k < n; k++) {
         float v[3], l[3];
         ret_pdf[k] = 0.0F;

@@ -26,8 +26,8 @@
 #define CLOSE         0.2f  /* factor of the agreement tolerance for smooth continuation */
 #define MIN_TEXEL_PX  0.1   /* for errors' sake */
 #define HIDDEN_REACH  2     /* of mdf_shown(); chosen: docs/accuracy.md */
-#define HIDDEN_SWEEPS 8 /* least for mdf_add_hidden_errors(): of fewer, shadows say too little */
-#define MANY_SWEEPS   4 /* from this number of sweeps on, one is not believed against others */
+#define HIDDEN_SWEEPS 8     /* least for add_hidden_errors(): of fewer, shadows say too little */
+#define MANY_SWEEPS   4     /* from this number of sweeps on, one is not believed against others */
 #define OVER          (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */
 #define LIGHT_DN      100.0   /* least height of a pulse whose time noise does not spoil, and */
 #define LIGHT_FRAMES  0.7     /* least line width that frames sample, for mdf_view_light() */
@@ -388,7 +388,7 @@ static float mdf_shown(const MdfView *view, const struct phases *phases, float x
 /* Takes over what the calibration knows of the sheet. Where the laser's line was found in the
  * reference region, it has measured the sheet's turn and its roll once more: each error is that of
  * the mean, 1 / √(1 / k² + 1 / e²), or the line's own if it contradicts the calibration. */
-static void mdf_take_known(struct known *known, const struct laser_sweep *sweep) {
+static void take_known(struct known *known, const struct laser_sweep *sweep) {
     const struct laser_lines *lines = sweep->lines;
     *known = (struct known){.laser = sweep->laser,
                             .copy = *sweep->laser,
@@ -466,7 +466,7 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     view->spacing_px = MAX(view->spacing_px, phases.radius);
     view->tolerance_mm[view->n_sweeps] = MAX(texel_mm, FRAME_SHARE * along_mm);
     view->frame_mm[view->n_sweeps] = along_mm;
-    mdf_take_known(&view->known[view->n_sweeps], sweep);
+    take_known(&view->known[view->n_sweeps], sweep);
     view->line_frames[view->n_sweeps] = mdf_line_frames(view, sweep);
     view->line_ratio[view->n_sweeps] =
         sweep->line_rad > 0
@@ -480,7 +480,7 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
 
 /* Candidates of a texel from all laser positions, of weight mdf_weight · b² / (b² + FAINT²), b:
  * pulse height over the brightest. Much fainter lines graze the surface, or are reflections. */
-static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
+static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
     for (int s = 0; s < view->n_sweeps; s++)
@@ -507,8 +507,7 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
 
 /* Σ ((a + b) / 2 − m)² of a texel's distance m and opposite neighbours' a and b, over the (up to
  * four) pairs that have both. ret_pairs: how many have both; how many in the grid do not. */
-static double mdf_bends_mm2(const MdfView *view, const float *distance, int texel,
-                            int ret_pairs[2]) {
+static double bends_mm2(const MdfView *view, const float *distance, int texel, int ret_pairs[2]) {
     static const struct { int right, down; } pairs[] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
     const int width = view->grid.width, height = view->grid.height;
     const int column = texel % width, row = texel / width;
@@ -529,22 +528,22 @@ static double mdf_bends_mm2(const MdfView *view, const float *distance, int texe
 }
 
 /* Their mean: on a plane 1.5 σ² of a texel's noise, at a step about (step / 2)²; −1: no pair. */
-static double mdf_roughness_mm2(const MdfView *view, const float *distance, int texel) {
+static double roughness_mm2(const MdfView *view, const float *distance, int texel) {
     int pairs[2];
-    const double squares = mdf_bends_mm2(view, distance, texel, pairs);
+    const double squares = bends_mm2(view, distance, texel, pairs);
     return pairs[0] > 0 ? squares / pairs[0] : -1;
 }
 
 /* Standard errors of what one sweep alone saw: their squares are (r² + median r² of the view) /
  * 1.5, r² being a texel's roughness, which may be small by chance. Without neighbours it is the
  * largest step from texel to texel that one surface takes. */
-static void mdf_find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
-                                 float *error_mm) {
+static void find_lone_errors(const MdfView *view, const float *distance, const float *sweeps,
+                             float *error_mm) {
     g_autofree double *rough = g_new(double, view->n_texels);
     g_autofree double *known = g_new(double, view->n_texels);
     int n = 0;
     for (int i = 0; i < view->n_texels; i++) {
-        rough[i] = distance[i] >= 0 ? mdf_roughness_mm2(view, distance, i) : -1;
+        rough[i] = distance[i] >= 0 ? roughness_mm2(view, distance, i) : -1;
         if (rough[i] >= 0)
             known[n++] = rough[i];
     }
@@ -558,8 +557,8 @@ static void mdf_find_lone_errors(const MdfView *view, const float *distance, con
 /* mdf_errors.h, 3. A step beside a texel bends the line through opposite neighbours by half of its
  * height, so s² is 4 b² of their bends b; where a neighbour is not known, (deepest − m)² / 3, as it
  * may lie as deep as the deepest texel, or anywhere between. */
-static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
-                                  const struct mdf_spread *spreads, float *error_mm) {
+static void add_hidden_errors(const MdfView *view, const float *distance,
+                              const struct mdf_spread *spreads, float *error_mm) {
     float deepest = 0;
     if (view->n_sweeps < HIDDEN_SWEEPS)
         return;
@@ -569,7 +568,7 @@ static void mdf_add_hidden_errors(const MdfView *view, const float *distance,
         int pairs[2];
         if (spreads[i].n < 2 || !(spreads[i].hidden > 0))
             continue;
-        const double steps = 4 * mdf_bends_mm2(view, distance, i, pairs) +
+        const double steps = 4 * bends_mm2(view, distance, i, pairs) +
                              pairs[1] * pow((double)(deepest - distance[i]), 2) / 3;
         const double step_mm2 = steps / MAX(pairs[0] + pairs[1], 1);
         error_mm[i] = (float)sqrt(pow((double)error_mm[i], 2) + spreads[i].hidden * step_mm2);
@@ -583,7 +582,7 @@ struct known_share {
 };
 
 /* From the camera to the reference plane through a texel's centre, rig frame. */
-static struct vec3 mdf_way_to(const MdfView *view, double column, double row) {
+static struct vec3 way_to(const MdfView *view, double column, double row) {
     const struct vec3 p = rectify_point_mm(&view->grid, column + 0.5, row + 0.5);
     return vec3_sub(rig_turn(p, view->turntable_rad), view->centre_mm);
 }
@@ -592,11 +591,11 @@ static struct vec3 mdf_way_to(const MdfView *view, double column, double row) {
  * and the merged distance by Σ w δ / (n·r), w: shares of the weight. All sweeps of a laser have the
  * same errors e, δ = j·e: their levers j add up, g = Σ w j / (n·r), and the variance is the sum of
  * gᵀ C g over lasers. samples: n sweeps' that were merged, at the distance mm. */
-static struct known_share mdf_share_known(const MdfView *view, int texel,
-                                          const struct mdf_candidate *samples, int n, double mm) {
+static struct known_share share_known(const MdfView *view, int texel,
+                                      const struct mdf_candidate *samples, int n, double mm) {
     struct known_share share = {0};
     const int column = texel % view->grid.width, row = texel / view->grid.width;
-    const struct vec3 way = mdf_way_to(view, column, row), ray = vec3_unit(way);
+    const struct vec3 way = way_to(view, column, row), ray = vec3_unit(way);
     const struct vec3 from_eye = vec3_add(way, vec3_scale(ray, mm));
     const struct vec3 point = vec3_add(view->centre_mm, from_eye);
     struct {
@@ -609,7 +608,7 @@ static struct known_share mdf_share_known(const MdfView *view, int texel,
     for (int axis = 0; axis < 2; axis++)
         for (int k = 0; k < 2; k++)
             rays[axis][k] = vec3_unit(
-                mdf_way_to(view, column + (axis ? 0 : 2 * k - 1), row + (axis ? 2 * k - 1 : 0)));
+                way_to(view, column + (axis ? 0 : 2 * k - 1), row + (axis ? 2 * k - 1 : 0)));
     for (int i = 0; i < n; i++)
         weights += samples[i].weight;
     for (int i = 0; i < n; i++) {
@@ -654,15 +653,15 @@ static double mdf_range_mm(const MdfView *view, const float *distance, int colum
     if (column < 0 || row < 0 || column >= view->grid.width || row >= view->grid.height ||
         !(distance[row * view->grid.width + column] >= 0))
         return NAN;
-    return vec3_length(mdf_way_to(view, column, row)) +
+    return vec3_length(way_to(view, column, row)) +
            (double)distance[row * view->grid.width + column];
 }
 
 /* Adds the calibration's share to the standard errors. Where the camera sees the sample x texels
  * from where it is thought to, the sheets' ranges change by x dt/dx, while those of the surface
  * along the ray that is thought change by x ds/dx: the distance is off by the difference. */
-static void mdf_add_known_errors(const MdfView *view, const float *distance,
-                                 const struct known_share *shares, float *error_mm) {
+static void add_known_errors(const MdfView *view, const float *distance,
+                             const struct known_share *shares, float *error_mm) {
     for (int i = 0; i < view->n_texels; i++) {
         const int column = i % view->grid.width, row = i / view->grid.width;
         double variance = shares[i].sheets_mm2, off[2];
@@ -687,8 +686,8 @@ static void mdf_add_known_errors(const MdfView *view, const float *distance,
 }
 
 /* Keeps candidates that continue the surface of CONFIRM neighbours or more. Returns how many. */
-static int mdf_keep_continuing(const MdfView *view, const float *sure, int texel,
-                               struct mdf_candidate *candidates, int n) {
+static int keep_continuing(const MdfView *view, const float *sure, int texel,
+                           struct mdf_candidate *candidates, int n) {
     const int width = view->grid.width, height = view->grid.height;
     int kept = 0;
     for (int c = 0; c < n; c++) {
@@ -713,10 +712,10 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     g_autofree struct mdf_spread *spreads = g_new0(struct mdf_spread, view->n_texels);
     g_autofree struct known_share *shares = g_new0(struct known_share, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
-        int n = mdf_collect(view, i, candidates);
+        int n = collect(view, i, candidates);
         struct mdf_merged merged = mdf_merge(candidates, n, least);
         if (merged.n > 0)
-            shares[i] = mdf_share_known(view, i, candidates, merged.n, (double)merged.mm);
+            shares[i] = share_known(view, i, candidates, merged.n, (double)merged.mm);
         sure[i] = ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         ret_error[i] = -1;
@@ -727,15 +726,15 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     for (int i = 0; i < view->n_texels; i++) {
         if (sure[i] >= 0)
             continue;
-        int n = mdf_collect(view, i, candidates);
+        int n = collect(view, i, candidates);
         const gboolean alone = n > 0 && candidates[0].sweep == candidates[n - 1].sweep;
         const struct mdf_candidate first = candidates[0];
-        n = mdf_keep_continuing(view, sure, i, candidates, n);
+        n = keep_continuing(view, sure, i, candidates, n);
         if (n == 0 && alone)
             candidates[n++] = first;
         struct mdf_merged merged = mdf_merge(candidates, n, 1);
         if (merged.n > 0)
-            shares[i] = mdf_share_known(view, i, candidates, merged.n, (double)merged.mm);
+            shares[i] = share_known(view, i, candidates, merged.n, (double)merged.mm);
         ret_distance[i] = merged.mm;
         ret_n[i] = (float)merged.n;
         spreads[i] = merged.spread;
@@ -745,9 +744,9 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         view->grid.height,
         {view->spacing_px / view->texel_px[0], view->spacing_px / view->texel_px[1]}};
     mdf_errors_find(&grid, spreads, ret_error);
-    mdf_add_hidden_errors(view, ret_distance, spreads, ret_error);
-    mdf_find_lone_errors(view, ret_distance, ret_n, ret_error);
-    mdf_add_known_errors(view, ret_distance, shares, ret_error);
+    add_hidden_errors(view, ret_distance, spreads, ret_error);
+    find_lone_errors(view, ret_distance, ret_n, ret_error);
+    add_known_errors(view, ret_distance, shares, ret_error);
 }
 
 /* The scatter is √u of mdf_errors.h over the line's width. */
@@ -764,7 +763,7 @@ void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
         n_frames += view->line_frames[s] > 0;
     }
     for (int i = 0; i < view->n_texels; i += EVERY) {
-        const int n = mdf_collect(view, i, candidates);
+        const int n = collect(view, i, candidates);
         const struct mdf_merged merged = mdf_merge(candidates, n, 2);
         double dn = 0;
         for (int k = 0; k < merged.n; k++)
@@ -782,7 +781,7 @@ void mdf_view_light(const MdfView *view, struct mdf_light *ret) {
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     for (int i = 0; i < view->n_texels; i++) {
-        int n = mdf_collect(view, i, candidates), kept = 0;
+        int n = collect(view, i, candidates), kept = 0;
         for (int k = 0; k < n; k++)
             if (!(distance[i] >= 0) ||
                 fabsf(candidates[k].mm - distance[i]) > CLOSE * view->agreement_mm)

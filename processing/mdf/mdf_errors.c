@@ -71,7 +71,7 @@ static double mdf_errors_around(const struct mdf_errors_grid *grid,
 
 /* Logarithm of the likelihood of u, without what k does not change: u / ū has ν degrees of freedom
  * about a variance of an inverse χ² of k + 2 degrees and mean 1. */
-static double mdf_errors_likelihood(double k, double freedom, double u, double mean) {
+static double likelihood(double k, double freedom, double u, double mean) {
     const double d = k + 2;
     return lgamma((freedom + d) / 2) - lgamma(d / 2) + d / 2 * log(k * mean) -
            (freedom + d) / 2 * log(k * mean + freedom * u);
@@ -84,7 +84,7 @@ static double mdf_errors_k(const struct mdf_errors_grid *grid, const struct mdf_
         double sum = 0;
         for (int i = 0; i < grid->width * grid->height; i++)
             if (spreads[i].freedom > 0 && around[i] > 0)
-                sum += mdf_errors_likelihood(k, spreads[i].freedom, spreads[i].frames2, around[i]);
+                sum += likelihood(k, spreads[i].freedom, spreads[i].frames2, around[i]);
         if (sum > most) {
             most = sum;
             best = k;
@@ -114,8 +114,7 @@ double mdf_errors_between(double p) {
 }
 
 /* p, from the bends over one and over two spacings, where both are known. */
-static double mdf_errors_exponent(const struct mdf_errors_grid *grid,
-                                  const struct mdf_spread *spreads) {
+static double exponent(const struct mdf_errors_grid *grid, const struct mdf_spread *spreads) {
     double squares[2] = {0};
     for (int i = 0; i < grid->width * grid->height; i++)
         for (int axis = 0; axis < 2 && spreads[i].n > 1; axis++) {
@@ -154,8 +153,7 @@ static double mdf_errors_bent(const struct mdf_errors_grid *grid, const struct m
 
 /* Where noise is all there is, bends without it are above 0 as often as below, and those above
  * alone would have a mean: they are scaled to the mean of both over the texels around. */
-static double mdf_errors_unbiased(const struct mdf_errors_grid *grid, const double *bent,
-                                  int texel) {
+static double unbiased(const struct mdf_errors_grid *grid, const double *bent, int texel) {
     const int column = texel % grid->width, row = texel / grid->width;
     double sum = 0, above = 0;
     for (int y = MAX(row - AROUND, 0); y <= MIN(row + AROUND, grid->height - 1); y++)
@@ -175,14 +173,13 @@ void mdf_errors_find(const struct mdf_errors_grid *grid, const struct mdf_spread
         bent[i] = mdf_errors_bent(grid, spreads, i);
     }
     const double k = mdf_errors_k(grid, spreads, around);
-    const double between = mdf_errors_between(mdf_errors_exponent(grid, spreads));
+    const double between = mdf_errors_between(exponent(grid, spreads));
     for (int i = 0; i < n; i++) {
         const struct mdf_spread *s = &spreads[i];
         if (s->n < 2)
             continue;
         const double frames2 =
             (s->freedom * s->frames2 + k * around[i]) / MAX(s->freedom + k, 1e-6);
-        ret_error_mm[i] =
-            (float)sqrt(frames2 * s->unit_mm2 + between * mdf_errors_unbiased(grid, bent, i));
+        ret_error_mm[i] = (float)sqrt(frames2 * s->unit_mm2 + between * unbiased(grid, bent, i));
     }
 }

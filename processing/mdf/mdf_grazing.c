@@ -23,7 +23,7 @@ struct relief {
     double texel_mm;
 };
 
-static int mdf_grazing_wrap(int i, int n) {
+static int wrap(int i, int n) {
     return (i % n + n) % n;
 }
 
@@ -32,15 +32,13 @@ static void around(const struct relief *r, double x, double y, gsize ret_at[4],
                    double ret_weight[4]) {
     double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
     for (int k = 0; k < 4; k++) {
-        ret_at[k] = (gsize)mdf_grazing_wrap((int)fy + k / 2, r->h) * r->w +
-                    mdf_grazing_wrap((int)fx + k % 2, r->w);
+        ret_at[k] = (gsize)wrap((int)fy + k / 2, r->h) * r->w + wrap((int)fx + k % 2, r->w);
         ret_weight[k] = (k % 2 ? u : 1.0 - u) * (k / 2 ? v : 1.0 - v);
     }
 }
 
 /* Columns and rows per mm of depth of a ray from the viewer: −tan θ (cos φ, −sin φ) / texel_mm. */
-static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, double phi_deg,
-                                  double ret[2]) {
+static void direction(const struct mdf_table *t, double theta_deg, double phi_deg, double ret[2]) {
     double slant = tan(theta_deg * DEG) / t->texel_mm;
     ret[0] = -slant * cos(phi_deg * DEG);
     ret[1] = slant * sin(phi_deg * DEG);
@@ -56,7 +54,7 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     for (int k = 0; k < t->n_views; k++)
         steepest = MIN(steepest, (double)t->theta_deg[k]);
     for (int view = 0; view < t->n_views; view++) {
-        mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
+        direction(t, t->theta_deg[view], t->phi_deg[view], step);
         for (gsize k = 0; k < n && t->theta_deg[view] <= steepest + STEEP_DEG; k++) {
             double depth = t->depth_mm[view * n + k];
             gsize row = k / t->width, column = k % t->width;
@@ -81,7 +79,7 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
 static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
     gsize n = (gsize)t->width * t->height, at[4];
     double step[2], weight[4];
-    mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
+    direction(t, t->theta_deg[view], t->phi_deg[view], step);
     const double by = STEP / hypot(step[0], step[1]);
     for (gsize k = 0; k < n; k++) {
         const gsize j = k / t->width;

@@ -43,7 +43,7 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
     return samples[n - 1].mm;
 }
 
-static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
+static struct mdf_merged mean_of(const struct mdf_candidate *samples, int n) {
     struct mdf_merged merged = {.mm = -1};
     double weights = 0, sum = 0;
     for (int i = 0; i < n; i++) {
@@ -89,5 +89,5 @@ struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) 
     for (int i = 0; i < one_each; i++)
         if (fabs(candidates[i].mm - mode) <= MAX(3 * spread, candidates[i].tolerance_mm))
             candidates[kept++] = candidates[i];
-    return kept < least ? nothing : mdf_merge_mean_of(candidates, kept);
+    return kept < least ? nothing : mean_of(candidates, kept);
 }

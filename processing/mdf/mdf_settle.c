@@ -30,8 +30,8 @@ struct settling {
 };
 
 /* Rasterises a triangle into the depth buffer; v, w: barycentric weights of b and c. */
-static void mdf_settle_draw(const struct settling *s, const struct seen *a, const struct seen *b,
-                            const struct seen *c) {
+static void draw(const struct settling *s, const struct seen *a, const struct seen *b,
+                 const struct seen *c) {
     const int width = s->plane->width, height = s->plane->height;
     const float area =
         (b->column - a->column) * (c->row - a->row) - (c->column - a->column) * (b->row - a->row);
@@ -54,7 +54,7 @@ static void mdf_settle_draw(const struct settling *s, const struct seen *a, cons
 
 /* Renders the surface of view `asked` into the completed one: triangles between neighbours whose
  * corners are visible and within one step in depth, which grows with the asked view's slant. */
-static void mdf_settle_predict(const struct settling *s, int asked) {
+static void predict(const struct settling *s, int asked) {
     const struct mdf_eye *to = &s->views[s->view];
     const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
     const int width = s->plane->width, n = width * s->plane->height;
@@ -82,13 +82,13 @@ static void mdf_settle_predict(const struct settling *s, int asked) {
             const float high = MAX(d[at[0]], MAX(d[at[1]], d[at[2]]));
             if (s->seen[at[0]].mm >= 0 && s->seen[at[1]].mm >= 0 && s->seen[at[2]].mm >= 0 &&
                 high - low <= step)
-                mdf_settle_draw(s, &s->seen[at[0]], &s->seen[at[1]], &s->seen[at[2]]);
+                draw(s, &s->seen[at[0]], &s->seen[at[1]], &s->seen[at[2]]);
         }
     }
     memcpy(s->predicted + (gsize)asked * (gsize)n, s->front, sizeof(float) * (gsize)n);
 }
 
-static int mdf_settle_by_size(const void *a, const void *b) {
+static int by_size(const void *a, const void *b) {
     const float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
@@ -100,8 +100,7 @@ static void poll(const struct settling *s, int texel, float mm, guint16 *yes, gu
 }
 
 /* The nearest distance that enough predictions agree on, few views see through; −1: none. */
-static float mdf_settle_nearest(const struct settling *s, int texel, const float *predicted,
-                                int n) {
+static float nearest(const struct settling *s, int texel, const float *predicted, int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
     for (int i = 0; i < n; i++) {
         int together = 1;
@@ -157,8 +156,8 @@ static enum mdf_distance_source settle_texel(const struct settling *s, int texel
         if (no == 0)
             return MDF_OTHER;
     }
-    qsort(predicted, (gsize)n, sizeof *predicted, mdf_settle_by_size);
-    *ret_mm = mdf_settle_nearest(s, texel, predicted, n);
+    qsort(predicted, (gsize)n, sizeof *predicted, by_size);
+    *ret_mm = nearest(s, texel, predicted, n);
     if (!(own->distance[texel] >= 0) && *ret_mm >= 0 && would_be_seen(s, texel, *ret_mm))
         *ret_mm = -1;
     return *ret_mm >= 0 ? MDF_PREDICTED : MDF_UNSEEN;
@@ -182,7 +181,7 @@ void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct
     s.seen = g_new0(struct seen, texels);
     s.front = g_new0(float, texels);
     for (int k = 0; k < asked && open > 0; k++)
-        mdf_settle_predict(&s, k);
+        predict(&s, k);
     for (int i = 0; i < (int)texels; i++) {
         ret_distance[i] = own[i];
         ret_source[i] = (guint8)(s.open[i] ? settle_texel(&s, i, &ret_distance[i]) : MDF_MEASURED);

@@ -47,8 +47,8 @@ static struct vec3 reprojection_centre(const double centre_mm[3]) {
     return vec3(centre_mm[0], centre_mm[1], centre_mm[2]);
 }
 
-static gboolean reprojection_add_eye(Reprojection *s, int k, const struct reprojection_view *view,
-                                     GError **error) {
+static gboolean add_eye(Reprojection *s, int k, const struct reprojection_view *view,
+                        GError **error) {
     const gsize n = (gsize)s->plane.width * (gsize)s->plane.height;
     struct eye *eye = &s->eyes[k];
     const struct vec3 centre =
@@ -90,7 +90,7 @@ Reprojection *reprojection_new(const struct mdf_plane *plane, const struct repro
     s->eyes = g_new0(struct eye, n);
     s->deepest_mm = -1;
     for (int k = 0; k < n; k++) {
-        if (!reprojection_add_eye(s, k, &views[k], error))
+        if (!add_eye(s, k, &views[k], error))
             return NULL;
         const struct vec3 v = s->eyes[k].direction;
         theta_deg[k] = (float)(acos(CLAMP(v.z, 0, 1)) * 180 / G_PI);
@@ -136,7 +136,7 @@ struct vec3 reprojection_towards(const Reprojection *s, const struct reprojectio
 
 /* Returns the index of the view among the weights. The view is added if it is missing. Returns −1
  * if the weights are full. */
-static int reprojection_weight_of(struct reprojection_weights *weights, int view) {
+static int weight_of(struct reprojection_weights *weights, int view) {
     for (int k = 0; k < weights->n; k++)
         if (weights->view[k] == view)
             return k;
@@ -193,7 +193,7 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
     for (int i = 0; i < 4; i++) {
         if (!(flat.weight[i] > 0))
             continue;
-        const int k = reprojection_weight_of(ret, flat.index[i]);
+        const int k = weight_of(ret, flat.index[i]);
         const double cosine = s->eyes[flat.index[i]].direction.z;
         ret->flat[k] += flat.weight[i];
         ret->depth[k] += flat.weight[i];
@@ -205,7 +205,7 @@ void reprojection_weigh(const Reprojection *s, const double at_mm[2], struct vec
         ret->value[k] /= sum;
     const int n = reprojection_nearest(s, nominal, view, weight);
     for (int i = 0; i < n; i++) {
-        const int k = reprojection_weight_of(ret, view[i]);
+        const int k = weight_of(ret, view[i]);
         ret->value[k] += (float)(EPSILON * weight[i]);
         ret->depth[k] += (float)weight[i];
     }
@@ -242,8 +242,8 @@ static gboolean reprojection_place(const Reprojection *s, double column, double 
 }
 
 /* Gives the four texels around a place, and their bilinear weights. */
-static void reprojection_four(const Reprojection *s, const struct place *at, int ret_texel[4],
-                              float ret_weight[4]) {
+static void four(const Reprojection *s, const struct place *at, int ret_texel[4],
+                 float ret_weight[4]) {
     for (int k = 0; k < 4; k++) {
         ret_texel[k] = reprojection_texel(s, at->i + (k & 1), at->j + (k >> 1));
         ret_weight[k] = (k & 1 ? at->u : 1 - at->u) * (k >> 1 ? at->v : 1 - at->v);
@@ -251,7 +251,7 @@ static void reprojection_four(const Reprojection *s, const struct place *at, int
 }
 
 /* Gives the weights of four samples at −1, 0, 1, 2 for the value at u (Keys 1981). */
-static void reprojection_cubic(float u, float ret[4]) {
+static void cubic(float u, float ret[4]) {
     const float a = CUBIC;
     for (int k = 0; k < 4; k++) {
         const float x = fabsf(u - (float)(k - 1));
@@ -269,14 +269,13 @@ struct look {
     float weight[4]; /* the sum is 1; 0 for a texel of another surface */
 };
 
-static void reprojection_examine(const Reprojection *s, const struct eye *eye, struct vec3 p,
-                                 struct look *ret) {
+static void examine(const Reprojection *s, const struct eye *eye, struct vec3 p, struct look *ret) {
     double column, row, mm;
     ret->q = INFINITY;
     mdf_views_look_up(&eye->mdf, &s->plane, p, &column, &row, &mm);
     if (!reprojection_place(s, column, row, &ret->at))
         return;
-    reprojection_four(s, &ret->at, ret->texel, ret->weight);
+    four(s, &ret->at, ret->texel, ret->weight);
     int nearest = -1;
     for (int k = 0; k < 4; k++)
         if (eye->distance[ret->texel[k]] >= 0 &&
@@ -305,14 +304,14 @@ static void reprojection_examine(const Reprojection *s, const struct eye *eye, s
 
 /* Gives the texels of a value: 4 × 4 if all of them are on one surface, otherwise the four around
  * the position. */
-static int reprojection_spread(const Reprojection *s, int view, const struct look *look,
-                               double weight, struct reprojection_tap *ret) {
+static int spread(const Reprojection *s, int view, const struct look *look, double weight,
+                  struct reprojection_tap *ret) {
     const struct eye *eye = &s->eyes[view];
     float across[4], down[4];
     int n = 0;
     gboolean one = TRUE;
-    reprojection_cubic(look->at.u, across);
-    reprojection_cubic(look->at.v, down);
+    cubic(look->at.u, across);
+    cubic(look->at.v, down);
     for (int k = 0; k < 16 && one; k++) {
         const int texel = reprojection_texel(s, look->at.i - 1 + k % 4, look->at.j - 1 + k / 4);
         const float d = eye->distance[texel];
@@ -325,7 +324,7 @@ static int reprojection_spread(const Reprojection *s, int view, const struct loo
         return 16;
     float share[4], sum = 0;
     int texel[4];
-    reprojection_four(s, &look->at, texel, share);
+    four(s, &look->at, texel, share);
     for (int k = 0; k < 4; k++) {
         const float d = eye->distance[texel[k]];
         if (!(d >= 0) || fabsf(d - look->distance) > eye->colour_mm)
@@ -339,7 +338,7 @@ static int reprojection_spread(const Reprojection *s, int view, const struct loo
 }
 
 /* s(q) */
-static double reprojection_visible(double q) {
+static double visible(double q) {
     return CLAMP(2 - fabs(q), 0, 1);
 }
 
@@ -349,32 +348,30 @@ static double reprojection_vote(const Reprojection *s, struct vec3 p,
     double sum = 0;
     for (int k = 0; k < weights->n; k++) {
         struct look look;
-        reprojection_examine(s, &s->eyes[weights->view[k]], p, &look);
+        examine(s, &s->eyes[weights->view[k]], p, &look);
         const double q = look.q, f = q < -1 ? -1 : q <= 1 ? q : q < 2 ? 2 - q : 0;
         sum += (double)weights->depth[k] * f;
     }
     return sum;
 }
 
-static struct vec3 reprojection_point(const Reprojection *s, const double at_mm[2], struct vec3 v,
-                                      double mm) {
+static struct vec3 point(const Reprojection *s, const double at_mm[2], struct vec3 v, double mm) {
     return vec3_sub(vec3(at_mm[0], at_mm[1], s->plane.reference_mm), vec3_scale(v, mm));
 }
 
 /* Marches along the ray until F rises through 0, and halves the last step. Returns −1 if F does not
  * rise through 0. */
-static double reprojection_march(const Reprojection *s, const double at_mm[2], struct vec3 v,
-                                 const struct reprojection_weights *weights) {
+static double march(const Reprojection *s, const double at_mm[2], struct vec3 v,
+                    const struct reprojection_weights *weights) {
     const double step = STEP * s->plane.texel_mm, end = (s->deepest_mm + step) / MAX(v.z, 0.05);
-    double before = -2 * step,
-           vote = reprojection_vote(s, reprojection_point(s, at_mm, v, before), weights);
+    double before = -2 * step, vote = reprojection_vote(s, point(s, at_mm, v, before), weights);
     for (double at = -step; at < end + 2 * step; at += step) {
-        const double next = reprojection_vote(s, reprojection_point(s, at_mm, v, at), weights);
+        const double next = reprojection_vote(s, point(s, at_mm, v, at), weights);
         if (vote < 0 && next > 0) {
             double low = before, high = at;
             for (int k = 0; k < HALVINGS; k++) {
                 const double middle = 0.5 * (low + high);
-                if (reprojection_vote(s, reprojection_point(s, at_mm, v, middle), weights) > 0)
+                if (reprojection_vote(s, point(s, at_mm, v, middle), weights) > 0)
                     high = middle;
                 else
                     low = middle;
@@ -389,17 +386,17 @@ static double reprojection_march(const Reprojection *s, const double at_mm[2], s
 
 void reprojection_trace(const Reprojection *s, const double at_mm[2], struct vec3 v,
                         const struct reprojection_weights *weights, struct reprojection_hit *ret) {
-    *ret = (struct reprojection_hit){.mm = reprojection_march(s, at_mm, v, weights)};
-    ret->p = reprojection_point(s, at_mm, v, MAX(ret->mm, 0));
+    *ret = (struct reprojection_hit){.mm = march(s, at_mm, v, weights)};
+    ret->p = point(s, at_mm, v, MAX(ret->mm, 0));
     for (int k = 0; ret->mm >= 0 && k < weights->n; k++) {
         struct look look;
-        reprojection_examine(s, &s->eyes[weights->view[k]], ret->p, &look);
-        ret->weight += (double)weights->value[k] * reprojection_visible(look.q);
+        examine(s, &s->eyes[weights->view[k]], ret->p, &look);
+        ret->weight += (double)weights->value[k] * visible(look.q);
     }
     ret->seen = ret->weight > 1e-6;
     if (ret->seen)
         return;
-    *ret = (struct reprojection_hit){.mm = -1, .p = reprojection_point(s, at_mm, v, 0)};
+    *ret = (struct reprojection_hit){.mm = -1, .p = point(s, at_mm, v, 0)};
     for (int k = 0; k < weights->n; k++)
         ret->weight += (double)weights->flat[k];
 }
@@ -410,15 +407,15 @@ int reprojection_look(const Reprojection *s, const struct reprojection_hit *hit,
     const int view = weights->view[k];
     struct look look = {0};
     if (hit->seen) {
-        reprojection_examine(s, &s->eyes[view], hit->p, &look);
-        const double weight = (double)weights->value[k] * reprojection_visible(look.q);
-        return weight > 0 ? reprojection_spread(s, view, &look, weight / hit->weight, ret) : 0;
+        examine(s, &s->eyes[view], hit->p, &look);
+        const double weight = (double)weights->value[k] * visible(look.q);
+        return weight > 0 ? spread(s, view, &look, weight / hit->weight, ret) : 0;
     }
     const double column = hit->p.x / s->plane.texel_mm + 0.5 * s->plane.width - 0.5;
     const double row = 0.5 * s->plane.height - hit->p.y / s->plane.texel_mm - 0.5;
     if (!reprojection_place(s, column, row, &look.at))
         return 0;
-    reprojection_four(s, &look.at, look.texel, look.weight);
+    four(s, &look.at, look.texel, look.weight);
     int n = 0;
     for (int i = 0; i < 4; i++)
         if (look.weight[i] > 0 && weights->flat[k] > 0)

@@ -28,9 +28,9 @@ static const struct exr_part *reprojection_part(const struct exr_file *file, flo
     return NULL;
 }
 
-static gboolean reprojection_take_view(const char *path, const struct exr_part *part,
-                                       const struct mdf_plane *plane, struct reprojection_view *ret,
-                                       GError **error) {
+static gboolean take_view(const char *path, const struct exr_part *part,
+                          const struct mdf_plane *plane, struct reprojection_view *ret,
+                          GError **error) {
     const gsize n = (gsize)plane->width * (gsize)plane->height;
     ret->distance = exr_part_plane(part, "D");
     ret->error_mm = exr_part_plane(part, "S");
@@ -68,7 +68,7 @@ Reprojection *reprojection_read(const char *path, const float *theta_deg, const 
     for (int k = 0; k < n; k++) {
         const struct exr_part *part = reprojection_part(file, theta_deg[k], phi_deg[k]);
         if (part) {
-            if (!reprojection_take_view(path, part, &plane, &views[k], error))
+            if (!take_view(path, part, &plane, &views[k], error))
                 return NULL;
             continue;
         }

@@ -44,15 +44,15 @@ struct along {
     float *sums; /* n_texels × measured lights × 3 */
 };
 
-static struct vec3 along_direction(const struct along *a, int view) {
+static struct vec3 direction(const struct along *a, int view) {
     float v[3];
     direction_from_deg((double)a->to->views.theta_deg[view], (double)a->to->views.phi_deg[view], v);
     return vec3((double)v[0], (double)v[1], (double)v[2]);
 }
 
-static void along_trace(int block, gpointer data) {
+static void trace(int block, gpointer data) {
     struct along *a = data;
-    const struct vec3 v = along_direction(a, a->view);
+    const struct vec3 v = direction(a, a->view);
     float *const *planes = a->mdf[a->view]->planes;
     const gint64 n = a->n_texels;
     for (int i = (int)(n * block / BLOCKS); i < (int)(n * (block + 1) / BLOCKS); i++) {
@@ -68,9 +68,9 @@ static void along_trace(int block, gpointer data) {
     }
 }
 
-static struct mdf_result *along_new_mdf(const struct along *a, int view) {
+static struct mdf_result *new_mdf(const struct along *a, int view) {
     struct mdf_result *ret = g_new0(struct mdf_result, 1);
-    const struct vec3 v = along_direction(a, view);
+    const struct vec3 v = direction(a, view);
     ret->index = view;
     ret->theta_deg = (double)a->to->views.theta_deg[view];
     ret->phi_deg = (double)a->to->views.phi_deg[view];
@@ -85,7 +85,7 @@ static struct mdf_result *along_new_mdf(const struct along *a, int view) {
     return ret;
 }
 
-static void along_add(int block, gpointer data) {
+static void add(int block, gpointer data) {
     struct along *a = data;
     const gsize row = a->btf->layout.lights.n * COLOURS;
     const gint64 n = a->n_texels;
@@ -102,7 +102,7 @@ static void along_add(int block, gpointer data) {
 }
 
 /* Sums the taps of all texels, under the measured lights. */
-static gboolean along_mix(struct along *a, float *buffer, GError **error) {
+static gboolean mix(struct along *a, float *buffer, GError **error) {
     const int n_views = (int)a->btf->layout.views.n;
     const gsize row = a->btf->layout.lights.n * COLOURS;
     g_autofree gboolean *used = g_new0(gboolean, n_views);
@@ -117,13 +117,13 @@ static gboolean along_mix(struct along *a, float *buffer, GError **error) {
         a->from = btf_matrix_rows(a->btf, view, 0, a->n_texels, buffer, &a->stride, error);
         if (!a->from)
             return FALSE;
-        work_for_each(a->work->n_threads, BLOCKS, along_add, a);
+        work_for_each(a->work->n_threads, BLOCKS, add, a);
     }
     return TRUE;
 }
 
 /* Adds a measured light's share of a new one. */
-static void along_add_light(const struct along *a, int from, float share, float *ret_rgb) {
+static void add_light(const struct along *a, int from, float share, float *ret_rgb) {
     const gsize row = a->btf->layout.lights.n * COLOURS;
     for (gsize i = 0; i < (gsize)a->n_texels; i++)
         for (gsize c = 0; c < COLOURS; c++)
@@ -132,8 +132,7 @@ static void along_add_light(const struct along *a, int from, float share, float 
 
 /* Callback of import_material(). Bicubic interpolation may undershoot, so that negative values are
  * set to 0. */
-static gboolean along_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
-                                GError **error) {
+static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
     struct along *a = data;
     const gsize row = a->btf->layout.lights.n * COLOURS;
     const gsize n_lights = a->to->lights.n, n = (gsize)a->n_texels;
@@ -141,8 +140,8 @@ static gboolean along_give_view(int view, float *ret_rgb, int *ret_holes, gpoint
     memset(ret_holes, 0, sizeof(int) * n_lights);
     memset(ret_rgb, 0, sizeof(float) * COLOURS * n * n_lights);
     a->view = view;
-    work_for_each(a->work->n_threads, BLOCKS, along_trace, a);
-    if (!along_mix(a, buffer, error))
+    work_for_each(a->work->n_threads, BLOCKS, trace, a);
+    if (!mix(a, buffer, error))
         return FALSE;
     for (gsize light = 0; light < n_lights; light++) {
         const struct direction_weights *weights = &a->lights[light];
@@ -152,10 +151,10 @@ static gboolean along_give_view(int view, float *ret_rgb, int *ret_holes, gpoint
             if (share == 0)
                 continue;
             if (weights->index[k] < (int)a->btf->layout.lights.n)
-                along_add_light(a, weights->index[k], share, rgb);
+                add_light(a, weights->index[k], share, rgb);
             else
                 for (int i = 0; i < a->n_pole; i++)
-                    along_add_light(a, a->pole[i], share / (float)a->n_pole, rgb);
+                    add_light(a, a->pole[i], share / (float)a->n_pole, rgb);
         }
         for (gsize i = 0; i < COLOURS * n; i++)
             rgb[i] = MAX(rgb[i], 0);
@@ -163,7 +162,7 @@ static gboolean along_give_view(int view, float *ret_rgb, int *ret_holes, gpoint
     return TRUE;
 }
 
-static const guint8 *along_give_light(int view, int light, struct exr_part *part, gpointer data) {
+static const guint8 *give_light(int view, int light, struct exr_part *part, gpointer data) {
     const struct along *a = data;
     int unseen = 0;
     for (int i = 0; i < a->n_texels; i++)
@@ -177,13 +176,12 @@ static const guint8 *along_give_light(int view, int light, struct exr_part *part
     return unseen > 0 ? a->marks : NULL;
 }
 
-static gboolean along_find_distances(struct along *a, struct along_surface_result *ret,
-                                     GError **error) {
+static gboolean find_distances(struct along *a, struct along_surface_result *ret, GError **error) {
     const int n_views = (int)a->to->views.n;
     const gint64 begun = g_get_monotonic_time();
     for (a->view = 0; a->view < n_views; a->view++) {
-        a->mdf[a->view] = along_new_mdf(a, a->view);
-        work_for_each(a->work->n_threads, BLOCKS, along_trace, a);
+        a->mdf[a->view] = new_mdf(a, a->view);
+        work_for_each(a->work->n_threads, BLOCKS, trace, a);
         for (int i = 0; i < a->n_texels; i++)
             ret->unseen += a->marks[i] != 0;
         ret->texels += a->n_texels;
@@ -193,8 +191,8 @@ static gboolean along_find_distances(struct along *a, struct along_surface_resul
     return TRUE;
 }
 
-static gboolean along_import(struct along *a, const char *path, const char *mdf,
-                             struct along_surface_result *ret, GError **error) {
+static gboolean import(struct along *a, const char *path, const char *mdf,
+                       struct along_surface_result *ret, GError **error) {
     const struct session_grid *grid = &a->near->grid;
     g_autofree char *source = g_strdup_printf("%s, predicted along the surface in directions “%s”",
                                               a->source, a->to->name);
@@ -209,8 +207,8 @@ static gboolean along_import(struct along *a, const char *path, const char *mdf,
         .view_phi_deg = a->to->views.phi_deg,
         .light_theta_deg = a->to->lights.theta_deg,
         .light_phi_deg = a->to->lights.phi_deg,
-        .view = along_give_view,
-        .light = along_give_light,
+        .view = give_view,
+        .light = give_light,
         .data = a,
         .grid = grid,
         .mdf = mdf,
@@ -218,8 +216,8 @@ static gboolean along_import(struct along *a, const char *path, const char *mdf,
     return import_material(path, &material, a->work, &ret->made, error);
 }
 
-static gboolean along_run(struct along *a, const char *path, struct along_surface_result *ret,
-                          GError **error) {
+static gboolean run(struct along *a, const char *path, struct along_surface_result *ret,
+                    GError **error) {
     const gsize row = a->btf->layout.lights.n * COLOURS;
     const int n_lights = (int)a->to->lights.n;
     g_autoptr(Directions) lights =
@@ -245,7 +243,7 @@ static gboolean along_run(struct along *a, const char *path, struct along_surfac
     a->n_taps = n_taps;
     a->marks = marks;
     a->taps = taps;
-    if (!along_find_distances(a, ret, error))
+    if (!find_distances(a, ret, error))
         return FALSE;
     g_autofree char *mdf = g_strdup_printf("%s.mdf-XXXXXX", path);
     const int file = g_mkstemp(mdf);
@@ -253,7 +251,7 @@ static gboolean along_run(struct along *a, const char *path, struct along_surfac
         return data_error_fail(path, 0, error, "cannot write beside it: %s", g_strerror(errno));
     g_close(file, NULL);
     const gboolean ok = mdf_write(mdf, a->mdf, (int)a->to->views.n, &a->near->grid, error) &&
-                        along_import(a, path, mdf, ret, error);
+                        import(a, path, mdf, ret, error);
     g_unlink(mdf);
     return ok;
 }
@@ -310,8 +308,7 @@ gboolean along_surface_predict(const char *session, const char *path,
     const struct btf_directions own = {own_name, near->views, near->lights};
     struct along along = {.work = work, .source = session, .to = to ? to : &own, .near = near};
     along.mdf = g_new0(struct mdf_result *, along.to->views.n);
-    const gboolean ok =
-        along_open(&along, memory, ret, error) && along_run(&along, path, ret, error);
+    const gboolean ok = along_open(&along, memory, ret, error) && run(&along, path, ret, error);
     for (gsize k = 0; k < along.to->views.n; k++)
         mdf_result_free(along.mdf[k]);
     g_free(along.mdf);

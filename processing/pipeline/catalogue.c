@@ -23,7 +23,7 @@ static gpointer source_key(enum session_shot_kind kind, int source, double turnt
     return GSIZE_TO_POINTER((((gsize)source * 4 + kind) * (gsize)turn) + (gsize)angle);
 }
 
-static void catalogue_clear_rows(struct catalogue *catalogue) {
+static void clear_rows(struct catalogue *catalogue) {
     g_clear_pointer(&catalogue->shots, g_ptr_array_unref);
     g_clear_pointer(&catalogue->frames, g_hash_table_unref);
     g_clear_pointer(&catalogue->by_source, g_hash_table_unref);
@@ -34,7 +34,7 @@ static void catalogue_clear_rows(struct catalogue *catalogue) {
 void catalogue_free(struct catalogue *catalogue) {
     if (!catalogue)
         return;
-    catalogue_clear_rows(catalogue);
+    clear_rows(catalogue);
     g_clear_pointer(&catalogue->views, g_ptr_array_unref);
     g_clear_pointer(&catalogue->lights, g_ptr_array_unref);
     g_clear_pointer(&catalogue->lasers, g_ptr_array_unref);
@@ -57,8 +57,7 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
 }
 
 /* Adds a shot to the table for lookups. */
-static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_shot *shot,
-                                   GError **error) {
+static gboolean add_shot(struct catalogue *catalogue, struct session_shot *shot, GError **error) {
     const int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
                   : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
                                              : G_MAXINT;
@@ -82,7 +81,7 @@ static gboolean catalogue_add_shot(struct catalogue *catalogue, struct session_s
 
 /* Reads shots and frames again. All other members never change. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
-    catalogue_clear_rows(catalogue);
+    clear_rows(catalogue);
     catalogue->frames = g_hash_table_new(NULL, NULL);
     catalogue->by_source =
         g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
@@ -96,7 +95,7 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
         g_hash_table_insert(catalogue->frames, frame_key(frame->shot, frame->camera), frame);
     }
     for (guint i = 0; i < catalogue->shots->len; i++)
-        if (!catalogue_add_shot(catalogue, g_ptr_array_index(catalogue->shots, i), error))
+        if (!add_shot(catalogue, g_ptr_array_index(catalogue->shots, i), error))
             return FALSE;
     return TRUE;
 }
@@ -130,8 +129,8 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
     return TRUE;
 }
 
-static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
-                                  const char *calibration, GError **error) {
+static gboolean do_load(struct catalogue *catalogue, Session *session, const char *calibration,
+                        GError **error) {
     g_autofree char *path = session_file(session, "session.db (calibration.conf)");
     g_autofree char *reference = NULL;
     const struct session_grid *grid = &catalogue->grid;
@@ -167,12 +166,12 @@ static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
 
 struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error) {
     struct catalogue *catalogue = g_new0(struct catalogue, 1);
-    if (!catalogue_do_load(catalogue, session, calibration, error))
+    if (!do_load(catalogue, session, calibration, error))
         g_clear_pointer(&catalogue, catalogue_free);
     return catalogue;
 }
 
-static double catalogue_radians(double deg) {
+static double radians(double deg) {
     return deg * (G_PI / 180);
 }
 
@@ -239,7 +238,7 @@ static const struct rig *rig_at_angle(const struct catalogue *catalogue, double 
     if (at)
         return at;
     at = g_new(struct rig, 1);
-    rig_at(&catalogue->rig, catalogue_radians(turntable_deg), at);
+    rig_at(&catalogue->rig, radians(turntable_deg), at);
     g_hash_table_insert(catalogue->rigs, g_memdup2(&turntable_deg, sizeof turntable_deg), at);
     return at;
 }
@@ -257,7 +256,7 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                               .phi_deg = direction->phi_deg,
                               .arc = &rig->arc,
                               .lamp = &rig->lamps[shot->device],
-                              .arc_rad = catalogue_radians(shot->arc_deg),
+                              .arc_rad = radians(shot->arc_deg),
                               .turntable_rad = btf->turntable_rad,
                               .missing = input == NULL};
     if (input) {
@@ -266,7 +265,7 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
         light.output_error = outputs_error(catalogue->outputs, shot->id);
         light.input = *input;
         if (input->turntable_deg != shot->turntable_deg) {
-            light.turntable_rad = catalogue_radians(input->turntable_deg);
+            light.turntable_rad = radians(input->turntable_deg);
             input_hash(sum, "turned %.17g", input->turntable_deg);
         }
         input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg,
@@ -293,7 +292,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     const struct calibration_camera *camera = &catalogue->known->cameras[view->device];
     btf->noise = noise->known ? &noise->transfer : NULL;
     btf->misregistration_px = camera->known ? camera->residual_rms_px : 0;
-    btf->turntable_rad = catalogue_radians(view->turntable_deg);
+    btf->turntable_rad = radians(view->turntable_deg);
     btf->grid = catalogue->grid;
     btf->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "btf", view);
@@ -339,7 +338,7 @@ void mdf_job_free(struct mdf_job *job) {
  * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
-static gboolean catalogue_has_sheet(const struct calibration_laser *known) {
+static gboolean has_sheet(const struct calibration_laser *known) {
     return known->known && known->sheet.covariance[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET] > 0;
 }
 
@@ -350,26 +349,25 @@ static struct laser_known catalogue_laser(const struct calibration_laser *known,
     const double(*c)[RIG_SHEET_PARAMETERS] = known->sheet.covariance;
     if (!known->known)
         return (struct laser_known){UNKNOWN_RAD, UNKNOWN_RAD};
-    if (!catalogue_has_sheet(known))
+    if (!has_sheet(known))
         return (struct laser_known){known->normal_rad, known->axis_rad};
     return (struct laser_known){sqrt(c[RIG_SHEET_OFFSET][RIG_SHEET_OFFSET]) /
                                     vec3_length(laser->position_mm),
                                 sqrt(c[RIG_SHEET_ALONG][RIG_SHEET_ALONG])};
 }
 
-static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
-                                const struct session_shot *shot, const struct input *input,
-                                GChecksum *sum) {
+static void add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
+                      const struct session_shot *shot, const struct input *input, GChecksum *sum) {
     const struct calibration_laser *known = &catalogue->known->lasers[shot->device];
     struct mdf_input sweep = {.arc = &job->rig->arc,
                               .laser = &job->rig->lasers[shot->device],
-                              .arc_rad = catalogue_radians(shot->arc_deg),
-                              .from_rad = catalogue_radians(shot->sweep_from_deg),
-                              .to_rad = catalogue_radians(shot->sweep_to_deg),
+                              .arc_rad = radians(shot->arc_deg),
+                              .from_rad = radians(shot->sweep_from_deg),
+                              .to_rad = radians(shot->sweep_to_deg),
                               .steps = shot->sweep_steps,
                               .position = shot->source,
                               .known = catalogue_laser(known, &catalogue->rig.lasers[shot->device]),
-                              .errors = catalogue_has_sheet(known) ? &known->sheet : NULL,
+                              .errors = has_sheet(known) ? &known->sheet : NULL,
                               .line_rad = known->line_rad,
                               .input = *input};
     g_array_append_val(job->sweeps, sweep);
@@ -384,7 +382,7 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     job->view = view;
     job->rig = rig_at_angle(catalogue, view->turntable_deg);
     job->camera = &job->rig->cameras[view->device];
-    job->turntable_rad = catalogue_radians(view->turntable_deg);
+    job->turntable_rad = radians(view->turntable_deg);
     job->reference = &catalogue->reference;
     calibration_sight(catalogue->known, view->device, vec3(0, 0, catalogue->grid.reference_mm),
                       job->sight_px2);
@@ -402,7 +400,7 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
         struct input input = {0};
         enum catalogue_state one = find_input(catalogue, shot, view, &input);
         if (one == CATALOGUE_READY)
-            catalogue_add_sweep(job, catalogue, shot, &input, sum);
+            add_sweep(job, catalogue, shot, &input, sum);
         waiting |= one == CATALOGUE_WAITING;
     }
     enum catalogue_state state = waiting            ? CATALOGUE_WAITING

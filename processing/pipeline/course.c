@@ -40,7 +40,7 @@ static double process_cpu_s(void) {
 }
 
 /* Returns 0 if the thread has ended. */
-static double course_clock_s(clockid_t clock) {
+static double clock_s(clockid_t clock) {
     struct timespec now;
     return clock_gettime(clock, &now) == 0 ? (double)now.tv_sec + (double)now.tv_nsec / 1e9 : 0;
 }
@@ -58,7 +58,7 @@ Course *course_new(int n_threads) {
 }
 
 /* Adds the times of the tasks to the measurements, and frees the tasks. */
-static void course_drop_tasks(Course *course) {
+static void drop_tasks(Course *course) {
     for (int i = 0; i < course->n_tasks; i++) {
         const struct course_task *task = &course->tasks[i];
         if (g_atomic_int_get(&task->state) != TIME_LEFT_MADE)
@@ -73,7 +73,7 @@ static void course_drop_tasks(Course *course) {
 void course_free(Course *course) {
     if (!course)
         return;
-    course_drop_tasks(course);
+    drop_tasks(course);
     time_left_rates_learn(&course->rates, course->made);
     gboolean any = FALSE;
     for (int work = 0; work < TIME_LEFT_WORKS; work++)
@@ -84,7 +84,7 @@ void course_free(Course *course) {
 }
 
 void course_set_tasks(Course *course, const struct time_left_task *tasks, int n) {
-    course_drop_tasks(course);
+    drop_tasks(course);
     /* the speed before the first views is not typical: files were searched for, often on a disk */
     if (course->speed.wall_s <= 0) {
         course->begun_us = course->looked_us = g_get_monotonic_time();
@@ -101,13 +101,13 @@ void course_task_begin(Course *course, int task) {
     struct course_task *begun = &course->tasks[task];
     if (pthread_getcpuclockid(pthread_self(), &begun->clock) != 0)
         begun->clock = CLOCK_THREAD_CPUTIME_ID;
-    begun->begun_s = course_clock_s(CLOCK_THREAD_CPUTIME_ID);
+    begun->begun_s = clock_s(CLOCK_THREAD_CPUTIME_ID);
     g_atomic_int_set(&begun->state, TIME_LEFT_RUNS);
 }
 
 void course_task_end(Course *course, int task) {
     struct course_task *ended = &course->tasks[task];
-    ended->known.cpu_s = course_clock_s(CLOCK_THREAD_CPUTIME_ID) - ended->begun_s;
+    ended->known.cpu_s = clock_s(CLOCK_THREAD_CPUTIME_ID) - ended->begun_s;
     g_atomic_int_set(&ended->state, TIME_LEFT_MADE);
 }
 
@@ -136,7 +136,7 @@ void course_end(Course *course, enum time_left_work work, gboolean whole) {
 
 /* Adds the CPU time that the process got since the last call, during which course->n_busy threads
  * were busy. n_busy is the number of busy threads from now on. */
-static void course_look(Course *course, int n_busy) {
+static void look(Course *course, int n_busy) {
     const gint64 now_us = g_get_monotonic_time();
     const double wall_s = (double)(now_us - course->looked_us) / G_USEC_PER_SEC;
     const double elapsed_s = (double)(now_us - course->begun_us) / G_USEC_PER_SEC;
@@ -153,8 +153,8 @@ struct course_pace {
     double cpu_s, said_s;
 };
 
-static void course_pace_add(struct course_pace *pace, const Course *course, int work, double cpu_s,
-                            double units) {
+static void pace_add(struct course_pace *pace, const Course *course, int work, double cpu_s,
+                     double units) {
     pace->cpu_s += cpu_s;
     pace->said_s += units * course->rates.unit_s[work];
 }
@@ -166,14 +166,13 @@ static double course_slower(const struct course_pace *pace) {
 /* Returns the pace of views: the CPU time that they took, relative to the prediction of the rates.
  * Processors differ, and a processor that shares its caches and units with other work is slower.
  * Work that has not been measured yet is assumed to have the same pace. */
-static struct course_pace course_views_pace(const Course *course,
-                                            const struct time_left_task *tasks) {
+static struct course_pace views_pace(const Course *course, const struct time_left_task *tasks) {
     struct course_pace pace = {0};
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
-        course_pace_add(&pace, course, stage, course->made[stage].cpu_s, course->made[stage].units);
+        pace_add(&pace, course, stage, course->made[stage].cpu_s, course->made[stage].units);
     for (int i = 0; i < course->n_tasks; i++)
         if (tasks[i].state == TIME_LEFT_MADE)
-            course_pace_add(&pace, course, (int)tasks[i].stage, tasks[i].cpu_s, tasks[i].units);
+            pace_add(&pace, course, (int)tasks[i].stage, tasks[i].cpu_s, tasks[i].units);
     return pace;
 }
 
@@ -187,11 +186,11 @@ static double course_after_s(const Course *course, const struct course_pace *vie
     const double weight = course->share * course->share;
     double done_s = 0, after_s = 0;
     for (int work = TIME_LEFT_STAGES; work < TIME_LEFT_WORKS; work++)
-        course_pace_add(&pace, course, work, course->made[work].cpu_s, course->made[work].units);
+        pace_add(&pace, course, work, course->made[work].cpu_s, course->made[work].units);
     if (course->working >= 0) {
         done_s = process_cpu_s() - course->worked_s;
-        course_pace_add(&pace, course, course->working, weight * done_s,
-                        weight * course->share * course->expected[course->working]);
+        pace_add(&pace, course, course->working, weight * done_s,
+                 weight * course->share * course->expected[course->working]);
     }
     /* The same as if LITTLE_S more of this work had run at the pace of views. */
     pace.cpu_s += LITTLE_S * slower;
@@ -223,7 +222,7 @@ double course_left_s(Course *course) {
         tasks[i].state = state;
         tasks[i].cpu_s = state == TIME_LEFT_MADE ? task->known.cpu_s : 0;
         if (state == TIME_LEFT_RUNS)
-            tasks[i].cpu_s = MAX(course_clock_s(task->clock) - task->begun_s, 0);
+            tasks[i].cpu_s = MAX(clock_s(task->clock) - task->begun_s, 0);
         (state == TIME_LEFT_MADE ? made : left)[task->known.stage]++;
         running += state == TIME_LEFT_RUNS;
         waiting += state == TIME_LEFT_WAITS;
@@ -231,12 +230,12 @@ double course_left_s(Course *course) {
     /* A thread that has just finished a view and has not yet taken the next one also counts as
      * busy. */
     const int n = CLAMP(running + waiting, 1, course->n_threads);
-    course_look(course, n);
+    look(course, n);
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
         if (left[stage] > 0 && made[stage] == 0 && course->made[stage].units == 0 &&
             !course->rates_known)
             return -1;
-    const struct course_pace pace = course_views_pace(course, tasks);
+    const struct course_pace pace = views_pace(course, tasks);
     struct time_left_rates rates = course->rates;
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
         rates.unit_s[stage] *= course_slower(&pace);

@@ -22,8 +22,8 @@ void mdf_result_free(struct mdf_result *result) {
     g_free(result);
 }
 
-static struct mdf_result *mdf_product_new_result(const struct session_direction *view,
-                                                 const char *inputs, int n_texels) {
+static struct mdf_result *new_result(const struct session_direction *view, const char *inputs,
+                                     int n_texels) {
     struct mdf_result *result = g_new0(struct mdf_result, 1);
     result->index = view->index;
     result->theta_deg = view->theta_deg;
@@ -94,9 +94,8 @@ static gboolean find_in_pictures(const LaserRegion *region, const struct mdf_inp
 
 /* Finds the laser's lines in the reference region first, then intersects rays with the corrected
  * sheets. */
-static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
-                                      const struct mdf_input *input, gboolean in_pictures,
-                                      struct mdf_lines *count, GError **error) {
+static gboolean add_sweep(MdfView *view, const LaserRegion *region, const struct mdf_input *input,
+                          gboolean in_pictures, struct mdf_lines *count, GError **error) {
     static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
     g_autoptr(ExrPart) part = input_read(&input->input, sweep_channels, error);
     if (!part || !check_sweep(input, part, error))
@@ -144,11 +143,10 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     mdf_view_set_sight(view, job->sight_px2);
     for (guint i = 0; i < job->sweeps->len; i++)
         if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
-            !mdf_product_add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),
-                                   job->lines_in_pictures, &lines, error))
+            !add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),
+                       job->lines_in_pictures, &lines, error))
             return NULL;
-    struct mdf_result *result =
-        mdf_product_new_result(job->view, job->inputs, grid->width * grid->height);
+    struct mdf_result *result = new_result(job->view, job->inputs, grid->width * grid->height);
     struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
     memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
     mdf_view_light(view, &light);
@@ -248,7 +246,7 @@ static struct mdf_result *result_of(const struct exr_file *file, const struct ca
         !exr_get_string(part, "mesorig.views", &agreed, NULL) ||
         !exr_get_v3d(part, "view.centre_mm", centre_mm, NULL))
         return NULL;
-    struct mdf_result *result = mdf_product_new_result(view, inputs, grid->width * grid->height);
+    struct mdf_result *result = new_result(view, inputs, grid->width * grid->height);
     memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
     result->lines = lines;
     exr_get_int(part, "mesorig.above", &result->above, NULL);

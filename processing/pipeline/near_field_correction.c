@@ -61,8 +61,8 @@ static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct
     return btf_scratch_write(job->measured, view, rows, error);
 }
 
-static gboolean near_field_read_views(struct job *job, struct near_field_correction_result *ret,
-                                      GError **error) {
+static gboolean read_views(struct job *job, struct near_field_correction_result *ret,
+                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_matrix *btf = btf_open(job->source, TRUE, job->work, &paths, error);
     const gint64 begun = g_get_monotonic_time();
@@ -250,8 +250,7 @@ static void fill_to(const struct job *job, struct near_field_correction_result *
 }
 
 /* Callback of import_material(). */
-static gboolean near_field_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
-                                     GError **error) {
+static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
     struct job *job = data;
     const gsize n_lights = job->to->lights.n, n = (gsize)job->n_texels;
     g_autofree float *rows = g_new(float, BLOCK *n_lights *LANES);
@@ -321,7 +320,7 @@ static gboolean write_session(struct job *job, const char *path,
         .view_phi_deg = job->to->views.phi_deg,
         .light_theta_deg = job->to->lights.theta_deg,
         .light_phi_deg = job->to->lights.phi_deg,
-        .view = near_field_give_view,
+        .view = give_view,
         .light = give_light,
         .data = job,
         .grid = grid,
@@ -339,8 +338,8 @@ static struct btf_directions *own_directions(const struct near_field *near) {
     return ret;
 }
 
-static gboolean near_field_run(struct job *job, const char *path, gboolean own,
-                               struct near_field_correction_result *ret, GError **error) {
+static gboolean run(struct job *job, const char *path, gboolean own,
+                    struct near_field_correction_result *ret, GError **error) {
     if (g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
                     path);
@@ -353,7 +352,7 @@ static gboolean near_field_run(struct job *job, const char *path, gboolean own,
     job->made = job->measured ? btf_scratch_new(folder, (gsize)job->to->lights.n * LANES,
                                                 job->to->views.n, job->n_texels, error)
                               : NULL;
-    if (!job->made || !near_field_read_views(job, ret, error))
+    if (!job->made || !read_views(job, ret, error))
         return FALSE;
     resampler_init(&job->resampler, job->near, job->to, own);
     gboolean ok = resample_texels(job, error);
@@ -390,7 +389,7 @@ gboolean near_field_correct(const char *session, const char *path, const struct 
                       .n_texels = near->grid.width * near->grid.height,
                       .source = session};
     g_mutex_init(&job.mutex);
-    const gboolean ok = near_field_run(&job, path, to == NULL, ret, error);
+    const gboolean ok = run(&job, path, to == NULL, ret, error);
     g_mutex_clear(&job.mutex);
     btf_scratch_free(job.measured);
     btf_scratch_free(job.made);

@@ -91,7 +91,7 @@ static void pipeline_work(gpointer data, gpointer unused) {
     g_async_queue_push(run->finished, task);
 }
 
-static void pipeline_report(struct run *run, const char *name, int done, int total, double left_s) {
+static void report(struct run *run, const char *name, int done, int total, double left_s) {
     struct work_progress progress = {name, done, total, left_s};
     if (run->options->work.progress)
         run->options->work.progress(&progress, run->options->work.data);
@@ -124,7 +124,7 @@ static gboolean pipeline_accept(struct run *run, struct task *task, GError **err
 }
 
 /* Returns whether the product exists, is intact and was made from these inputs. */
-static gboolean pipeline_is_made(struct run *run, const struct task *task) {
+static gboolean is_made(struct run *run, const struct task *task) {
     if (task->stage == STAGE_MDF)
         return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
     // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a task is of one stage or the other
@@ -137,7 +137,7 @@ static gboolean pipeline_is_made(struct run *run, const struct task *task) {
 
 /* Returns the task of a view that is ready and not made, or NULL. Compares the hash of the view's
  * inputs with the product's. */
-static struct task *pipeline_next_task(struct run *run, enum stage stage, int view) {
+static struct task *next_task(struct run *run, enum stage stage, int view) {
     if (run->made[stage][view])
         return NULL;
     struct task *task = g_new0(struct task, 1);
@@ -150,7 +150,7 @@ static struct task *pipeline_next_task(struct run *run, enum stage stage, int vi
         task->path = session_file(run->session, relative);
         run->missing[view] = task->btf->n_missing;
     }
-    if (state == CATALOGUE_READY && !pipeline_is_made(run, task))
+    if (state == CATALOGUE_READY && !is_made(run, task))
         return task;
     run->made[stage][view] = state == CATALOGUE_READY;
     task_free(task);
@@ -159,8 +159,8 @@ static struct task *pipeline_next_task(struct run *run, enum stage stage, int vi
 
 /* Keeps the error of the first stage and view if there are several. Tasks that were cancelled
  * because of it are ignored. */
-static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
-                                GError **first) {
+static void note_error(struct run *run, const struct task *task, GError *found, int *worst,
+                       GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     const int order = task->stage * run->n_views + task->view;
     if (*first && (cancelled || order > *worst)) {
@@ -189,7 +189,7 @@ static int count_possible(const struct run *run, enum stage stage, gboolean ende
     return n;
 }
 
-static int pipeline_threads(const struct run *run) {
+static int threads(const struct run *run) {
     return run->options->work.n_threads > 0 ? run->options->work.n_threads
                                             : (int)g_get_num_processors();
 }
@@ -211,8 +211,7 @@ static struct time_left_task pipeline_cost(const struct run *run, enum stage sta
 
 /* Lists all views that are ready, with their costs. Views whose frames are not taken yet also count
  * in the time left. ready gets struct task at its end. */
-static void pipeline_list_views(struct run *run, const int *possible, gboolean ended,
-                                GQueue *ready) {
+static void list_views(struct run *run, const int *possible, gboolean ended, GQueue *ready) {
     g_autoptr(GArray) costs = g_array_new(FALSE, FALSE, sizeof(struct time_left_task));
     const double n[N_STAGES] = {possible[STAGE_BTF], possible[STAGE_MDF]};
     gboolean any[N_STAGES] = {FALSE, FALSE};
@@ -220,7 +219,7 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
         for (int stage = 0; stage < N_STAGES; stage++) {
             const int view = time_left_view(k, run->n_views);
             const struct time_left_task cost = pipeline_cost(run, stage, view);
-            struct task *task = pipeline_next_task(run, stage, view);
+            struct task *task = next_task(run, stage, view);
             if (task) {
                 task->number = (int)costs->len;
                 any[stage] = TRUE;
@@ -245,13 +244,13 @@ static void pipeline_list_views(struct run *run, const int *possible, gboolean e
 
 /* Reports one stage after the other, for people. told contains the number of views of each stage at
  * its last report. */
-static void pipeline_tell_stages(struct run *run, const int *possible, int *told) {
+static void tell_stages(struct run *run, const int *possible, int *told) {
     const double left_s = course_left_s(run->course);
     for (int stage = 0; stage < N_STAGES; stage++) {
         const int done = count_made(run, stage);
         const gboolean whole = done == possible[stage];
         if (possible[stage] > 0 && (!whole || told[stage] != done))
-            pipeline_report(run, stage_names[stage], done, possible[stage], left_s);
+            report(run, stage_names[stage], done, possible[stage], left_s);
         told[stage] = done;
         if (!whole)
             break;
@@ -260,8 +259,8 @@ static void pipeline_tell_stages(struct run *run, const int *possible, int *told
 
 /* Makes all views that are ready, alternately of BTF and MDF, so that the first ones show how long
  * both will take. ended means that no further frames will come. */
-static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **error) {
-    GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, pipeline_threads(run), FALSE, error);
+static gboolean run_stages(struct run *run, gboolean ended, GError **error) {
+    GThreadPool *pool = g_thread_pool_new(pipeline_work, NULL, threads(run), FALSE, error);
     if (!pool)
         return FALSE;
     int possible[N_STAGES], told[N_STAGES];
@@ -272,10 +271,10 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
     int worst = G_MAXINT;
     GError *first = NULL;
     GQueue ready = G_QUEUE_INIT;
-    pipeline_list_views(run, possible, ended, &ready);
+    list_views(run, possible, ended, &ready);
     /* With one thread, a view is only begun when the row of the previous view is written, so that
      * files and rows are always written in the same order. */
-    const guint most = pipeline_threads(run) == 1 ? 1 : ready.length;
+    const guint most = threads(run) == 1 ? 1 : ready.length;
     guint under_way = 0;
     while (under_way + ready.length > 0) {
         for (; under_way < most && ready.length > 0; under_way++)
@@ -285,10 +284,10 @@ static gboolean pipeline_run_stages(struct run *run, gboolean ended, GError **er
         if (task) {
             under_way--;
             if (!pipeline_accept(run, task, &found))
-                pipeline_note_error(run, task, found, &worst, &first);
+                note_error(run, task, found, &worst, &first);
             task_free(task);
         }
-        pipeline_tell_stages(run, possible, told);
+        tell_stages(run, possible, told);
     }
     g_thread_pool_free(pool, FALSE, TRUE);
     if (first)
@@ -310,10 +309,10 @@ static void on_settled(gpointer data) {
     struct run *run = data;
     const int done = count_made(run, STAGE_MDF);
     course_advance(run->course, (double)++run->settled / MAX(done, 1));
-    pipeline_report(run, stage_names[STAGE_MDF], done, done, course_left_s(run->course));
+    report(run, stage_names[STAGE_MDF], done, done, course_left_s(run->course));
 }
 
-static gboolean pipeline_settle(struct run *run, GError **error) {
+static gboolean settle(struct run *run, GError **error) {
     course_begin(run->course, TIME_LEFT_SETTLE);
     run->mdf_dirty |= mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable,
                                  on_settled, run);
@@ -334,13 +333,13 @@ static int count_waiting(const struct run *run) {
 
 /* Makes ready views until no more frames will come. Checks whether the capture has ended before it
  * looks up frames, so that none is missed. */
-static gboolean pipeline_make_views(struct run *run, GError **error) {
+static gboolean make_views(struct run *run, GError **error) {
     for (;;) {
         g_autofree char *state = session_value(run->session, "state");
         gboolean ended = !run->options->follow || g_strcmp0(state, "done") == 0 ||
                          g_strcmp0(state, "aborted") == 0;
         if (!catalogue_refresh(run->catalogue, run->session, error) ||
-            !pipeline_run_stages(run, ended, error))
+            !run_stages(run, ended, error))
             return FALSE;
         ended |= count_waiting(run) == 0;
         /* Views of an earlier run whose frames no longer exist are dropped. */
@@ -351,7 +350,7 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
             }
         gint64 since_us = g_get_monotonic_time() - run->mdf_written_us;
         if (ended)
-            return pipeline_settle(run, error);
+            return settle(run, error);
         if (run->mdf_dirty && since_us > MDF_WRITE_US && !write_mdf(run, error))
             return FALSE;
         for (int i = 0; i < 10; i++) {
@@ -372,7 +371,7 @@ struct columns {
     int asked, to_ask;
 };
 
-static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
+static gboolean get_column(int view, float *ret_column, gpointer data, GError **error) {
     struct columns *columns = data;
     struct run *run = columns->run;
     if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
@@ -383,8 +382,8 @@ static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, 
     g_autofree char *path = session_file(run->session, relative);
     course_advance(run->course, (double)columns->asked / columns->to_ask);
     columns->asked++;
-    pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
-                    course_left_s(run->course));
+    report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views,
+           course_left_s(run->course));
     const gboolean ok = btf_read_view(path, columns->lights, columns->n_lights,
                                       &run->catalogue->grid, ret_column, error);
     if (columns->asked == columns->to_ask) {
@@ -399,8 +398,7 @@ static gboolean set_number(Session *session, const char *key, double value, GErr
     return session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), error);
 }
 
-static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_error,
-                                        GError **error) {
+static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GError **error) {
     const struct run *run = columns->run;
     Session *session = run->session;
     g_autofree char *path = session_file(session, "products/eigenmaps.exr");
@@ -428,7 +426,7 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
         eigenmaps_product_new(session_name(session), run->catalogue, columns->views,
                               columns->n_views, MIN(run->options->n_eigenmaps, columns->n_views));
     course_begin(columns->run->course, TIME_LEFT_COLUMNS);
-    const gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
+    const gboolean ok = eigenmaps_compute(maps, get_column, columns, ret_error, error) &&
                         eigenmaps_write(path, maps, error) &&
                         session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
                         set_number(session, "eigenmaps_error", *ret_error, error) &&
@@ -442,7 +440,7 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
 }
 
 /* Predicts the pictures that were left out on purpose from those of all views. */
-static gboolean pipeline_predict(struct run *run, struct pipeline_result *ret, GError **error) {
+static gboolean predict(struct run *run, struct pipeline_result *ret, GError **error) {
     struct work work = run->options->work;
     struct prediction_product product;
     g_autofree int *views = g_new(int, run->n_views);
@@ -486,7 +484,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
                     session_path(run->session), 100 * BTF_MAX_MISSING, n_lights);
         return FALSE;
     }
-    if (!pipeline_predict(run, ret, error))
+    if (!predict(run, ret, error))
         return FALSE;
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
@@ -503,10 +501,10 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     for (int i = 0; i < n_lights; i++)
         lights[i] =
             ((const struct session_direction *)g_ptr_array_index(run->catalogue->lights, i))->index;
-    return pipeline_make_eigenmaps(&columns, &ret->eigenmaps_error, error);
+    return make_eigenmaps(&columns, &ret->eigenmaps_error, error);
 }
 
-static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GError **error) {
+static gboolean finish(struct run *run, struct pipeline_result *ret, GError **error) {
     struct mdf_lines all = {.worst_position = -1};
     for (int i = 0; i < run->n_views; i++)
         if (run->mdf[i])
@@ -574,7 +572,7 @@ static gboolean find_whole(struct run *run, GError **error) {
     return damages != NULL;
 }
 
-static gboolean pipeline_begin(struct run *run, GError **error) {
+static gboolean begin(struct run *run, GError **error) {
     run->catalogue = catalogue_load(run->session, run->options->calibration, error);
     if (!run->catalogue)
         return FALSE;
@@ -609,8 +607,7 @@ static gboolean pipeline_begin(struct run *run, GError **error) {
 }
 
 /* Finds causes in all products of the session, including those of an earlier run. */
-static gboolean pipeline_find_causes(struct run *run, const struct pipeline_result *result,
-                                     GError **error) {
+static gboolean find_causes(struct run *run, const struct pipeline_result *result, GError **error) {
     const struct pipeline_options *options = run->options;
     if (!options->causes)
         return TRUE;
@@ -621,7 +618,7 @@ static gboolean pipeline_find_causes(struct run *run, const struct pipeline_resu
     return ok;
 }
 
-static void pipeline_end(struct run *run) {
+static void end(struct run *run) {
     for (int i = 0; i < run->n_views; i++) {
         g_free(run->btf_inputs[i]);
         mdf_result_free(run->mdf[i]);
@@ -655,15 +652,15 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     if (!run.session)
         return FALSE;
     run.cancellable = g_cancellable_new();
-    run.course = course_new(pipeline_threads(&run));
+    run.course = course_new(threads(&run));
     run.finished = g_async_queue_new();
     gulong forward = 0;
     if (options->work.cancellable)
         forward = g_cancellable_connect(options->work.cancellable, G_CALLBACK(forward_cancel),
                                         run.cancellable, NULL);
-    gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
-                  run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found) &&
-                  pipeline_find_causes(&run, ret, &found);
+    gboolean ok = begin(&run, &found) && make_views(&run, &found) &&
+                  run_eigenmaps(&run, ret, &found) && finish(&run, ret, &found) &&
+                  find_causes(&run, ret, &found);
     /* A damaged frame may have been refused. Records all damaged frames, so that one resume takes
      * all of them again. Errors here are less important than the first one. */
     g_autoptr(GPtrArray) damages =
@@ -676,7 +673,7 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     }
     if (options->work.cancellable)
         g_cancellable_disconnect(options->work.cancellable, forward);
-    pipeline_end(&run);
+    end(&run);
     if (!ok)
         g_propagate_error(error, g_steal_pointer(&found));
     return ok;

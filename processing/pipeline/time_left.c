@@ -82,7 +82,7 @@ struct unit_costs {
     double s[TIME_LEFT_STAGES][DEGREES];
 };
 
-static int time_left_degree(const struct time_left_task *task) {
+static int degree(const struct time_left_task *task) {
     return CLAMP((int)lround(task->theta_deg), 0, DEGREES - 1);
 }
 
@@ -90,8 +90,8 @@ struct unit_sums {
     double made, unit_s;
 };
 
-static void time_left_spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
-                             const struct time_left_rates *rates, struct unit_costs *ret) {
+static void spread(struct unit_sums of[TIME_LEFT_STAGES][DEGREES],
+                   const struct time_left_rates *rates, struct unit_costs *ret) {
     for (int stage = 0; stage < TIME_LEFT_STAGES; stage++)
         for (int at = 0; at < DEGREES; at++) {
             double weights = RATE_WEIGHT, sum = RATE_WEIGHT * rates->unit_s[stage];
@@ -114,7 +114,7 @@ static void time_left_costs(const struct time_left_task *tasks, int n,
     struct unit_sums of[TIME_LEFT_STAGES][DEGREES] = {0};
     for (int pass = TIME_LEFT_MADE; pass >= TIME_LEFT_RUNS; pass--) {
         for (int i = 0; i < n; i++) {
-            const int stage = (int)tasks[i].stage, at = time_left_degree(&tasks[i]);
+            const int stage = (int)tasks[i].stage, at = degree(&tasks[i]);
             if ((int)tasks[i].state != pass || tasks[i].units <= 0)
                 continue;
             const double unit_s = tasks[i].cpu_s / tasks[i].units;
@@ -123,7 +123,7 @@ static void time_left_costs(const struct time_left_task *tasks, int n,
             of[stage][at].made++;
             of[stage][at].unit_s += pass == TIME_LEFT_RUNS ? OVERDUE * unit_s : unit_s;
         }
-        time_left_spread(of, rates, ret);
+        spread(of, rates, ret);
     }
 }
 
@@ -138,8 +138,7 @@ double time_left_views_s(const struct time_left_task *tasks, int n, int n_thread
         for (int i = 0; i < n; i++) {
             if ((int)tasks[i].state != pass)
                 continue;
-            const double all_s =
-                costs.s[tasks[i].stage][time_left_degree(&tasks[i])] * tasks[i].units;
+            const double all_s = costs.s[tasks[i].stage][degree(&tasks[i])] * tasks[i].units;
             const double done_s = pass == TIME_LEFT_RUNS ? tasks[i].cpu_s : 0;
             int thread = 0;
             for (int t = 1; t < n_threads; t++)

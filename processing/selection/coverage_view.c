@@ -42,8 +42,8 @@ struct CoverageView {
     double frame_mm[COVERAGE_MAX_SWEEPS];
 };
 
-static gboolean coverage_view_project(const CoverageView *view, double turntable_rad, int texel,
-                                      struct sample *ret) {
+static gboolean project(const CoverageView *view, double turntable_rad, int texel,
+                        struct sample *ret) {
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
     const int row = texel / view->grid.width, column = texel % view->grid.width;
     const struct vec3 p =
@@ -79,8 +79,7 @@ CoverageView *coverage_view_new(const struct rig *rig, int camera, double turnta
     for (int row = step / 2; row < grid->height; row += step)
         for (int column = step / 2; column < grid->width; column += step) {
             struct sample sample;
-            if (coverage_view_project(view, RAD(turntable_deg), row * grid->width + column,
-                                      &sample))
+            if (project(view, RAD(turntable_deg), row * grid->width + column, &sample))
                 g_array_append_val(view->samples, sample);
         }
     return view;
@@ -102,8 +101,7 @@ gboolean coverage_view_has(const CoverageView *view, int sweep) {
 }
 
 /* Finds the phases of the 2 × 2 colour filter that see the laser. */
-static void coverage_view_phases(const struct exr_part *part, const float *peak,
-                                 gboolean ret_live[4]) {
+static void phases(const struct exr_part *part, const float *peak, gboolean ret_live[4]) {
     int seen[4] = {0}, most = 0;
     for (int y = 0; y < part->height; y++)
         for (int x = 0; x < part->width; x++)
@@ -117,8 +115,8 @@ static void coverage_view_phases(const struct exr_part *part, const float *peak,
 /* Returns the distance along a ray from the reference plane to the sheet at a peak's time. Returns
  * −1 if there is no peak, if the sheet is at a grazing angle, or if the point is outside of the
  * volume. */
-static float coverage_view_distance(const CoverageView *view, const struct laser_sweep *sweep,
-                                    const struct sample *sample, int k, float peak) {
+static float distance(const CoverageView *view, const struct laser_sweep *sweep,
+                      const struct sample *sample, int k, float peak) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const struct vec3 ray = sample->ray[k];
@@ -159,7 +157,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
                                   .step_rad = (to_rad - from_rad) / (shot->sweep_steps - 1)};
     const float *peaks[2] = {exr_part_plane(part, "peak"), exr_part_plane(part, "second_peak")};
     gboolean live[4];
-    coverage_view_phases(part, peaks[0], live);
+    phases(part, peaks[0], live);
     struct seen *seen = g_new(struct seen, view->samples->len + 1);
     for (guint i = 0; i < view->samples->len; i++) {
         const struct sample *sample = &g_array_index(view->samples, struct sample, i);
@@ -169,7 +167,7 @@ gboolean coverage_view_add(CoverageView *view, int sweep, const struct session_s
         const gsize pixel =
             (gsize)(sample->y + (k >> 1)) * (gsize)part->width + (gsize)(sample->x + (k & 1));
         for (int rank = 0; rank < 2; rank++)
-            seen[i].mm[rank] = coverage_view_distance(view, &s, sample, k, peaks[rank][pixel]);
+            seen[i].mm[rank] = distance(view, &s, sample, k, peaks[rank][pixel]);
     }
     view->frame_mm[sweep] = coverage_view_frame_mm(view, &s);
     g_free(view->seen[sweep]);
@@ -206,11 +204,11 @@ static guint64 coverage_view_lit(const CoverageView *view, guint sample, int *re
     return lit;
 }
 
-static gboolean coverage_view_knows(guint64 lit, int agree) {
+static gboolean knows(guint64 lit, int agree) {
     return agree >= AGREE && 2 * agree >= __builtin_popcountll(lit);
 }
 
-static int coverage_view_compare(gconstpointer a, gconstpointer b) {
+static int compare(gconstpointer a, gconstpointer b) {
     const guint64 x = *(const guint64 *)a, y = *(const guint64 *)b;
     return (x > y) - (x < y);
 }
@@ -223,12 +221,12 @@ struct coverage_sums coverage_view_sum_up(CoverageView *view) {
     for (guint i = 0; i < view->samples->len; i++) {
         int agree;
         const guint64 lit = coverage_view_lit(view, i, &agree);
-        if (coverage_view_knows(lit, agree))
+        if (knows(lit, agree))
             sums.known++;
         else
             g_array_append_val(view->open, lit);
     }
-    g_array_sort(view->open, coverage_view_compare);
+    g_array_sort(view->open, compare);
     return sums;
 }
 

@@ -58,7 +58,7 @@ static Prediction *prediction_of(const struct prediction_pairs *pairs) {
     return prediction;
 }
 
-static void prediction_set_measured(Prediction *prediction, const float *probes, gsize n_rows) {
+static void set_measured(Prediction *prediction, const float *probes, gsize n_rows) {
     const gsize n = (gsize)prediction->n_pairs;
     g_autofree gsize *counts = g_new0(gsize, n);
     for (gsize r = 0; r < n_rows; r++)
@@ -96,15 +96,14 @@ struct prediction_rows {
     int *probes;   /* n: 3 × probe + colour */
 };
 
-static void prediction_rows_clear(struct prediction_rows *rows) {
+static void rows_clear(struct prediction_rows *rows) {
     g_free(rows->z);
     g_free(rows->g);
     g_free(rows->probes);
 }
 
-static void prediction_rows_take(const Prediction *prediction, const float *probes,
-                                 const struct vec3 *at_mm, int n_probes,
-                                 struct prediction_rows *ret) {
+static void rows_take(const Prediction *prediction, const float *probes, const struct vec3 *at_mm,
+                      int n_probes, struct prediction_rows *ret) {
     const gsize m = (gsize)prediction->n_measured, most = 3 * (gsize)n_probes;
     g_autofree double *means = g_new(double, 3 * (gsize)prediction->n_pairs);
     *ret = (struct prediction_rows){0, g_new(double, most *m), g_new(double, most *m),
@@ -126,7 +125,7 @@ static void prediction_rows_take(const Prediction *prediction, const float *prob
     }
 }
 
-static gboolean prediction_factorise(Prediction *prediction, GError **error) {
+static gboolean factorise(Prediction *prediction, GError **error) {
     const int m = prediction->n_measured;
     prediction->factor = g_new(double, (gsize)m *(gsize)m);
     prediction_covariance(prediction, prediction->measured, m, prediction->measured, m,
@@ -144,7 +143,7 @@ static gboolean prediction_factorise(Prediction *prediction, GError **error) {
 }
 
 /* Computes k_uᵀ K⁻¹ and the variances. With B = L⁻¹ k, they are Bᵀ L⁻¹ and k_uu − |B_u|². */
-static void prediction_weigh(Prediction *prediction) {
+static void weigh(Prediction *prediction) {
     const int m = prediction->n_measured, n = prediction->n_missing;
     g_autofree double *b = g_new(double, MAX((gsize)m * (gsize)n, 1));
     prediction->variance = g_new(double, MAX(n, 1));
@@ -179,8 +178,8 @@ static void prediction_scales(const Prediction *prediction, double *rows, int n,
 
 /* Computes the squared errors of cross-validation in units of their variances, and the factors that
  * follow from them. scales are s² of each row. */
-static void prediction_validate(Prediction *prediction, const struct prediction_rows *rows,
-                                const double *scales) {
+static void validate(Prediction *prediction, const struct prediction_rows *rows,
+                     const double *scales) {
     const gsize m = (gsize)prediction->n_measured, n = (gsize)rows->n, all = n * m;
     g_autofree double *inverse = g_memdup2(prediction->factor, sizeof(double) * m * m);
     g_autofree double *errors = g_new(double, all), *variances = g_new(double, m);
@@ -212,8 +211,8 @@ static void prediction_validate(Prediction *prediction, const struct prediction_
 }
 
 /* Computes means over rows: g² s² of each pair, and Σ ρ² over all pairs, measured and predicted. */
-static void prediction_sum_up(Prediction *prediction, const struct prediction_rows *rows,
-                              const struct vec3 *at_mm, const double *scales) {
+static void sum_up(Prediction *prediction, const struct prediction_rows *rows,
+                   const struct vec3 *at_mm, const double *scales) {
     const int m = prediction->n_measured, u = prediction->n_missing;
     g_autofree double *means = g_new(double, 3 * (gsize)prediction->n_pairs);
     g_autofree float *known = g_new(float, m), *filled = g_new(float, MAX(u, 1));
@@ -245,25 +244,23 @@ static void prediction_sum_up(Prediction *prediction, const struct prediction_ro
     }
 }
 
-static gboolean prediction_learn_rows(Prediction *prediction, const struct prediction_rows *rows,
-                                      const struct vec3 *at_mm, const struct work *work,
-                                      GError **error) {
+static gboolean learn_rows(Prediction *prediction, const struct prediction_rows *rows,
+                           const struct vec3 *at_mm, const struct work *work, GError **error) {
     if (!prediction_fit(prediction, rows->z, rows->g, rows->n, work, error) ||
-        !prediction_factorise(prediction, error))
+        !factorise(prediction, error))
         return FALSE;
-    prediction_weigh(prediction);
+    weigh(prediction);
     const gsize n = (gsize)rows->n, m = (gsize)prediction->n_measured;
     g_autofree double *solved = g_memdup2(rows->z, sizeof(double) * n * m);
     g_autofree double *scales = g_new(double, n);
     prediction_scales(prediction, solved, (int)n, scales);
-    prediction_validate(prediction, rows, scales);
-    prediction_sum_up(prediction, rows, at_mm, scales);
+    validate(prediction, rows, scales);
+    sum_up(prediction, rows, at_mm, scales);
     return TRUE;
 }
 
-static gboolean prediction_learn(Prediction *prediction, const float *probes,
-                                 const struct vec3 *at_mm, int n_probes, const struct work *work,
-                                 GError **error) {
+static gboolean learn(Prediction *prediction, const float *probes, const struct vec3 *at_mm,
+                      int n_probes, const struct work *work, GError **error) {
     if (prediction->n_measured > PREDICTION_MAX_MEASURED) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%d pairs of directions are measured; prediction works with %d at most",
@@ -274,14 +271,14 @@ static gboolean prediction_learn(Prediction *prediction, const float *probes,
     struct prediction_rows rows;
     at_mm = at_mm ? at_mm : middle;
     prediction_mean_fit(prediction, probes, at_mm, n_probes);
-    prediction_rows_take(prediction, probes, at_mm, n_probes, &rows);
-    const gboolean ok = rows.n > 0 && prediction_learn_rows(prediction, &rows, at_mm, work, error);
+    rows_take(prediction, probes, at_mm, n_probes, &rows);
+    const gboolean ok = rows.n > 0 && learn_rows(prediction, &rows, at_mm, work, error);
     if (rows.n == 0)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "none of %d rows of probes has a value for each of %d measured pairs of "
                     "directions",
                     3 * n_probes, prediction->n_measured);
-    prediction_rows_clear(&rows);
+    rows_clear(&rows);
     return ok;
 }
 
@@ -289,12 +286,12 @@ Prediction *prediction_new(const struct prediction_pairs *pairs, const float *pr
                            const struct vec3 *at_mm, int n_probes, const struct work *work,
                            GError **error) {
     g_autoptr(Prediction) prediction = prediction_of(pairs);
-    prediction_set_measured(prediction, probes, 3 * (gsize)n_probes);
+    set_measured(prediction, probes, 3 * (gsize)n_probes);
     /* Sums of several threads of OpenBLAS depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
-    const gboolean ok = prediction->n_measured == 0 ||
-                        prediction_learn(prediction, probes, at_mm, n_probes, work, error);
+    const gboolean ok =
+        prediction->n_measured == 0 || learn(prediction, probes, at_mm, n_probes, work, error);
     openblas_set_num_threads(threads);
     if (prediction->n_measured == 0)
         prediction->energy = prediction->n_pairs * (prediction_prior_variance(prediction, 0) -
@@ -319,8 +316,8 @@ gboolean prediction_is_measured(const Prediction *prediction, int pair) {
 }
 
 /* At most FILL rows, 3 per texel. */
-static void prediction_fill_rows(const Prediction *prediction, float *values, const double *means,
-                                 int n, float *ret_sigma) {
+static void fill_rows(const Prediction *prediction, float *values, const double *means, int n,
+                      float *ret_sigma) {
     const int m = prediction->n_measured, u = prediction->n_missing;
     const gsize all = (gsize)prediction->n_pairs;
     g_autofree float *known = g_new(float, (gsize)n *(gsize)m);
@@ -361,8 +358,8 @@ void prediction_fill(const Prediction *prediction, float *values, const struct v
         for (int i = 0; i < texels; i++)
             prediction_means(prediction, at_mm ? at_mm[t + i] : vec3(0, 0, 0),
                              means + 3 * (gsize)i * all);
-        prediction_fill_rows(prediction, values + 3 * (gsize)t * all, means, 3 * texels,
-                             ret_sigma ? ret_sigma + 3 * (gsize)t * all : NULL);
+        fill_rows(prediction, values + 3 * (gsize)t * all, means, 3 * texels,
+                  ret_sigma ? ret_sigma + 3 * (gsize)t * all : NULL);
     }
 }
 

@@ -18,7 +18,7 @@
 #define MAX_GROUP 64
 #define MAX_ALONE 1000000 /* maximum number of covariances that one thread computes alone */
 
-static double prediction_distance(struct vec3 a, struct vec3 b) {
+static double distance(struct vec3 a, struct vec3 b) {
     return vec3_length(vec3_sub(a, b));
 }
 
@@ -29,22 +29,22 @@ struct prediction_tables {
     double *light1, *light2, *light3; /* n_lights² */
 };
 
-static double *prediction_decay(const struct vec3 *at, int n, double length, double factor) {
+static double *decay(const struct vec3 *at, int n, double length, double factor) {
     double *table = g_new(double, (gsize)n *(gsize)n);
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++)
-            table[i * n + j] = factor * exp(-prediction_distance(at[i], at[j]) / length);
+            table[i * n + j] = factor * exp(-distance(at[i], at[j]) / length);
     return table;
 }
 
-static void prediction_tables_make(const Prediction *prediction, struct prediction_tables *ret) {
+static void tables_make(const Prediction *prediction, struct prediction_tables *ret) {
     const double *c = prediction->constants;
     const int n = prediction->n_views, m = prediction->n_lights;
-    ret->view2 = prediction_decay(prediction->views, n, c[PREDICTION_A2], c[PREDICTION_C2]);
-    ret->view3 = prediction_decay(prediction->views, n, c[PREDICTION_A3], c[PREDICTION_C3]);
-    ret->view4 = prediction_decay(prediction->views, n, c[PREDICTION_B4], c[PREDICTION_C4]);
-    ret->light2 = prediction_decay(prediction->lights, m, c[PREDICTION_B2], 1);
-    ret->light3 = prediction_decay(prediction->lights, m, c[PREDICTION_B3], 1);
+    ret->view2 = decay(prediction->views, n, c[PREDICTION_A2], c[PREDICTION_C2]);
+    ret->view3 = decay(prediction->views, n, c[PREDICTION_A3], c[PREDICTION_C3]);
+    ret->view4 = decay(prediction->views, n, c[PREDICTION_B4], c[PREDICTION_C4]);
+    ret->light2 = decay(prediction->lights, m, c[PREDICTION_B2], 1);
+    ret->light3 = decay(prediction->lights, m, c[PREDICTION_B3], 1);
     ret->light1 = g_new(double, (gsize)m *(gsize)m);
     for (int i = 0; i < m; i++)
         for (int j = 0; j < m; j++)
@@ -52,7 +52,7 @@ static void prediction_tables_make(const Prediction *prediction, struct predicti
                 1 + c[PREDICTION_C1] * vec3_dot(prediction->lights[i], prediction->lights[j]);
 }
 
-static void prediction_tables_clear(struct prediction_tables *tables) {
+static void tables_clear(struct prediction_tables *tables) {
     g_free(tables->view2);
     g_free(tables->view3);
     g_free(tables->view4);
@@ -90,7 +90,7 @@ static void prediction_column(int j, gpointer data) {
         const int v = (job->a[i] / n_lights) * n_views + view;
         const int l = (job->a[i] % n_lights) * n_lights + light;
         column[i] = t->light1[l] + t->view2[v] * t->light2[l] + t->view3[v] * t->light3[l] +
-                    t->view4[v] * exp(-prediction_distance(job->half_a[i], half) / length);
+                    t->view4[v] * exp(-distance(job->half_a[i], half) / length);
     }
 }
 
@@ -100,14 +100,14 @@ void prediction_covariance(const Prediction *prediction, const int *a, int n_a, 
     g_autofree struct vec3 *half_a = g_new(struct vec3, n_a);
     for (int i = 0; i < n_a; i++)
         half_a[i] = prediction_half(prediction, a[i]);
-    prediction_tables_make(prediction, &tables);
+    tables_make(prediction, &tables);
     struct prediction_columns job = {prediction, &tables, a, b, half_a, n_a, ret};
     if ((gint64)n_a * n_b > MAX_ALONE)
         work_for_each(0, n_b, prediction_column, &job);
     else /* threads would cost more than they save */
         for (int j = 0; j < n_b; j++)
             prediction_column(j, &job);
-    prediction_tables_clear(&tables);
+    tables_clear(&tables);
 }
 
 void prediction_covariance_small(const Prediction *prediction, const int *pairs, int n,
@@ -118,11 +118,11 @@ void prediction_covariance_small(const Prediction *prediction, const int *pairs,
         for (int j = 0; j < n; j++) {
             const struct vec3 a = prediction->lights[pairs[i] % n_lights];
             const struct vec3 b = prediction->lights[pairs[j] % n_lights];
-            const double v = prediction_distance(prediction->views[pairs[i] / n_lights],
-                                                 prediction->views[pairs[j] / n_lights]);
-            const double l = prediction_distance(a, b);
-            const double h = prediction_distance(prediction_half(prediction, pairs[i]),
-                                                 prediction_half(prediction, pairs[j]));
+            const double v = distance(prediction->views[pairs[i] / n_lights],
+                                      prediction->views[pairs[j] / n_lights]);
+            const double l = distance(a, b);
+            const double h = distance(prediction_half(prediction, pairs[i]),
+                                      prediction_half(prediction, pairs[j]));
             ret[i * n + j] = 1 + c[PREDICTION_C1] * vec3_dot(a, b) +
                              c[PREDICTION_C2] * exp(-v / c[PREDICTION_A2] - l / c[PREDICTION_B2]) +
                              c[PREDICTION_C3] * exp(-v / c[PREDICTION_A3] - l / c[PREDICTION_B3]) +
@@ -139,8 +139,8 @@ double prediction_prior_variance(const Prediction *prediction, int pair) {
 
 /* Returns the number of pairs from i on that belong to one group, at most MAX_GROUP. order has
  * indices into pairs, sorted by group. */
-static int prediction_same_group(const Prediction *prediction, const int *pairs, int m,
-                                 const int *order, int i) {
+static int same_group(const Prediction *prediction, const int *pairs, int m, const int *order,
+                      int i) {
     int n = 1;
     while (n < MAX_GROUP && i + n < m &&
            prediction->groups[pairs[order[i + n]]] == prediction->groups[pairs[order[i]]])
@@ -152,18 +152,18 @@ struct prediction_order {
     int group, index;
 };
 
-static int prediction_by_group(const void *a, const void *b) {
+static int by_group(const void *a, const void *b) {
     const struct prediction_order *p = a, *q = b;
     return p->group != q->group ? (p->group > q->group) - (p->group < q->group)
                                 : (p->index > q->index) - (p->index < q->index);
 }
 
-static int *prediction_sorted(const Prediction *prediction, const int *pairs, int m) {
+static int *sorted(const Prediction *prediction, const int *pairs, int m) {
     g_autofree struct prediction_order *keys = g_new(struct prediction_order, m);
     int *order = g_new(int, m);
     for (int i = 0; i < m; i++)
         keys[i] = (struct prediction_order){prediction->groups[pairs[i]], i};
-    qsort(keys, (gsize)m, sizeof *keys, prediction_by_group);
+    qsort(keys, (gsize)m, sizeof *keys, by_group);
     for (int i = 0; i < m; i++)
         order[i] = keys[i].index;
     return order;
@@ -172,12 +172,12 @@ static int *prediction_sorted(const Prediction *prediction, const int *pairs, in
 void prediction_left_out(const Prediction *prediction, const int *pairs, int m,
                          const double *inverse, const double *rows, int n_rows, double *ret_errors,
                          double *ret_variances) {
-    g_autofree int *order = prediction_sorted(prediction, pairs, m);
+    g_autofree int *order = sorted(prediction, pairs, m);
     double block[MAX_GROUP * MAX_GROUP];
     cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n_rows, m, m, 1, rows, m, inverse, m, 0,
                 ret_errors, m);
     for (int i = 0, n; i < m; i += n) {
-        n = prediction_same_group(prediction, pairs, m, order, i);
+        n = same_group(prediction, pairs, m, order, i);
         for (int j = 0; j < n; j++)
             for (int k = 0; k < n; k++)
                 block[j * n + k] = inverse[(gsize)order[i + j] * (gsize)m + (gsize)order[i + k]];
@@ -225,7 +225,7 @@ struct prediction_azimuth {
     int index;
 };
 
-static int prediction_by_azimuth(const void *a, const void *b) {
+static int by_azimuth(const void *a, const void *b) {
     const struct prediction_azimuth *p = a, *q = b;
     return p->off != q->off ? (p->off > q->off) - (p->off < q->off)
                             : (p->index > q->index) - (p->index < q->index);
@@ -234,7 +234,7 @@ static int prediction_by_azimuth(const void *a, const void *b) {
 /* Returns ascending indices into measured of at most FIT_PAIRS pairs. Their views are nearest in
  * azimuth to +x or +y, so that they are as dense as all pairs. Two directions are used because of
  * brushed metal. */
-static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
+static int *fit_pairs(const Prediction *prediction, int *ret_n) {
     const int m = prediction->n_measured, n = MIN(m, FIT_PAIRS);
     g_autofree struct prediction_azimuth *keys = g_new(struct prediction_azimuth, m);
     int *indices = g_new(int, n);
@@ -243,7 +243,7 @@ static int *prediction_fit_pairs(const Prediction *prediction, int *ret_n) {
         const double off[] = {fabs(atan2(view.y, view.x)), fabs(atan2(view.x, view.y))};
         keys[i] = (struct prediction_azimuth){fmin(off[0], off[1]), i};
     }
-    qsort(keys, (gsize)m, sizeof *keys, prediction_by_azimuth);
+    qsort(keys, (gsize)m, sizeof *keys, by_azimuth);
     for (int i = 0; i < n; i++)
         indices[i] = keys[i].index;
     *ret_n = n;
@@ -257,7 +257,7 @@ gboolean prediction_fit(Prediction *prediction, const double *rows, const double
     G_STATIC_ASSERT(G_N_ELEMENTS(least) == PREDICTION_CONSTANTS);
     int m;
     const int n = MIN(n_rows, FIT_ROWS);
-    g_autofree int *indices = prediction_fit_pairs(prediction, &m), *pairs = g_new(int, m);
+    g_autofree int *indices = fit_pairs(prediction, &m), *pairs = g_new(int, m);
     g_autofree double *values = g_new(double, (gsize)n *(gsize)m);
     g_autofree double *means = g_new0(double, (gsize)n *(gsize)m);
     for (int i = 0; i < m; i++)

@@ -82,9 +82,8 @@ static void prediction_mean_cells(const struct vec3 *at_mm, int n, int *ret) {
 
 /* Computes root mean squares of each cell, measured pair and colour, at the mean position of the
  * cell. */
-static void prediction_mean_gather(const Prediction *prediction, const float *probes,
-                                   const struct vec3 *at_mm, int n_probes,
-                                   struct prediction_mean_fit *ret) {
+static void gather(const Prediction *prediction, const float *probes, const struct vec3 *at_mm,
+                   int n_probes, struct prediction_mean_fit *ret) {
     const int n_pairs = MIN(prediction->n_measured, FIT_PAIRS);
     const gsize all = (gsize)prediction->n_pairs;
     g_autofree int *cells = g_new(int, n_probes);
@@ -124,7 +123,7 @@ static void prediction_mean_gather(const Prediction *prediction, const float *pr
 
 /* Begins with the median as the diffuser, and with one lobe along and one across, of slopes about 1
  * / width. */
-static void prediction_mean_begin(const struct prediction_mean_fit *fit, double width, double *x) {
+static void begin(const struct prediction_mean_fit *fit, double width, double *x) {
     g_autofree double *values = g_new(double, fit->n);
     memset(x, 0, sizeof(double) * PREDICTION_MEAN);
     double top = -INFINITY;
@@ -153,12 +152,12 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
     double x[PREDICTION_MEAN], least = INFINITY;
     for (int k = 0; k < LOBES; k++)
         prediction->mean[DIFFUSE + LOBE * k] = -INFINITY;
-    prediction_mean_gather(prediction, probes, at_mm, n_probes, &fit);
+    gather(prediction, probes, at_mm, n_probes, &fit);
     const int n = 3 * fit.n, work = n * PREDICTION_MEAN + 5 * PREDICTION_MEAN + n;
     g_autofree double *residuals = g_new(double, MAX(n, 1)), *room = g_new(double, work);
     g_autofree int *indices = g_new(int, PREDICTION_MEAN);
     for (int start = 0; start < STARTS && n > 2 * PREDICTION_MEAN; start++) {
-        prediction_mean_begin(&fit, widths[start], x);
+        begin(&fit, widths[start], x);
         lmdif1(prediction_mean_residuals, &fit, n, PREDICTION_MEAN, x, residuals, TOLERANCE,
                indices, room, work);
         prediction_mean_residuals(&fit, n, PREDICTION_MEAN, x, residuals, 0);

@@ -57,7 +57,7 @@ static gboolean add_all(struct outputs *outputs, Session *session, GError **erro
 }
 
 /* Returns the nearest measured shot of a lamp in one direction (±1), or 0 if there is none. */
-static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int direction) {
+static gint64 nearest(const struct outputs *outputs, gint64 shot, int direction) {
     for (gint64 i = shot + direction; i >= 1 && i <= outputs->n; i += direction)
         if (outputs->of[i].weight > 0 && outputs->of[i].lamp == outputs->of[shot].lamp)
             return i;
@@ -66,8 +66,8 @@ static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int di
 
 /* Interpolates linearly between the nearest measured shots. At the ends, only the nearest one is
  * used. */
-static double outputs_between(const struct outputs *outputs, gint64 shot) {
-    gint64 before = outputs_nearest(outputs, shot, -1), after = outputs_nearest(outputs, shot, 1);
+static double between(const struct outputs *outputs, gint64 shot) {
+    gint64 before = nearest(outputs, shot, -1), after = nearest(outputs, shot, 1);
     if (before == 0 && after == 0)
         return 1;
     if (before == 0 || after == 0)
@@ -96,7 +96,7 @@ struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **
         }
     for (gint64 i = 1; i <= outputs->n && outputs->measured > 0; i++)
         if (outputs->of[i].weight == 0 && outputs->of[i].lamp >= 0)
-            outputs->of[i].value = outputs_between(outputs, i);
+            outputs->of[i].value = between(outputs, i);
     return outputs;
 }
 

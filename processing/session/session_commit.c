@@ -9,8 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static gboolean session_commit_refuse(const struct session_frame *frame, const char *what,
-                                      GError **error) {
+static gboolean refuse(const struct session_frame *frame, const char *what, GError **error) {
     return session_fail(error, SESSION_ERROR_IO,
                         "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
                         frame->camera, frame->path ? frame->path : "", what);
@@ -18,7 +17,7 @@ static gboolean session_commit_refuse(const struct session_frame *frame, const c
 
 /* Returns −1 if there is no such file, or if it is not a regular file. Returns −2, with errno, if
  * it cannot be examined. */
-static gint64 session_commit_size_of(const Session *session, const char *relative) {
+static gint64 size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
 
@@ -27,10 +26,8 @@ static gint64 session_commit_size_of(const Session *session, const char *relativ
     return errno == ENOENT || errno == ENOTDIR || errno == ENAMETOOLONG || errno == ELOOP ? -1 : -2;
 }
 
-static gboolean session_commit_check_frames(const Session *session, gint64 shot,
-                                            enum session_shot_state state,
-                                            const struct session_frame *frames, int n_frames,
-                                            GError **error) {
+static gboolean check_frames(const Session *session, gint64 shot, enum session_shot_state state,
+                             const struct session_frame *frames, int n_frames, GError **error) {
     if (state == SHOT_PLANNED && n_frames > 0)
         return session_fail(error, SESSION_ERROR_FORMAT,
                             "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames",
@@ -40,23 +37,20 @@ static gboolean session_commit_check_frames(const Session *session, gint64 shot,
         const char *sum = frame->sha256 ? frame->sha256 : "";
 
         if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
-            return session_commit_refuse(
-                frame, "it belongs to another shot, or its camera is not 0 to 31", error);
+            return refuse(frame, "it belongs to another shot, or its camera is not 0 to 31", error);
         if (!session_is_relative(frame->path))
-            return session_commit_refuse(frame, "its path is not inside the session", error);
+            return refuse(frame, "its path is not inside the session", error);
         if (strlen(sum) != 64 || strspn(sum, "0123456789abcdef") != 64 ||
             !isfinite(frame->captured_s) || !isfinite(frame->turntable_deg))
-            return session_commit_refuse(frame, "its checksum, its time or its angle is missing",
-                                         error);
-        if (session_commit_size_of(session, frame->path) != frame->bytes)
-            return session_commit_refuse(frame, "the file is missing or has another size", error);
+            return refuse(frame, "its checksum, its time or its angle is missing", error);
+        if (size_of(session, frame->path) != frame->bytes)
+            return refuse(frame, "the file is missing or has another size", error);
     }
     return TRUE;
 }
 
-static gboolean session_commit_set_state(Session *session, gint64 shot,
-                                         enum session_shot_state state, const char *note,
-                                         GError **error) {
+static gboolean set_state(Session *session, gint64 shot, enum session_shot_state state,
+                          const char *note, GError **error) {
     g_autofree char *valid = note ? g_utf8_make_valid(note, -1) : NULL;
 
     if (!session_db_run(session, error, "UPDATE shot SET state = ?2, note = ?3 WHERE id = ?1",
@@ -101,10 +95,10 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
                              GError **error) {
     g_return_val_if_fail(state <= SHOT_SKIPPED, FALSE);
     if (!session_may(session, SESSION_CAPTURE, error) ||
-        !session_commit_check_frames(session, shot, state, frames, n_frames, error) ||
+        !check_frames(session, shot, state, frames, n_frames, error) ||
         !session_begin(session, error))
         return FALSE;
-    if (session_commit_set_state(session, shot, state, note, error) &&
+    if (set_state(session, shot, state, note, error) &&
         replace_frames(session, shot, frames, n_frames, error))
         return session_commit(session, error);
     session_rollback(session);
@@ -140,7 +134,7 @@ static gboolean forget_shots(Session *session, const GPtrArray *frames, const GP
             continue;
         g_autofree char *message =
             g_strdup_printf("shot %" G_GINT64_FORMAT " is planned again: %s", frame->shot, wrong);
-        ok = session_commit_set_state(session, frame->shot, SHOT_PLANNED, wrong, error) &&
+        ok = set_state(session, frame->shot, SHOT_PLANNED, wrong, error) &&
              replace_frames(session, frame->shot, NULL, 0, error) &&
              session_add_event(session, isfinite(now_s) ? now_s : 0, "warning", "session", message,
                                error);
@@ -181,8 +175,8 @@ void session_remove_unfinished(const Session *session) {
 }
 
 /* A disk that does not answer has lost nothing; otherwise all shots would be planned again. */
-static gboolean session_commit_unreadable(const Session *session, const char *relative,
-                                          const char *why, GError **error) {
+static gboolean unreadable(const Session *session, const char *relative, const char *why,
+                           GError **error) {
     return session_fail(error, SESSION_ERROR_IO,
                         "%s/%s: cannot be read: %s; check the disk and try again; if only this "
                         "file stays unreadable, remove it, and its shot is taken again",
@@ -193,11 +187,10 @@ static gboolean session_commit_unreadable(const Session *session, const char *re
  * the disk cannot be read. */
 static char *session_commit_damage(const Session *session, const struct session_frame *frame,
                                    gboolean hashed, gboolean *ret_ok, GError **error) {
-    const gint64 size = session_commit_size_of(session, frame->path);
+    const gint64 size = size_of(session, frame->path);
     char *wrong = NULL;
 
-    *ret_ok =
-        size != -2 || session_commit_unreadable(session, frame->path, g_strerror(errno), error);
+    *ret_ok = size != -2 || unreadable(session, frame->path, g_strerror(errno), error);
     if (size < 0)
         return *ret_ok ? g_strdup_printf("%s is gone", frame->path) : NULL;
     if (size != frame->bytes)
@@ -206,7 +199,7 @@ static char *session_commit_damage(const Session *session, const struct session_
     struct session_damage *damage =
         hashed ? session_examine(session, frame->path, frame->sha256) : NULL;
     if (damage && damage->unreadable)
-        *ret_ok = session_commit_unreadable(session, frame->path, damage->what, error);
+        *ret_ok = unreadable(session, frame->path, damage->what, error);
     else if (damage)
         wrong = g_strdup_printf("%s is not as it was taken: %s", frame->path, damage->what);
     session_damage_free(damage);

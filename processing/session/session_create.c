@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static gboolean session_create_fail_errno(const char *path, int saved, GError **error) {
+static gboolean fail_errno(const char *path, int saved, GError **error) {
     enum session_error code = SESSION_ERROR_IO;
 
     if (saved == EEXIST || saved == ENOTEMPTY)
@@ -34,7 +34,7 @@ static gboolean sync_folder(const char *path, GError **error) {
 
     if (fd >= 0)
         close(fd);
-    return ok || session_create_fail_errno(path, saved, error);
+    return ok || fail_errno(path, saved, error);
 }
 
 static gboolean check_texts(const char *name, const struct session_texts *texts, GError **error) {
@@ -50,8 +50,8 @@ static gboolean check_texts(const char *name, const struct session_texts *texts,
     return TRUE;
 }
 
-static gboolean session_create_check_directions(const struct session_direction *directions, int n,
-                                                const char *kind, GError **error) {
+static gboolean check_directions(const struct session_direction *directions, int n,
+                                 const char *kind, GError **error) {
     for (int i = 0; i < n; i++)
         if (!session_check_direction(&directions[i], i, kind, error))
             return FALSE;
@@ -60,9 +60,9 @@ static gboolean session_create_check_directions(const struct session_direction *
 
 static gboolean check_plan(const struct session_plan *plan, GError **error) {
     gboolean ok = session_check_grid(&plan->grid, error) &&
-                  session_create_check_directions(plan->views, plan->n_views, "view", error) &&
-                  session_create_check_directions(plan->lights, plan->n_lights, "light", error) &&
-                  session_create_check_directions(plan->lasers, plan->n_lasers, "laser", error);
+                  check_directions(plan->views, plan->n_views, "view", error) &&
+                  check_directions(plan->lights, plan->n_lights, "light", error) &&
+                  check_directions(plan->lasers, plan->n_lasers, "laser", error);
 
     for (int i = 0; ok && i < plan->n_shots; i++)
         ok = session_check_shot(&plan->shots[i], i + 1, plan->n_lights, plan->n_lasers, error);
@@ -139,9 +139,8 @@ static gboolean insert_all(Session *session, const char *name, const struct sess
 }
 
 /* Writes everything into a hidden directory. */
-static gboolean session_create_fill(const char *path, const char *name,
-                                    const struct session_texts *texts,
-                                    const struct session_plan *plan, GError **error) {
+static gboolean fill(const char *path, const char *name, const struct session_texts *texts,
+                     const struct session_plan *plan, GError **error) {
     static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
     g_autoptr(Session) session = g_new0(Session, 1);
 
@@ -153,7 +152,7 @@ static gboolean session_create_fill(const char *path, const char *name,
         g_autofree char *folder = session_file(session, folders[i]);
 
         if (g_mkdir(folder, 0777) != 0)
-            return session_create_fail_errno(folder, errno, error);
+            return fail_errno(folder, errno, error);
     }
     return session_db_open(session, TRUE, error) && insert_all(session, name, texts, plan, error) &&
            sync_folder(path, error);
@@ -174,7 +173,7 @@ static void remove_all(const char *path) {
 
 /* Renames without ever replacing anything, not even an empty directory. */
 static gboolean move_in_place(const char *from, const char *to, GError **error) {
-    return output_file_move(from, to) || session_create_fail_errno(to, errno, error);
+    return output_file_move(from, to) || fail_errno(to, errno, error);
 }
 
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
@@ -187,15 +186,15 @@ Session *session_create(const char *path, const char *name, const struct session
     if (!check_texts(name, texts, error) || !check_plan(plan, error))
         return NULL;
     if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
-        session_create_fail_errno(absolute, EEXIST, error);
+        fail_errno(absolute, EEXIST, error);
         return NULL;
     }
     if (!g_mkdtemp_full(hidden, 0777)) {
-        session_create_fail_errno(absolute, errno, error);
+        fail_errno(absolute, errno, error);
         return NULL;
     }
-    if (!session_create_fill(hidden, name, texts, plan, error) ||
-        (lock = session_lock(hidden, error)) < 0 || !move_in_place(hidden, absolute, error))
+    if (!fill(hidden, name, texts, plan, error) || (lock = session_lock(hidden, error)) < 0 ||
+        !move_in_place(hidden, absolute, error))
         remove_all(hidden);
     else if (sync_folder(parent, error))
         return session_open_locked(absolute, SESSION_CAPTURE, lock, error);

@@ -24,7 +24,7 @@ gboolean session_fail(GError **error, enum session_error code, const char *forma
     return FALSE;
 }
 
-static gboolean session_db_damaged(const Session *session, const char *what, GError **error) {
+static gboolean damaged(const Session *session, const char *what, GError **error) {
     g_autofree char *valid = g_utf8_make_valid(what ? what : "", -1);
 
     if (session->is_new)
@@ -96,7 +96,7 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
                             "again",
                             session->path);
     if (primary == SQLITE_CORRUPT || primary == SQLITE_FORMAT || primary == SQLITE_TOOBIG)
-        return session_db_damaged(session, says, error);
+        return damaged(session, says, error);
     if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)
         return session_fail(
             error, SESSION_ERROR_IO,
@@ -111,8 +111,8 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
                         primary == SQLITE_IOERR ? "; check the disk and try again" : "");
 }
 
-static sqlite3_stmt *session_db_prepare(Session *session, GError **error, const char *sql,
-                                        const char *types, va_list list) {
+static sqlite3_stmt *prepare(Session *session, GError **error, const char *sql, const char *types,
+                             va_list list) {
     g_autoptr(sqlite3_stmt) statement = NULL;
     int rc = sqlite3_prepare_v2(session->db, sql, -1, &statement, NULL);
 
@@ -138,7 +138,7 @@ sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql
     va_list list;
 
     va_start(list, types);
-    statement = session_db_prepare(session, error, sql, types, list);
+    statement = prepare(session, error, sql, types, list);
     va_end(list);
     return statement;
 }
@@ -170,7 +170,7 @@ gboolean session_db_run(Session *session, GError **error, const char *sql, const
     int rc = -1;
 
     va_start(list, types);
-    g_autoptr(sqlite3_stmt) statement = session_db_prepare(session, error, sql, types, list);
+    g_autoptr(sqlite3_stmt) statement = prepare(session, error, sql, types, list);
     va_end(list);
     while (statement && (rc = session_db_next(session, statement, error)) > 0)
         ;
@@ -198,18 +198,18 @@ static char *must_text(Session *session, const char *sql, const char *key, GErro
     char *text = NULL;
 
     if (session_db_one_text(session, sql, key, &text, error) >= 0 && !text)
-        session_db_damaged(session, "a row is missing", error);
+        damaged(session, "a row is missing", error);
     return text;
 }
 
 /* SQLite's check of the structure reports a page that cannot be read as if it were damaged. The
  * code of the error is in its text. */
-static gboolean session_db_unsound(const Session *session, const char *says, GError **error) {
+static gboolean unsound(const Session *session, const char *says, GError **error) {
     static const char code[] = "error code=";
     const char *at = g_strstr_len(says, -1, code);
 
     if (!at || (g_ascii_strtoll(at + strlen(code), NULL, 10) & 0xff) != SQLITE_IOERR)
-        return session_db_damaged(session, says, error);
+        return damaged(session, says, error);
     return session_fail(error, SESSION_ERROR_IO,
                         "%s/session.db: cannot be read: %s; check the disk and try again",
                         session->path, says);
@@ -218,7 +218,7 @@ static gboolean session_db_unsound(const Session *session, const char *says, GEr
 /* Returns a table's text without its comments, which differ between versions. If a text hides code
  * behind a quoted or bracketed “--”, its quote or bracket stays in the result. No table of the
  * schema has a quote or bracket there, so that the texts differ. */
-static char *session_db_without_comments(const char *sql) {
+static char *without_comments(const char *sql) {
     g_autoptr(GRegex) comments = g_regex_new(" *--[^\n]*", 0, 0, NULL);
     return g_regex_replace_literal(comments, sql, -1, 0, "", 0, NULL);
 }
@@ -243,7 +243,7 @@ static gboolean session_db_check(Session *session, GError **error) {
     /* SQLite's own check of the file's structure. */
     g_autofree char *sound = must_text(session, "PRAGMA quick_check(1)", NULL, error);
     if (!sound || strcmp(sound, "ok") != 0)
-        return sound && session_db_unsound(session, sound, error);
+        return sound && unsound(session, sound, error);
     /* The text of each table must be that of the schema, so that no computed column or virtual
      * table can run code. */
     for (gsize i = 0; i < G_N_ELEMENTS(session_tables); i++) {
@@ -251,11 +251,11 @@ static gboolean session_db_check(Session *session, GError **error) {
             must_text(session, "SELECT sql FROM sqlite_schema WHERE type = 'table' AND name = ?1",
                       session_tables[i].name, error);
 
-        g_autofree char *is = sql ? session_db_without_comments(sql) : NULL;
-        g_autofree char *made = session_db_without_comments(session_tables[i].sql);
+        g_autofree char *is = sql ? without_comments(sql) : NULL;
+        g_autofree char *made = without_comments(session_tables[i].sql);
 
         if (g_strcmp0(is, made) != 0)
-            return sql && session_db_damaged(session, "a table is not as it was made", error);
+            return sql && damaged(session, "a table is not as it was made", error);
     }
     return TRUE;
 }

@@ -137,8 +137,7 @@ static void row_free(gpointer data) {
 }
 
 /* Reads the rows of the files whose names begin with prefix. */
-static GPtrArray *session_files_read_rows(Session *session, gboolean frames, const char *prefix,
-                                          GError **error) {
+static GPtrArray *read_rows(Session *session, gboolean frames, const char *prefix, GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
     g_autoptr(sqlite3_stmt) statement = session_db_query(
         session, error,
@@ -168,7 +167,7 @@ static GPtrArray *session_files_read_rows(Session *session, gboolean frames, con
 
 GHashTable *session_products(Session *session, GError **error) {
     g_autoptr(GHashTable) products = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
-    g_autoptr(GPtrArray) rows = session_files_read_rows(session, FALSE, "", error);
+    g_autoptr(GPtrArray) rows = read_rows(session, FALSE, "", error);
 
     for (guint i = 0; rows && i < rows->len; i++)
         g_hash_table_add(products, g_strdup(((struct row *)g_ptr_array_index(rows, i))->path));
@@ -219,7 +218,7 @@ static void examine_row(int number, gpointer data) {
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error) {
     const gboolean frames = files == SESSION_FRAMES;
-    g_autoptr(GPtrArray) rows = session_files_read_rows(session, frames, prefix, error);
+    g_autoptr(GPtrArray) rows = read_rows(session, frames, prefix, error);
     if (!rows)
         return NULL;
     g_autofree struct session_damage **damages = g_new0(struct session_damage *, rows->len + 1);

@@ -12,7 +12,7 @@
 const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
 const char *const session_shot_states[] = {"planned", "done", "skipped", NULL};
 
-static gboolean session_read_wrong(GError **error, const char *what, gint64 which) {
+static gboolean wrong(GError **error, const char *what, gint64 which) {
     return session_fail(error, SESSION_ERROR_FORMAT,
                         "the session's plan is not valid: %s %" G_GINT64_FORMAT, what, which);
 }
@@ -20,14 +20,12 @@ static gboolean session_read_wrong(GError **error, const char *what, gint64 whic
 gboolean session_check_grid(const struct session_grid *grid, GError **error) {
     if (grid->width < 1 || grid->width > MAX_TEXELS || grid->height < 1 ||
         grid->height > MAX_TEXELS)
-        return session_read_wrong(error, "texels across must be 1 to 16384, not",
-                                  grid->width < 1 || grid->width > MAX_TEXELS ? grid->width
-                                                                              : grid->height);
+        return wrong(error, "texels across must be 1 to 16384, not",
+                     grid->width < 1 || grid->width > MAX_TEXELS ? grid->width : grid->height);
     if (!(grid->width_mm > 0) || !isfinite(grid->width_mm) || !(grid->height_mm > 0) ||
         !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !(grid->depth_mm >= 0) ||
         !isfinite(grid->depth_mm))
-        return session_read_wrong(error, "a length of the grid is negative or not a number, grid",
-                                  1);
+        return wrong(error, "a length of the grid is negative or not a number, grid", 1);
     return TRUE;
 }
 
@@ -38,9 +36,9 @@ gboolean session_check_direction(const struct session_direction *direction, int 
     if (direction->index != index || direction->device < 0 || direction->device > MAX_NUMBER ||
         !isfinite(direction->theta_deg) || !isfinite(direction->phi_deg) ||
         !isfinite(direction->turntable_deg))
-        return session_read_wrong(error, what, index);
+        return wrong(error, what, index);
     return !direction->note || g_utf8_validate(direction->note, -1, NULL) ||
-           session_read_wrong(error, "the note is not UTF-8: direction", index);
+           wrong(error, "the note is not UTF-8: direction", index);
 }
 
 /* Ids are consecutive. Devices and sources must exist in the calibration. */
@@ -49,20 +47,19 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
 
     if (shot->id != id)
-        return session_read_wrong(error, "ids must be 1, 2, 3 and so on: shot", shot->id);
+        return wrong(error, "ids must be 1, 2, 3 and so on: shot", shot->id);
     if (shot->kind > SHOT_SWEEP || shot->state > SHOT_SKIPPED)
-        return session_read_wrong(error, "unknown kind or state: shot", id);
+        return wrong(error, "unknown kind or state: shot", id);
     if (shot->kind == SHOT_DARK ? shot->source != -1 : shot->source < 0 || shot->source >= sources)
-        return session_read_wrong(error, "no such light or laser position: shot", id);
+        return wrong(error, "no such light or laser position: shot", id);
     if (shot->device < -1 || shot->device > MAX_NUMBER || shot->pose < 0 ||
         shot->pose > MAX_NUMBER || shot->sweep_steps < 0 || shot->sweep_steps > MAX_NUMBER)
-        return session_read_wrong(error, "a device, pose or number of steps is out of range: shot",
-                                  id);
+        return wrong(error, "a device, pose or number of steps is out of range: shot", id);
     if (!isfinite(shot->turntable_deg) || !isfinite(shot->arc_deg) ||
         !isfinite(shot->sweep_from_deg) || !isfinite(shot->sweep_to_deg))
-        return session_read_wrong(error, "an angle is not a number: shot", id);
+        return wrong(error, "an angle is not a number: shot", id);
     return !shot->note || g_utf8_validate(shot->note, -1, NULL) ||
-           session_read_wrong(error, "the note is not UTF-8: shot", id);
+           wrong(error, "the note is not UTF-8: shot", id);
 }
 
 /* Replaces values out of range by one that no check accepts. */
@@ -114,7 +111,7 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
     int rc = row ? session_db_next(session, row, error) : -1;
 
     if (rc <= 0)
-        return rc == 0 && session_read_wrong(error, "no grid, format", SESSION_FORMAT);
+        return rc == 0 && wrong(error, "no grid, format", SESSION_FORMAT);
     *ret = (struct session_grid){
         .width = column_int(row, 0),
         .height = column_int(row, 1),
@@ -167,7 +164,7 @@ static gpointer read_direction(sqlite3_stmt *row, int number, gpointer kind, GEr
     return direction;
 }
 
-static GPtrArray *session_read_directions(Session *session, const char *kind, GError **error) {
+static GPtrArray *directions(Session *session, const char *kind, GError **error) {
     return session_read_rows(session,
                              "SELECT idx, device, theta_deg, phi_deg, turntable_deg, note"
                              " FROM direction WHERE kind = ?1 ORDER BY idx",
@@ -175,15 +172,15 @@ static GPtrArray *session_read_directions(Session *session, const char *kind, GE
 }
 
 GPtrArray *session_views(Session *session, GError **error) {
-    return session_read_directions(session, "view", error);
+    return directions(session, "view", error);
 }
 
 GPtrArray *session_lights(Session *session, GError **error) {
-    return session_read_directions(session, "light", error);
+    return directions(session, "light", error);
 }
 
 GPtrArray *session_lasers(Session *session, GError **error) {
-    return session_read_directions(session, "laser", error);
+    return directions(session, "laser", error);
 }
 
 static void shot_free(gpointer data) {
@@ -212,7 +209,7 @@ static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError *
     shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
     shot->note = session_db_text(row, 12);
     if (cameras < 0 || cameras > G_MAXUINT32)
-        session_read_wrong(error, "more than 32 cameras: shot", shot->id);
+        wrong(error, "more than 32 cameras: shot", shot->id);
     else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
         return shot;
     shot_free(shot);
@@ -252,7 +249,7 @@ static gpointer read_frame(sqlite3_stmt *row, int number, gpointer data, GError 
     if (session_is_relative(frame->path) && frame->sha256 && frame->camera >= 0 &&
         frame->camera < MAX_CAMERAS && frame->bytes >= 0 && isfinite(frame->turntable_deg))
         return frame;
-    session_read_wrong(error, "a frame's camera, path or angle is not valid: shot", frame->shot);
+    wrong(error, "a frame's camera, path or angle is not valid: shot", frame->shot);
     frame_free(frame);
     return NULL;
 }

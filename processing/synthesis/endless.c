@@ -33,7 +33,7 @@ static void endless_reach(const struct endless *e, float ret[2]) {
     ret[1] = (float)(sqrt(1.0 / 3) * column / e->height);
 }
 
-static void endless_add_pixel(const struct endless_pictures *p, int i, int j, struct shown *ret) {
+static void add_pixel(const struct endless_pictures *p, int i, int j, struct shown *ret) {
     const float *values = p->values + (gsize)p->n * ((gsize)j * (gsize)p->width + (gsize)i);
     for (int k = 0; k < p->n; k++) {
         ret->values[k] += values[k];
@@ -44,7 +44,7 @@ static void endless_add_pixel(const struct endless_pictures *p, int i, int j, st
 }
 
 /* Sums the pixels that the hexagon around a centre shows. */
-static void endless_show(const struct endless_choice *c, const float centre[2], struct shown *ret) {
+static void show(const struct endless_choice *c, const float centre[2], struct shown *ret) {
     const struct endless_pictures *p = &c->pictures;
     float reach[2];
     endless_reach(c->endless, reach);
@@ -54,11 +54,11 @@ static void endless_show(const struct endless_choice *c, const float centre[2], 
         const double half = reach[0] * fmin(1, 2 - 2 * y) * p->width, x = centre[0] * p->width;
         for (int i = MAX(0, (int)ceil(x - half - 0.5));
              half > 0 && i < p->width && i + 0.5 <= x + half; i++)
-            endless_add_pixel(p, i, j, ret);
+            add_pixel(p, i, j, ret);
     }
 }
 
-static void endless_add(struct shown *to, const struct shown *one, double sign) {
+static void add(struct shown *to, const struct shown *one, double sign) {
     to->n += sign * one->n;
     for (int k = 0; k < ENDLESS_PICTURES; k++) {
         to->values[k] += sign * one->values[k];
@@ -83,7 +83,7 @@ static double endless_cost(const struct endless_choice *c, const struct shown *o
     return cost / c->pictures.n + EVENLY * uneven / (GRID * GRID);
 }
 
-static void endless_draw(const struct endless *e, GRand *random, float ret[2]) {
+static void draw(const struct endless *e, GRand *random, float ret[2]) {
     float reach[2];
     endless_reach(e, reach);
     for (int k = 0; k < 2; k++) {
@@ -93,19 +93,19 @@ static void endless_draw(const struct endless *e, GRand *random, float ret[2]) {
 }
 
 /* again means that the centre already has a place, which it may keep. */
-static void endless_place_centre(struct endless_choice *c, int k, gboolean again, GRand *random) {
+static void place_centre(struct endless_choice *c, int k, gboolean again, GRand *random) {
     float *centre = c->endless->centres[k];
     double least = G_MAXDOUBLE;
     struct shown one, best = {0};
     if (again) {
-        endless_show(c, centre, &best);
-        endless_add(&c->all, &best, -1);
+        show(c, centre, &best);
+        add(&c->all, &best, -1);
         least = endless_cost(c, &best);
     }
     for (int try = 0; try < TRIES; try++) {
         float at[2];
-        endless_draw(c->endless, random, at);
-        endless_show(c, at, &one);
+        draw(c->endless, random, at);
+        show(c, at, &one);
         const double cost = endless_cost(c, &one);
         if (cost < least) {
             least = cost;
@@ -113,11 +113,11 @@ static void endless_place_centre(struct endless_choice *c, int k, gboolean again
             memcpy(centre, at, sizeof at);
         }
     }
-    endless_add(&c->all, &best, 1);
+    add(&c->all, &best, 1);
 }
 
 /* Returns copies with means of 0 and deviations of 1. A picture without contrast becomes 0. */
-static float *endless_normalise(int pixels, int n, const float *pictures) {
+static float *normalise(int pixels, int n, const float *pictures) {
     float *ret = g_new(float, (gsize)pixels *(gsize)n);
     for (int k = 0; k < n; k++) {
         double sum = 0, squares = 0;
@@ -135,7 +135,7 @@ static float *endless_normalise(int pixels, int n, const float *pictures) {
 struct endless *endless_new(int width, int height, const struct endless_pictures *pictures) {
     struct endless *e = g_new0(struct endless, 1);
     g_autofree float *normal =
-        endless_normalise(pictures->width * pictures->height, pictures->n, pictures->values);
+        normalise(pictures->width * pictures->height, pictures->n, pictures->values);
     struct endless_choice choice = {.endless = e, .pictures = *pictures};
     choice.pictures.values = normal;
     GRand *random = g_rand_new_with_seed(SEED);
@@ -145,7 +145,7 @@ struct endless *endless_new(int width, int height, const struct endless_pictures
     e->edge[1] = 0.5F / (float)height;
     for (int sweep = 0; sweep <= SWEEPS; sweep++)
         for (int k = 0; k < ENDLESS_CENTRES; k++)
-            endless_place_centre(&choice, k, sweep > 0, random);
+            place_centre(&choice, k, sweep > 0, random);
     g_rand_free(random);
     return e;
 }
@@ -166,7 +166,7 @@ void endless_lattice_init(struct endless_lattice *lattice, const struct endless 
 }
 
 /* Returns a hash of two integers, pcg2d. */
-static guint32 endless_hash(guint32 x, guint32 y) {
+static guint32 hash(guint32 x, guint32 y) {
     x = x * 1664525u + 1013904223u;
     y = y * 1664525u + 1013904223u;
     x += y * 1664525u;
@@ -178,19 +178,19 @@ static guint32 endless_hash(guint32 x, guint32 y) {
 }
 
 /* Returns the largest multiple of b that is not above a, divided by b. */
-static int endless_turns(int a, int b) {
+static int turns(int a, int b) {
     return (a >= 0 ? a : a - b + 1) / b;
 }
 
 /* Gives the position of a point in the part of the sample that the hexagon around a vertex
  * shows. */
-static void endless_look_up(const struct endless *e, const struct endless_lattice *lattice,
-                            const float x[2], const int vertex[2], float ret[2]) {
-    const int *period = lattice->period, turn = endless_turns(vertex[1], period[1]);
+static void look_up(const struct endless *e, const struct endless_lattice *lattice,
+                    const float x[2], const int vertex[2], float ret[2]) {
+    const int *period = lattice->period, turn = turns(vertex[1], period[1]);
     const int row = vertex[1] - turn * period[1];
     int column = vertex[0] + turn * (period[1] / 2);
-    column -= period[0] * endless_turns(column, period[0]);
-    const float *centre = e->centres[endless_hash((guint32)column, (guint32)row) % ENDLESS_CENTRES];
+    column -= period[0] * turns(column, period[0]);
+    const float *centre = e->centres[hash((guint32)column, (guint32)row) % ENDLESS_CENTRES];
     ret[0] = x[0] - ((float)vertex[0] + 0.5F * (float)vertex[1]) / lattice->cells[0] + centre[0];
     ret[1] = x[1] - (float)vertex[1] / lattice->cells[1] + centre[1];
     for (int k = 0; k < 2; k++)
@@ -215,7 +215,7 @@ void endless_find(const struct endless *e, const struct endless_lattice *lattice
         const float share = fmaxf(w[at] - most + (float)ENDLESS_BLEND, 0);
         if (share <= 0)
             continue;
-        endless_look_up(e, lattice, x, vertices[at], ret->x[ret->n]);
+        look_up(e, lattice, x, vertices[at], ret->x[ret->n]);
         ret->weight[ret->n++] = share;
         squares += share * share;
     }

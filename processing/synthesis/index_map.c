@@ -67,7 +67,7 @@ gboolean index_map_write(const char *path, const struct index_map *map, GError *
     return exr_write(path, file, EXR_ZIP, TRUE, error);
 }
 
-static gboolean index_map_fail(const char *path, GError **error, const char *what) {
+static gboolean fail(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: this is not a valid index map: %s; synthesize it again", path, what);
     return FALSE;
@@ -75,7 +75,7 @@ static gboolean index_map_fail(const char *path, GError **error, const char *wha
 
 /* Reads a level from its part, whose size is checked. Returns a description of the defect, or NULL
  * if there is none. */
-static const char *index_map_take(struct index_map *map, const struct exr_part *part, int level) {
+static const char *take(struct index_map *map, const struct exr_part *part, int level) {
     const int most[] = {map->sample_width, map->sample_height};
     const float *planes[] = {exr_part_plane(part, "X"), exr_part_plane(part, "Y")};
     const gsize n = (gsize)part->width * (gsize)part->height;
@@ -95,7 +95,7 @@ static const char *index_map_take(struct index_map *map, const struct exr_part *
     return NULL;
 }
 
-static struct index_map *index_map_of_head(const struct exr_part *part, const char **ret_what) {
+static struct index_map *of_head(const struct exr_part *part, const char **ret_what) {
     const char *kind = NULL, *method = NULL;
     int width = 0, height = 0;
     double texel_mm = 0;
@@ -119,9 +119,9 @@ struct index_map *index_map_read(const char *path, GError **error) {
     const char *what = NULL;
     if (!file)
         return NULL;
-    g_autoptr(IndexMap) map = index_map_of_head(exr_file_part(file, KIND), &what);
+    g_autoptr(IndexMap) map = of_head(exr_file_part(file, KIND), &what);
     if (!map) {
-        index_map_fail(path, error, what);
+        fail(path, error, what);
         return NULL;
     }
     const int n_levels = mip_parts_count(file, KIND, path, error);
@@ -131,10 +131,10 @@ struct index_map *index_map_read(const char *path, GError **error) {
         what = "it has too many levels";
     for (int k = 0; k < n_levels && !what; k++) {
         g_autofree char *name = k > 0 ? g_strdup_printf("mip%d." KIND, k) : g_strdup(KIND);
-        what = index_map_take(map, exr_file_part(file, name), k);
+        what = take(map, exr_file_part(file, name), k);
     }
     if (what) {
-        index_map_fail(path, error, what);
+        fail(path, error, what);
         return NULL;
     }
     map->n_levels = n_levels;

@@ -12,7 +12,7 @@ struct order_sums {
     double product, first, second;
 };
 
-static void order_add(struct order_sums *sums, const float *a, const float *b, int n) {
+static void add(struct order_sums *sums, const float *a, const float *b, int n) {
     for (int k = 0; k < n; k++) {
         sums->product += (double)a[k] * b[k];
         sums->first += (double)a[k] * a[k];
@@ -26,17 +26,16 @@ static double order_of(const struct order_sums *sums) {
 }
 
 /* Returns ρ of the sample. dy is not negative. */
-static double order_sample(const struct texel_features *f, int dx, int dy) {
+static double sample(const struct texel_features *f, int dx, int dy) {
     struct order_sums sums = {0};
     for (int y = 0; y + dy < f->height; y++)
         for (int x = MAX(0, -dx); x < f->width - MAX(0, dx); x++)
-            order_add(&sums, texel_features_at(f, x, y), texel_features_at(f, x + dx, y + dy),
-                      f->n);
+            add(&sums, texel_features_at(f, x, y), texel_features_at(f, x + dx, y + dy), f->n);
     return order_of(&sums);
 }
 
-static const float *order_in_map(const struct texel_features *f, const struct index_map *map, int x,
-                                 int y) {
+static const float *in_map(const struct texel_features *f, const struct index_map *map, int x,
+                           int y) {
     const guint16 *s = map->levels[0] +
                        2 * ((gsize)(y % map->height) * (gsize)map->width + (gsize)(x % map->width));
     return texel_features_at(f, s[0], s[1]);
@@ -48,18 +47,17 @@ static double order_map(const struct texel_features *f, const struct index_map *
     struct order_sums sums = {0};
     for (int k = 0; k < DRAWN; k++) {
         const int x = places[2 * k], y = places[2 * k + 1];
-        order_add(&sums, order_in_map(f, map, x, y),
-                  order_in_map(f, map, x + dx + map->width, y + dy), f->n);
+        add(&sums, in_map(f, map, x, y), in_map(f, map, x + dx + map->width, y + dy), f->n);
     }
     return order_of(&sums);
 }
 
-static int order_peak(const struct texel_features *f, gboolean down) {
+static int peak(const struct texel_features *f, gboolean down) {
     const int most = (down ? f->height : f->width) / 2;
     double before = 1, low = 1;
-    double now = order_sample(f, down ? 0 : 1, down ? 1 : 0);
+    double now = sample(f, down ? 0 : 1, down ? 1 : 0);
     for (int lag = 1; lag < most; lag++) {
-        const double after = order_sample(f, down ? 0 : lag + 1, down ? lag + 1 : 0);
+        const double after = sample(f, down ? 0 : lag + 1, down ? lag + 1 : 0);
         low = MIN(low, now);
         if (lag >= MIN_LAG && now >= before && now > after && now >= MIN_PEAK &&
             now >= low + MIN_RISE)
@@ -71,7 +69,7 @@ static int order_peak(const struct texel_features *f, gboolean down) {
 }
 
 int order_period(const struct texel_features *features) {
-    return MAX(order_peak(features, FALSE), order_peak(features, TRUE));
+    return MAX(peak(features, FALSE), peak(features, TRUE));
 }
 
 double order_difference(const struct texel_features *features, const struct index_map *map) {
@@ -86,7 +84,7 @@ double order_difference(const struct texel_features *features, const struct inde
     for (int dy = 0; dy <= reach; dy++)
         for (int dx = -reach; dx <= reach; dx++) {
             const double difference =
-                order_map(features, map, places, dx, dy) - order_sample(features, dx, dy);
+                order_map(features, map, places, dx, dy) - sample(features, dx, dy);
             squares += difference * difference;
             n++;
         }

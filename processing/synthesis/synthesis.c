@@ -16,8 +16,8 @@ const char *const synthesis_names[SYNTHESIS_METHODS] = {"auto", "textons", "quil
 
 /* Gives the mean of the map's texels in a block of side × side texels of level 0. Texels beyond the
  * edge do not count. */
-static void synthesis_block_mean(const struct texel_features *f, const struct index_map *map, int x,
-                                 int y, int side, float *ret) {
+static void block_mean(const struct texel_features *f, const struct index_map *map, int x, int y,
+                       int side, float *ret) {
     int n = 0;
     memset(ret, 0, sizeof(float) * (gsize)f->n);
     for (int j = y; j < MIN(y + side, map->height); j++)
@@ -31,7 +31,7 @@ static void synthesis_block_mean(const struct texel_features *f, const struct in
         ret[k] /= (float)n;
 }
 
-static void synthesis_add_level(const struct texel_features *f, struct index_map *map, int level) {
+static void add_level(const struct texel_features *f, struct index_map *map, int level) {
     const int side = 1 << level, width = index_map_size(map->width, level);
     const int height = index_map_size(map->height, level);
     const int finer_width = index_map_size(map->width, level - 1);
@@ -43,7 +43,7 @@ static void synthesis_add_level(const struct texel_features *f, struct index_map
         for (int x = 0; x < width; x++) {
             guint16 *to = map->levels[level] + 2 * ((gsize)y * (gsize)width + (gsize)x);
             float least = FLT_MAX;
-            synthesis_block_mean(f, map, side * x, side * y, side, mean);
+            block_mean(f, map, side * x, side * y, side, mean);
             for (int k = 0; k < 4; k++) {
                 const int i = 2 * x + k % 2, j = 2 * y + k / 2;
                 if (i >= finer_width || j >= finer_height)
@@ -66,7 +66,7 @@ static void synthesis_add_level(const struct texel_features *f, struct index_map
 void synthesis_add_levels(const struct texel_features *features, struct index_map *map) {
     const int side = MIN(MIN(features->width, features->height) / 4, MIN(map->width, map->height));
     for (int level = 1; level < INDEX_MAP_LEVELS && 1 << level <= side; level++) {
-        synthesis_add_level(features, map, level);
+        add_level(features, map, level);
         map->n_levels = level + 1;
     }
 }
@@ -119,8 +119,8 @@ struct index_map *synthesis_of_features(const struct texel_features *features,
     return g_steal_pointer(&map);
 }
 
-static gboolean synthesis_check(const struct synthesis_options *options, const char *path,
-                                const struct btf_layout *layout, GError **error) {
+static gboolean check(const struct synthesis_options *options, const char *path,
+                      const struct btf_layout *layout, GError **error) {
     const int sides[] = {options->width, options->height};
     const int least = (int)MIN(layout->width, layout->height);
     if (least < MIN_SAMPLE || MAX(layout->width, layout->height) > INDEX_MAP_SAMPLE)
@@ -152,7 +152,7 @@ struct index_map *synthesis_of_session(const char *path, gint64 memory,
     struct btf_matrix *btf = btf_matrix_read_within(memory, path, work, error);
     if (!btf)
         return NULL;
-    g_autoptr(TexelFeatures) features = synthesis_check(options, path, &btf->layout, error)
+    g_autoptr(TexelFeatures) features = check(options, path, &btf->layout, error)
                                             ? texel_features_compute(btf, mdf, work, error)
                                             : NULL;
     btf_matrix_free(btf);

@@ -26,33 +26,32 @@ struct tileable_cut {
     int *path;
 };
 
-static const guint16 *tileable_place(const struct tileable *t, int across, int along) {
+static const guint16 *place(const struct tileable *t, int across, int along) {
     return t->places + 2 * ((gsize)across * (gsize)t->length + (gsize)along);
 }
 
 /* Returns the distance of the texels at two places. */
-static float tileable_square(const struct tileable *t, int across, int along, int other_across,
-                             int other_along) {
-    const guint16 *a = tileable_place(t, across, along);
-    const guint16 *b = tileable_place(t, other_across, other_along);
+static float square(const struct tileable *t, int across, int along, int other_across,
+                    int other_along) {
+    const guint16 *a = place(t, across, along);
+    const guint16 *b = place(t, other_across, other_along);
     return texel_features_square(texel_features_at(t->features, a[0], a[1]),
                                  texel_features_at(t->features, b[0], b[1]), t->features->n);
 }
 
 /* Returns the difference of both pictures next to a cut before column c. */
-static float tileable_mismatch(const struct tileable *t, int period, int c, int along) {
-    return 0.5F * (tileable_square(t, c - 1 + period, along, c - 1, along) +
-                   tileable_square(t, c + period, along, c, along));
+static float mismatch(const struct tileable *t, int period, int c, int along) {
+    return 0.5F * (square(t, c - 1 + period, along, c - 1, along) +
+                   square(t, c + period, along, c, along));
 }
 
 /* A cut before column c means that the picture that begins one period later ends at c − 1. */
-static float tileable_cut_cost(const struct tileable *t, int period, int c, int along) {
-    return tileable_square(t, c - 1 + period, along, c, along) +
-           tileable_mismatch(t, period, c, along);
+static float cut_cost(const struct tileable *t, int period, int c, int along) {
+    return square(t, c - 1 + period, along, c, along) + mismatch(t, period, c, along);
 }
 
 /* Returns the mean mismatch along the path. */
-static float tileable_cut_at(const struct tileable *t, int period, int overlap, int *ret_path) {
+static float cut_at(const struct tileable *t, int period, int overlap, int *ret_path) {
     const int width = overlap - 1;
     const gsize n = (gsize)width * (gsize)t->length;
     g_autofree float *costs = g_new(float, n), *turns = g_new0(float, 2 * n);
@@ -60,56 +59,56 @@ static float tileable_cut_at(const struct tileable *t, int period, int overlap, 
         for (int k = 0; k < width; k++) {
             const gsize at = (gsize)along * (gsize)width + (gsize)k;
             const int c = k + 1, next = (along + 1) % t->length;
-            costs[at] = tileable_cut_cost(t, period, c, along);
+            costs[at] = cut_cost(t, period, c, along);
             if (along + 1 == t->length && !t->cyclic)
                 continue;
-            turns[2 * at] = tileable_square(t, c - 1 + period, along, c - 1, next);
-            turns[2 * at + 1] = tileable_square(t, c, along, c + period, next);
+            turns[2 * at] = square(t, c - 1 + period, along, c - 1, next);
+            turns[2 * at + 1] = square(t, c, along, c + period, next);
         }
     min_cut(costs, turns, t->length, width, t->cyclic, ret_path);
     float sum = 0;
     for (int along = 0; along < t->length; along++)
-        sum += tileable_mismatch(t, period, ++ret_path[along], along);
+        sum += mismatch(t, period, ++ret_path[along], along);
     return sum / (float)t->length;
 }
 
 /* Returns the mean square of the distance between neighbours across the seam. */
-static float tileable_inside(const struct tileable *t) {
+static float inside(const struct tileable *t) {
     double sum = 0;
     for (int across = 0; across + 1 < t->across; across++)
         for (int along = 0; along < t->length; along++)
-            sum += tileable_square(t, across, along, across + 1, along);
+            sum += square(t, across, along, across + 1, along);
     return (float)(sum / ((double)(t->across - 1) * t->length));
 }
 
 /* Chooses the best period and its path. */
-static struct tileable_cut tileable_choose(const struct tileable *t) {
+static struct tileable_cut choose(const struct tileable *t) {
     const int first = (t->across + 1) / 2, last = t->across - LEAST;
     g_autofree float *costs = g_new0(float, last - first + 1);
-    const float spare = SPARE_INSIDE * tileable_inside(t);
+    const float spare = SPARE_INSIDE * inside(t);
     struct tileable_cut cut = {.path = g_new0(int, t->length)};
     float least = FLT_MAX;
     for (int period = first; period <= last; period++) {
         const int overlap = MIN(t->across - period, MAX(LEAST, t->across / OVERLAP));
-        costs[period - first] = tileable_cut_at(t, period, overlap, cut.path);
+        costs[period - first] = cut_at(t, period, overlap, cut.path);
         least = MIN(least, costs[period - first]);
     }
     cut.period = last;
     while (costs[cut.period - first] > SPARE * least + spare)
         cut.period--;
     cut.overlap = MIN(t->across - cut.period, MAX(LEAST, t->across / OVERLAP));
-    tileable_cut_at(t, cut.period, cut.overlap, cut.path);
+    cut_at(t, cut.period, cut.overlap, cut.path);
     return cut;
 }
 
 /* Writes one period: across × length places, in the order of t. */
-static guint16 *tileable_lay(const struct tileable *t, const struct tileable_cut *cut) {
+static guint16 *lay(const struct tileable *t, const struct tileable_cut *cut) {
     guint16 *to = g_new0(guint16, 2 * (gsize)cut->period * (gsize)t->length);
     for (int across = 0; across < cut->period; across++)
         for (int along = 0; along < t->length; along++) {
             const int from = across < cut->path[along] ? across + cut->period : across;
             memcpy(to + 2 * ((gsize)across * (gsize)t->length + (gsize)along),
-                   tileable_place(t, from, along), 2 * sizeof(guint16));
+                   place(t, from, along), 2 * sizeof(guint16));
         }
     return to;
 }
@@ -124,8 +123,8 @@ struct index_map *tileable_make(const struct texel_features *features) {
         }
     /* Left and right edges: the seam is vertical. */
     const struct tileable sides = {features, all, (int)height, (int)width, FALSE};
-    const struct tileable_cut down = tileable_choose(&sides);
-    g_autofree guint16 *cut_down = tileable_lay(&sides, &down);
+    const struct tileable_cut down = choose(&sides);
+    g_autofree guint16 *cut_down = lay(&sides, &down);
     /* Upper and lower edges: the seam follows the rows of the remaining part, and closes. */
     g_autofree guint16 *rows = g_new0(guint16, 2 * (gsize)down.period * height);
     for (gsize x = 0; x < (gsize)down.period; x++)
@@ -133,8 +132,8 @@ struct index_map *tileable_make(const struct texel_features *features) {
             memcpy(rows + 2 * (y * (gsize)down.period + x), cut_down + 2 * (x * height + y),
                    2 * sizeof(guint16));
     const struct tileable ends = {features, rows, down.period, (int)height, TRUE};
-    const struct tileable_cut along = tileable_choose(&ends);
-    g_autofree guint16 *cut_along = tileable_lay(&ends, &along);
+    const struct tileable_cut along = choose(&ends);
+    g_autofree guint16 *cut_along = lay(&ends, &along);
     struct index_map *map = index_map_new(down.period, along.period, features->width,
                                           features->height, features->texel_mm, "tileable");
     memcpy(map->levels[0], cut_along, 2 * sizeof(guint16) * (gsize)map->width * (gsize)map->height);

@@ -15,7 +15,7 @@
 #define FARTHEST_DEG 20.0 /* largest deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0
 
-static gboolean chart_session_parse_line(const char *line, struct chart_field *ret) {
+static gboolean parse_line(const char *line, struct chart_field *ret) {
     double *const to[] = {&ret->x_mm,   &ret->y_mm,   &ret->radius_mm,
                           &ret->xyz[0], &ret->xyz[1], &ret->xyz[2]};
     const char *separator = strchr(line, ';') ? ";" : strchr(line, '\t') ? "\t" : ",";
@@ -37,7 +37,7 @@ GArray *chart_parse(const char *text, const char *path, GError **error) {
         g_autofree char *line = g_strndup(lines[i], strcspn(lines[i], "#"));
         if (*g_strstrip(line) == '\0')
             continue;
-        if (!chart_session_parse_line(line, &field)) {
+        if (!parse_line(line, &field)) {
             g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
                         "%s:%d: \"%s\" is not x_mm,y_mm,radius_mm,X,Y,Z with Y = 1 for white", path,
                         i + 1, line);
@@ -62,7 +62,7 @@ static double off_45(const struct session_direction *light) {
 }
 
 /* Loads the view nearest to the normal, under all lights nearly as close to 45° as the closest. */
-static gboolean chart_session_load(struct chart *chart, Session *session, GError **error) {
+static gboolean load(struct chart *chart, Session *session, GError **error) {
     g_autofree char *text = session_text(session, "calibration.conf", error);
     const struct session_direction *view = NULL;
     double least = HUGE_VAL;
@@ -130,7 +130,7 @@ static gboolean measure_field(const struct chart *chart, const struct chart_fiel
 gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
                        GError **error) {
     struct chart chart = {.near = g_array_new(FALSE, FALSE, sizeof(int))};
-    gboolean ok = chart_session_load(&chart, session, error);
+    gboolean ok = load(&chart, session, error);
     for (guint i = 0; ok && i < fields->len; i++) {
         const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
         ok = measure_field(&chart, field, &ret[i]);

@@ -84,7 +84,7 @@ static gboolean find_frames(struct run *run, GError **error) {
 }
 
 /* Reports progress before frame i, or after the last. FALSE: cancelled. */
-static gboolean tile_session_tell(struct run *run, const char *stage, guint i) {
+static gboolean tell(struct run *run, const char *stage, guint i) {
     run->stopped |=
         !work_tell(run->options->work, stage, (int)i, (int)run->frames->len, run->begun_us, NULL);
     return !run->stopped;
@@ -97,8 +97,8 @@ static gboolean check_stopped(const struct run *run, GError **error) {
 }
 
 /* NULL: rejected; the reason is recorded. */
-static struct exr_part *tile_session_read_frame(struct run *run, const struct input *input,
-                                                const float **ret_mosaic, const char **ret_cfa) {
+static struct exr_part *read_frame(struct run *run, const struct input *input,
+                                   const float **ret_mosaic, const char **ret_cfa) {
     static const char *const any[] = {NULL};
     g_autoptr(GError) error = NULL;
     int saturated = 0;
@@ -115,13 +115,13 @@ static struct exr_part *tile_session_read_frame(struct run *run, const struct in
     return NULL;
 }
 
-static gboolean tile_session_measure_tile(struct run *run, GError **error) {
+static gboolean measure_tile(struct run *run, GError **error) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->tile_shots->data;
-    for (guint i = 0; i < run->frames->len && tile_session_tell(run, "tile", i); i++) {
+    for (guint i = 0; i < run->frames->len && tell(run, "tile", i); i++) {
         const struct lit_frame *frame = &g_array_index(run->frames, struct lit_frame, i);
         const char *cfa = NULL;
         const float *mosaic = NULL;
-        struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
+        struct exr_part *part = read_frame(run, &frame->input, &mosaic, &cfa);
         if (!part)
             continue;
         tile_measure(&run->calibration->rig, frame->camera, cfa, mosaic, &run->tile, shots,
@@ -129,7 +129,7 @@ static gboolean tile_session_measure_tile(struct run *run, GError **error) {
         run->ret->pictures++;
         exr_part_free(part);
     }
-    tile_session_tell(run, "tile", run->frames->len);
+    tell(run, "tile", run->frames->len);
     return check_stopped(run, error);
 }
 
@@ -267,7 +267,7 @@ static void find_mistake(struct run *run, GError **error) {
             for (gsize s = 0; s < n; s++)
                 shots[s].turntable_rad = noted[s].turntable_rad * measured;
             g_array_set_size(run->cells, 0);
-            if (!tile_session_measure_tile(run, NULL))
+            if (!measure_tile(run, NULL))
                 return;
         }
         if (!try_light(run, lamps, all[i].arc, &fit))
@@ -290,11 +290,11 @@ static gboolean correct_glare(struct run *run, struct rig *found, GError **error
     struct radiometry_camera known[RIG_MAX_CAMERAS] = {{0}};
     const guint rejected = run->rejected->len;
     gboolean any = FALSE;
-    for (guint i = 0; i < run->frames->len && tile_session_tell(run, "glare", i); i++) {
+    for (guint i = 0; i < run->frames->len && tell(run, "glare", i); i++) {
         const struct lit_frame *frame = &g_array_index(run->frames, struct lit_frame, i);
         const char *cfa = NULL;
         const float *mosaic = NULL;
-        struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
+        struct exr_part *part = read_frame(run, &frame->input, &mosaic, &cfa);
         if (part && run->fit.cameras[frame->camera].known)
             glare_measure(found, frame->camera, &run->fit.cameras[frame->camera], run->fit.lamps,
                           cfa, mosaic, &run->tile, shots, frame->shot, run->fit.output[frame->shot],
@@ -371,7 +371,7 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
     const struct tile_shot *shot = &g_array_index(run->tile_shots, struct tile_shot, frame->shot);
     const char *cfa = NULL;
     const float *mosaic = NULL;
-    struct exr_part *part = tile_session_read_frame(run, &frame->input, &mosaic, &cfa);
+    struct exr_part *part = read_frame(run, &frame->input, &mosaic, &cfa);
     if (!part)
         return;
     const struct rig_camera *camera = &known->rig.cameras[frame->camera];
@@ -404,7 +404,7 @@ static gboolean calibrate_marks(struct run *run, GError **error) {
     double squares = 0;
     int n = 0;
     for (guint i = 0; to->rig.n_fiducials > 0 && i < run->frames->len; i++)
-        if (tile_session_tell(run, "marks", i))
+        if (tell(run, "marks", i))
             add_marks(run, &g_array_index(run->frames, struct lit_frame, i), seen);
     g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
     for (int l = 0; l < to->rig.n_lamps; l++)
@@ -504,8 +504,8 @@ gboolean tile_session(Session *session, struct calibration *calibration,
     struct rig before = calibration->rig;
     memset(ret, 0, sizeof *ret);
     g_array_set_clear_func(run.frames, clear_frame);
-    gboolean ok = set_tile(&run, error) && find_frames(&run, error) &&
-                  tile_session_measure_tile(&run, error) && fit_tile(&run, error) &&
+    gboolean ok = set_tile(&run, error) && find_frames(&run, error) && measure_tile(&run, error) &&
+                  fit_tile(&run, error) &&
                   tile_noise(session, calibration, run.shots, &ret->transfers, error) &&
                   calibrate_marks(&run, error);
     if (ok) {

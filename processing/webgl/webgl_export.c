@@ -8,16 +8,15 @@
 
 #define HEADER 4096 /* maximum header of a material's file */
 
-static gboolean webgl_export_is_page(const char *output) {
+static gboolean is_page(const char *output) {
     g_autofree char *lower = g_ascii_strdown(output, -1);
     return g_str_has_suffix(lower, ".html");
 }
 
 /* Returns the finest grid whose sections fit even if they do not compress at all, or 0 with an
  * error. */
-static int webgl_export_grid(const struct webgl_export *asked, const struct webgl_pack *pack,
-                             GError **error) {
-    const gboolean page = webgl_export_is_page(asked->output);
+static int grid(const struct webgl_export *asked, const struct webgl_pack *pack, GError **error) {
+    const gboolean page = is_page(asked->output);
     const int own = pack->levels[0]->n_grid;
     gint64 bytes = 0;
     for (int n = own > 0 ? own : WEBGL_PACK_GRID_MAX; n >= WEBGL_PACK_GRID_MIN; n--) {
@@ -48,12 +47,12 @@ static gboolean webgl_export_source(const struct webgl_export *asked,
     g_autofree char *base = g_path_get_basename(asked->path);
     const struct webgl_pack pack = {lpca->name && *lpca->name ? lpca->name : base, source->levels,
                                     source->n_levels, source->mdf};
-    const int n = webgl_export_grid(asked, &pack, error);
+    const int n = grid(asked, &pack, error);
     g_autoptr(GBytes) material = n > 0 ? webgl_pack(&pack, n, work, error) : NULL;
     if (!material)
         return FALSE;
-    g_autoptr(GBytes) output = webgl_export_is_page(asked->output) ? webgl_page(pack.name, material)
-                                                                   : g_bytes_ref(material);
+    g_autoptr(GBytes) output =
+        is_page(asked->output) ? webgl_page(pack.name, material) : g_bytes_ref(material);
     *ret = (struct webgl_export_result){.width = (int)lpca->layout.width,
                                         .height = (int)lpca->layout.height,
                                         .clusters = lpca->n_clusters,

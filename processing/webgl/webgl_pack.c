@@ -147,7 +147,7 @@ static gboolean webgl_pack_volumes(WebglFile *file, const struct webgl_pack *pac
            webgl_file_add(file, "brdfs", brdfs, clusters * components * block, error);
 }
 
-static gboolean webgl_pack_factors(WebglFile *file, const struct mdf_factors *f, GError **error) {
+static gboolean factors(WebglFile *file, const struct mdf_factors *f, GError **error) {
     const gsize n = (gsize)(mdf_factors_layers(f->n_terms) + 1) * MDF_TABULATED_PAGE;
     g_autoptr(Directions) views = directions_new(f->theta_deg, f->phi_deg, f->n_views, error);
     if (!views)
@@ -167,7 +167,7 @@ static gboolean webgl_pack_mdf(WebglFile *file, const struct mdf_factors *f, GEr
             maps[MDF_TABULATED_MAPS * (term / MDF_TABULATED_MAPS * texels + k) +
                  term % MDF_TABULATED_MAPS] = f->maps[texels * term + k];
     return webgl_file_add(file, "mdf_maps", maps, layers * MDF_TABULATED_MAPS * texels, error) &&
-           webgl_pack_factors(file, f, error);
+           factors(file, f, error);
 }
 
 static GVariant *webgl_pack_info(const struct webgl_pack *pack, const struct totals *all, int n) {

@@ -20,7 +20,7 @@ static const char *webgl_page_template(GBytes **ret_owner) {
     return g_bytes_get_data(*ret_owner, NULL); /* a resource always ends in NUL */
 }
 
-static gint64 webgl_page_chunks(gint64 material) {
+static gint64 chunks(gint64 material) {
     return (material + CHUNK - 1) / CHUNK;
 }
 
@@ -28,12 +28,12 @@ gint64 webgl_page_bytes(gint64 material) {
     g_autoptr(GBytes) owner = NULL;
     webgl_page_template(&owner);
     return (gint64)g_bytes_get_size(owner) + (material + 2) / 3 * 4 +
-           webgl_page_chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
+           chunks(material) * (gint64)strlen("<script>chunk(\"\")</script>\n") + 1024;
 }
 
 /* Each piece of the data is a separate script. The browser runs a script while it still reads the
  * next one, so that the page can show its progress. */
-static void webgl_page_append_data(GString *page, GBytes *material) {
+static void append_data(GString *page, GBytes *material) {
     gsize size;
     const guint8 *data = g_bytes_get_data(material, &size);
     g_string_append_printf(page, "<script>begin(%zu)</script>\n", size);
@@ -56,7 +56,7 @@ GBytes *webgl_page(const char *name, GBytes *material) {
     g_string_append_len(page, from, title - from);
     g_string_append(page, escaped);
     g_string_append_len(page, title + strlen(TITLE), data - title - (gssize)strlen(TITLE));
-    webgl_page_append_data(page, material);
+    append_data(page, material);
     g_string_append(page, data + strlen(DATA));
     return g_string_free_to_bytes(page);
 }

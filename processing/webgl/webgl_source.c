@@ -12,8 +12,7 @@
 #define TERMS      8
 
 /* Converts the values of a material that was compressed with another codec to a BTF. */
-static struct btf_matrix *webgl_source_matrix(const Material *material, const char *path,
-                                              GError **error) {
+static struct btf_matrix *matrix(const Material *material, const char *path, GError **error) {
     const struct material_info *info = material_info(material);
     const gsize texels = btf_layout_texels(info->layout), row = btf_layout_values(info->layout);
     float *values = g_try_new(float, texels *row);
@@ -33,8 +32,8 @@ static struct btf_matrix *webgl_source_matrix(const Material *material, const ch
     return btf;
 }
 
-static gboolean webgl_source_compute(struct webgl_source *source, const struct btf_matrix *btf,
-                                     const struct work *work, GError **error) {
+static gboolean compute(struct webgl_source *source, const struct btf_matrix *btf,
+                        const struct work *work, GError **error) {
     const struct lpca_options options = {
         .n_clusters = (int)MIN(CLUSTERS, btf_layout_texels(&btf->layout)),
         .n_components = (int)MIN(COMPONENTS, btf_layout_values(&btf->layout)),
@@ -45,22 +44,22 @@ static gboolean webgl_source_compute(struct webgl_source *source, const struct b
     return source->levels[0] != NULL;
 }
 
-static gboolean webgl_source_convert(struct webgl_source *source, const char *path,
-                                     const struct work *work, GError **error) {
+static gboolean convert(struct webgl_source *source, const char *path, const struct work *work,
+                        GError **error) {
     g_autoptr(Material) material = material_open(path, work, error);
     if (!material)
         return FALSE;
     const struct btf_matrix *btf = material_btf(material);
     if (btf)
-        return webgl_source_compute(source, btf, work, error);
-    struct btf_matrix *own = webgl_source_matrix(material, path, error);
-    const gboolean ok = own && webgl_source_compute(source, own, work, error);
+        return compute(source, btf, work, error);
+    struct btf_matrix *own = matrix(material, path, error);
+    const gboolean ok = own && compute(source, own, work, error);
     btf_matrix_free(own);
     return ok;
 }
 
 /* A packed local PCA has one cluster with too many components for drawing. */
-static gboolean webgl_source_make_drawable(struct lpca **lpca, GError **error) {
+static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = CLUSTERS, .n_components = COMPONENTS};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
         return TRUE;
@@ -84,19 +83,19 @@ static gboolean webgl_source_read(struct webgl_source *source, const char *file,
     }
     /* Logarithms cannot be interpolated in the same way as reflectances. */
     if (g_strcmp0(kind, "lpca") != 0 || g_strcmp0(colours, "log") == 0)
-        return webgl_source_convert(source, file, work, error);
+        return convert(source, file, work, error);
     if (!session_check_product(file, error))
         return FALSE;
     source->n_levels = lpca_read_levels(file, source->levels, error);
     for (int k = 0; k < source->n_levels; k++)
-        if (!webgl_source_make_drawable(&source->levels[k], error))
+        if (!make_drawable(&source->levels[k], error))
             return FALSE;
     return source->n_levels > 0;
 }
 
 /* Reads an MDF in any form as factors. */
-static gboolean webgl_source_read_mdf(struct webgl_source *source, const char *file,
-                                      const struct work *work, GError **error) {
+static gboolean read_mdf(struct webgl_source *source, const char *file, const struct work *work,
+                         GError **error) {
     const enum mdf_kind kind = mdf_kind(file);
     if (!session_check_product(file, error))
         return FALSE;
@@ -131,10 +130,10 @@ gboolean webgl_source_open(struct webgl_source *source, const char *path, const 
     const gboolean ok = !directory ? webgl_source_read(source, path, work, error)
                         : g_file_test(lpca, G_FILE_TEST_EXISTS)
                             ? webgl_source_read(source, lpca, work, error)
-                            : webgl_source_convert(source, path, work, error);
+                            : convert(source, path, work, error);
     if (!ok || (!mdf && !g_file_test(beside, G_FILE_TEST_EXISTS)))
         return ok;
-    return webgl_source_read_mdf(source, mdf ? mdf : beside, work, error);
+    return read_mdf(source, mdf ? mdf : beside, work, error);
 }
 
 void webgl_source_clear(struct webgl_source *source) {

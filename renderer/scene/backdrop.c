@@ -19,7 +19,7 @@ struct Backdrop {
     float foot[3], corner, radius; /* of the mesh: half its width and depth, and its lowest z */
 };
 
-static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
+static gboolean need(Backdrop *backdrop, int which, GError **error) {
     static const char *const constants[N_PROGRAMS] = {
         "#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
         "#define LAMP_SHADOWS 1\n#define NEAR_LAMPS\n", ""};
@@ -34,7 +34,7 @@ static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
 
 Backdrop *backdrop_new(GError **error) {
     g_autoptr(Backdrop) backdrop = g_new0(Backdrop, 1);
-    if (!backdrop_need(backdrop, GROUND, error))
+    if (!need(backdrop, GROUND, error))
         return NULL;
     return g_steal_pointer(&backdrop);
 }
@@ -110,7 +110,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
                     "--backdrop needs an environment map; name one with --environment FILE.exr");
         return FALSE;
     }
-    if (!backdrop_need(backdrop, which, error))
+    if (!need(backdrop, which, error))
         return FALSE;
     const guint program = backdrop->programs[which];
     glUseProgram(program);

@@ -12,7 +12,7 @@ struct axes {
     struct vec3 right, up, back;
 };
 
-static struct vec3 camera_direction(double theta_deg, double phi_deg) {
+static struct vec3 direction(double theta_deg, double phi_deg) {
     float to[3];
     direction_from_deg(theta_deg, phi_deg, to);
     return vec3((double)to[0], (double)to[1], (double)to[2]);
@@ -22,8 +22,8 @@ static struct vec3 camera_direction(double theta_deg, double phi_deg) {
  * the line of sight. */
 static struct axes camera_axes(const struct viewer_settings *s) {
     struct axes axes;
-    axes.back = camera_direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
-    axes.up = camera_direction(-s->camera_elevation_deg, s->camera_azimuth_deg);
+    axes.back = direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
+    axes.up = direction(-s->camera_elevation_deg, s->camera_azimuth_deg);
     axes.right = vec3_cross(axes.up, axes.back);
     return axes;
 }
@@ -73,7 +73,7 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
-static struct vec3 camera_point(const float *points, guint i) {
+static struct vec3 point(const float *points, guint i) {
     const float *p = points + 3 * (gsize)i;
     return vec3((double)p[0], (double)p[1], (double)p[2]);
 }
@@ -86,7 +86,7 @@ static double camera_centre(const float *points, guint n, struct vec3 axis, stru
     for (int round = 0; round < 4; round++) {
         double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
         for (guint i = 0; i < n; i++) {
-            const struct vec3 p = camera_point(points, i);
+            const struct vec3 p = point(points, i);
             const double x = vec3_dot(p, axis) - pan, z = vec3_dot(p, back);
             const double shown = x / MAX(distance - z, 1e-3 * distance);
             low = MIN(low, shown);
@@ -106,7 +106,7 @@ void camera_fit(struct viewer_settings *s, const float *points, guint n, double 
     kx *= MARGIN;
     ky *= MARGIN;
     for (guint i = 0; i < n; i++) {
-        const struct vec3 p = camera_point(points, i);
+        const struct vec3 p = point(points, i);
         const double z = vec3_dot(p, axes.back);
         extend(&across, vec3_dot(p, axes.right), kx, z);
         extend(&along, vec3_dot(p, axes.up), ky, z);

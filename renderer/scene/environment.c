@@ -40,7 +40,7 @@ static double light_of(const struct map *map, const struct part *part) {
 
 /* Cuts a part into two parts of equal light along its longer side, measured as an angle at its
  * middle row. Returns FALSE for a single pixel. (Debevec 2005) */
-static gboolean environment_cut(const struct map *map, struct part *part, struct part *ret_rest) {
+static gboolean cut(const struct map *map, struct part *part, struct part *ret_rest) {
     const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
     const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;
     const double high = (double)(part->y1 - part->y0) / map->height;
@@ -67,7 +67,7 @@ static gboolean environment_cut(const struct map *map, struct part *part, struct
 
 /* Returns the lamp of a part. Its direction is the mean of the part, weighted by light. Its colour
  * is ∫ L dω / π. */
-static struct viewer_lamp environment_lamp_of(const struct map *map, const struct part *part) {
+static struct viewer_lamp lamp_of(const struct map *map, const struct part *part) {
     double sum[3] = {0.0}, towards[3] = {0.0};
     for (int y = part->y0; y < part->y1; y++)
         for (int x = part->x0; x < part->x1; x++) {
@@ -96,17 +96,17 @@ int environment_lamps(const float *rgb, int width, int height, int n,
         int most = 0;
         for (int k = 1; k < n_parts; k++)
             most = parts[k].light > parts[most].light ? k : most;
-        if (!(parts[most].light > 0.0) || !environment_cut(&map, &parts[most], &parts[n_parts]))
+        if (!(parts[most].light > 0.0) || !cut(&map, &parts[most], &parts[n_parts]))
             break;
         n_parts++;
     }
     for (int k = 0; k < n_parts; k++)
         if (parts[k].light > 0.0)
-            ret[n_lamps++] = environment_lamp_of(&map, &parts[k]);
+            ret[n_lamps++] = lamp_of(&map, &parts[k]);
     return n_lamps;
 }
 
-static gboolean environment_refuse(const char *path, const char *why, GError **error) {
+static gboolean refuse(const char *path, const char *why, GError **error) {
     g_set_error(
         error, GPU_ERROR, GPU_ERROR_FAILED,
         "%s is not an environment map: %s; an EXR with R, G, B of radiance, twice as wide as "
@@ -122,13 +122,13 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
                               exr_part_plane(part, "B")};
     g_autofree float *rgb = g_new0(float, 3 * n);
     if (!planes[0] || !planes[1] || !planes[2]) {
-        environment_refuse(path, "channel R, G or B is missing", error);
+        refuse(path, "channel R, G or B is missing", error);
         return NULL;
     }
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
         if (!(rgb[k] >= 0.0f && rgb[k] <= MAX_RADIANCE)) {
-            environment_refuse(path, "a radiance is negative, above 1e30 or not a number", error);
+            refuse(path, "a radiance is negative, above 1e30 or not a number", error);
             return NULL;
         }
     }
@@ -147,12 +147,12 @@ struct environment *environment_read(const char *path, GError **error) {
         return NULL;
     float *rgb = NULL;
     if (part->width != 2 * part->height)
-        environment_refuse(path, "its width is not twice its height", error);
+        refuse(path, "its width is not twice its height", error);
     else if (part->outside > 0)
-        environment_refuse(path,
-                           "it is cropped: its data window is smaller than its display window; "
-                           "save the whole picture",
-                           error);
+        refuse(path,
+               "it is cropped: its data window is smaller than its display window; "
+               "save the whole picture",
+               error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
         *ret = (struct environment){part->width, part->height, rgb};

@@ -30,7 +30,7 @@ gboolean file_kind_is_session(const char *folder) {
     return is;
 }
 
-static gboolean file_kind_refuse(const char *path, const char *why, GError **error) {
+static gboolean refuse(const char *path, const char *why, GError **error) {
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
                 "%s %s; a session's folder, a file that “mesorig process” or “mesorig compress” "
                 "made, an environment map (.exr, twice as wide as high), a normal map (.png) or a "
@@ -69,7 +69,7 @@ static gboolean exr_find_kind(const char *path, struct file_opened *ret, GError 
     else if (is_colour && first->width == 2 * first->height)
         ret->kind = FILE_KIND_ENVIRONMENT;
     else
-        good = file_kind_refuse(path, "is an EXR of another kind", error);
+        good = refuse(path, "is an EXR of another kind", error);
     exr_file_free(file);
     return good;
 }
@@ -85,8 +85,7 @@ gboolean file_kind_find(const char *path, struct file_opened *ret, GError **erro
     if (g_file_test(path, G_FILE_TEST_IS_DIR)) {
         const gboolean inside = g_str_equal(name, "products") && file_kind_is_session(folder);
         if (!file_kind_is_session(path) && !inside)
-            return file_kind_refuse(
-                path, "is not a session: it has neither session.db nor products", error);
+            return refuse(path, "is not a session: it has neither session.db nor products", error);
         ret->path = g_strdup(inside ? folder : path);
         return TRUE;
     }
@@ -95,7 +94,7 @@ gboolean file_kind_find(const char *path, struct file_opened *ret, GError **erro
         return TRUE;
     }
     if (ending == NULL)
-        return file_kind_refuse(path, "is a file of another kind", error);
+        return refuse(path, "is a file of another kind", error);
     if (g_str_equal(ending, ".exr") && !exr_find_kind(path, ret, error))
         return FALSE;
     if (g_str_equal(ending, ".png"))

@@ -30,7 +30,7 @@ void hatching_free(Hatching *hatching) {
     g_free(hatching);
 }
 
-static struct vec3 hatching_unit(const struct planned_view *view) {
+static struct vec3 unit(const struct planned_view *view) {
     const double theta = view->theta_deg * G_PI / 180.0, phi = view->phi_deg * G_PI / 180.0;
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
@@ -54,8 +54,8 @@ gboolean planned_views_missing(const struct planned_view *views, guint n, double
     const struct planned_view at = {theta_deg, phi_deg, FALSE};
     g_autofree struct vec3 *units = g_new(struct vec3, MAX(n, 1));
     for (guint k = 0; k < n; k++)
-        units[k] = hatching_unit(&views[k]);
-    return nearest_is_missing(views, units, n, hatching_unit(&at));
+        units[k] = unit(&views[k]);
+    return nearest_is_missing(views, units, n, unit(&at));
 }
 
 void hatching_set(Hatching *hatching, const struct planned_view *views, guint n) {
@@ -63,7 +63,7 @@ void hatching_set(Hatching *hatching, const struct planned_view *views, guint n)
     g_autofree guint8 *cells = g_new(guint8, CELLS * CELLS);
     hatching->any = FALSE;
     for (guint k = 0; k < n; k++) {
-        units[k] = hatching_unit(&views[k]);
+        units[k] = unit(&views[k]);
         hatching->any |= !views[k].measured;
     }
     if (!hatching->any)

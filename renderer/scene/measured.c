@@ -9,8 +9,7 @@
 #define GAIN   4
 #define PANELS 3
 
-static int measured_nearest(const float *theta_deg, const float *phi_deg, int n,
-                            const float wanted[3]) {
+static int nearest(const float *theta_deg, const float *phi_deg, int n, const float wanted[3]) {
     int best = 0;
     double most = -2.0;
     for (int k = 0; k < n; k++) {
@@ -57,8 +56,8 @@ static double relative_error(const float *drawn, const float *measured, gsize te
     return all > 0.0 ? sqrt(off / all) : 0.0;
 }
 
-static void measured_fill(const struct reference_info *info, int scale, const guint8 *measured,
-                          const guint8 *drawn, struct measured *ret) {
+static void fill(const struct reference_info *info, int scale, const guint8 *measured,
+                 const guint8 *drawn, struct measured *ret) {
     const int panel = info->width * scale;
     ret->width = PANELS * panel;
     ret->height = info->height * scale;
@@ -87,9 +86,8 @@ gboolean measured_compare(const Reference *reference, Viewer *viewer,
     s.style.nearest = TRUE;
     direction_from_deg(90.0 - s.camera_elevation_deg, s.camera_azimuth_deg, to_view);
     direction_from_deg(s.light_theta_deg, s.light_phi_deg, to_light);
-    ret->view = measured_nearest(info.view_theta_deg, info.view_phi_deg, info.n_views, to_view);
-    ret->light =
-        measured_nearest(info.light_theta_deg, info.light_phi_deg, info.n_lights, to_light);
+    ret->view = nearest(info.view_theta_deg, info.view_phi_deg, info.n_views, to_view);
+    ret->light = nearest(info.light_theta_deg, info.light_phi_deg, info.n_lights, to_light);
     ret->view_theta_deg = info.view_theta_deg[ret->view];
     ret->view_phi_deg = info.view_phi_deg[ret->view];
     ret->light_theta_deg = info.light_theta_deg[ret->light];
@@ -108,7 +106,7 @@ gboolean measured_compare(const Reference *reference, Viewer *viewer,
         a != NULL ? viewer_resolve(viewer, &s, drawn, info.width, info.height, error) : NULL;
     if (b == NULL)
         return FALSE;
-    measured_fill(&info, MAX(1, width / (PANELS * info.width)), a, b, ret);
+    fill(&info, MAX(1, width / (PANELS * info.width)), a, b, ret);
     return TRUE;
 }
 

@@ -158,7 +158,7 @@ static void make_array(Viewer *viewer) {
 }
 
 /* Returns the program, which is compiled when it is first used. Returns 0 on error. */
-static guint viewer_geometry_program(Viewer *viewer, int which, GError **error) {
+static guint geometry_program(Viewer *viewer, int which, GError **error) {
     static const char *const names[] = {"mesh.vert",   "frame.glsl",   "visible.glsl",
                                         "shadow.glsl", "further.glsl", "geometry.frag",
                                         NULL};
@@ -179,7 +179,7 @@ Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
     viewer->radius = viewer->reach = 1.0;
     viewer->n_materials = 1;
     if ((viewer->plain_program = gpu_program("", plain, error)) == 0 ||
-        !viewer_geometry_program(viewer, GEOMETRY_FIRST, error) ||
+        !geometry_program(viewer, GEOMETRY_FIRST, error) ||
         (viewer->resolve_program = gpu_program("", resolve, error)) == 0 ||
         (viewer->relief = relief_new(error)) == NULL ||
         (viewer->backdrop = backdrop_new(error)) == NULL ||
@@ -254,8 +254,8 @@ gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer
 }
 
 /* Takes ownership of material, which is NULL with an error. */
-static gboolean viewer_take(Viewer *viewer, const struct method *method, gpointer material,
-                            GError **error) {
+static gboolean take(Viewer *viewer, const struct method *method, gpointer material,
+                     GError **error) {
     if (material == NULL || viewer_set_method(viewer, method, material, error))
         return material != NULL;
     method->free(material);
@@ -264,7 +264,7 @@ static gboolean viewer_take(Viewer *viewer, const struct method *method, gpointe
 
 gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
                      GError **error) {
-    return viewer_take(viewer, method, method_open(method, path, error), error);
+    return take(viewer, method, method_open(method, path, error), error);
 }
 
 int viewer_add_material(Viewer *viewer, const struct method *method, const char *path, double tiles,
@@ -289,7 +289,7 @@ int viewer_add_material(Viewer *viewer, const struct method *method, const char 
 }
 
 gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
-    return viewer_take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
+    return take(viewer, &method_eigenmaps, eigenmaps_view_new(material, error), error);
 }
 
 gboolean viewer_set_material_mdf(Viewer *viewer, int material, const struct mdf_source *mdf,
@@ -349,8 +349,8 @@ const struct index_map *viewer_index(const Viewer *viewer) {
 }
 
 /* Returns the places of the main material if its method looks texels up. */
-static struct places_source viewer_places(const Viewer *viewer, int material,
-                                          const struct viewer_settings *s) {
+static struct places_source places(const Viewer *viewer, int material,
+                                   const struct viewer_settings *s) {
     const struct method *method = viewer->materials[0].method;
     if (material > 0 || method == NULL || method->product == NULL)
         return (struct places_source){NULL, NULL};
@@ -431,22 +431,20 @@ void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double a
 }
 
 /* Returns the numbers of tiles of the main material. */
-static void viewer_main_tiles(const Viewer *viewer, const struct viewer_settings *s,
-                              double ret[2]) {
+static void main_tiles(const Viewer *viewer, const struct viewer_settings *s, double ret[2]) {
     ret[0] = s->tiles_u;
     ret[1] = s->tiles_v;
     if (s->tiles_u > 0.0 && s->tiles_v > 0.0)
         return;
     ret[0] = viewer->tiles_u;
     ret[1] = viewer->tiles_v;
-    if (viewer_places(viewer, 0, s).index != NULL)
+    if (places(viewer, 0, s).index != NULL)
         viewer_whole_tiles(viewer, &ret[0], &ret[1]);
 }
 
 /* Prepares a picture with hexagons. Chooses their centres from pictures of the sample for some
  * views and lights. */
-static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings *s,
-                                    GError **error) {
+static gboolean make_endless(Viewer *viewer, const struct viewer_settings *s, GError **error) {
     const struct viewer_material *m = &viewer->materials[0];
     int size[2];
     if (!s->endless || s->plain || viewer->endless != NULL || m->method->texels == NULL ||
@@ -474,9 +472,9 @@ static gboolean viewer_make_endless(Viewer *viewer, const struct viewer_settings
 
 const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_settings *s,
                                      struct endless_lattice *ret) {
-    const struct endless *endless = viewer_places(viewer, 0, s).endless;
+    const struct endless *endless = places(viewer, 0, s).endless;
     double tiles[2];
-    viewer_main_tiles(viewer, s, tiles);
+    main_tiles(viewer, s, tiles);
     if (endless != NULL)
         endless_lattice_init(ret, endless, (float)tiles[0], (float)tiles[1]);
     return endless;
@@ -484,13 +482,13 @@ const struct endless *viewer_endless(const Viewer *viewer, const struct viewer_s
 
 /* Returns the number of a part's material, or that of the main material if the part's material does
  * not exist yet. */
-static int viewer_part_material(const Viewer *viewer, int part) {
+static int part_material(const Viewer *viewer, int part) {
     const int material = viewer->parts[part].material;
     return material < viewer->n_materials ? material : 0;
 }
 
-static void viewer_draw_part(Viewer *viewer, guint program, const struct viewer_settings *s,
-                             const struct relief_scene *scene, int part) {
+static void draw_part(Viewer *viewer, guint program, const struct viewer_settings *s,
+                      const struct relief_scene *scene, int part) {
     const struct visibility_part *drawn = &scene->seen.parts[part];
     const struct viewer_material *m = &viewer->materials[drawn->material];
     glUseProgram(program);
@@ -518,8 +516,8 @@ static void viewer_draw_part(Viewer *viewer, guint program, const struct viewer_
 
 /* Draws the mesh. program is used for all parts. If it is 0, each part is drawn with its own
  * program. */
-static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
-                                 const struct relief_scene *scene, GError **error) {
+static gboolean draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
+                          const struct relief_scene *scene, GError **error) {
     const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
     for (int k = 0; k < viewer->n_parts; k++) {
         const struct visibility_part *part = &scene->seen.parts[k];
@@ -529,7 +527,7 @@ static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct vie
                          : programs_get(m->programs, kind, m->material, &part->places, s, error);
         if (own == 0)
             return FALSE;
-        viewer_draw_part(viewer, own, s, scene, k);
+        draw_part(viewer, own, s, scene, k);
     }
     return TRUE;
 }
@@ -537,14 +535,14 @@ static gboolean viewer_draw_mesh(Viewer *viewer, guint program, const struct vie
 static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
                          struct visibility_scene *ret) {
     double tiles[2];
-    viewer_main_tiles(viewer, s, tiles);
+    main_tiles(viewer, s, tiles);
     ret->array = viewer->array;
     ret->n_parts = viewer->n_parts;
     for (int k = 0; k < viewer->n_parts; k++) {
-        const int material = viewer_part_material(viewer, k);
+        const int material = part_material(viewer, k);
         const double own = viewer->materials[material].tiles;
         ret->parts[k] = (struct visibility_part){
-            .places = viewer_places(viewer, material, s),
+            .places = places(viewer, material, s),
             .tiles = {(float)(material > 0 ? own : tiles[0]),
                       (float)(material > 0 ? own : tiles[1])},
             .first_index = viewer->parts[k].first_index,
@@ -555,8 +553,8 @@ static void viewer_parts(const Viewer *viewer, const struct viewer_settings *s,
 }
 
 /* Points the camera, and finds the parts of the relief that are visible to it and to the lamps. */
-static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
-                            int height, struct relief_scene *ret, GError **error) {
+static gboolean look(const Viewer *viewer, const struct viewer_settings *s, int width, int height,
+                     struct relief_scene *ret, GError **error) {
     struct viewer_settings fitted = *s;
     const double aspect = (double)width / height;
     *ret = (struct relief_scene){
@@ -583,7 +581,7 @@ static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *
     return relief_prepare(viewer->relief, ret, error);
 }
 
-static void viewer_begin(const struct gpu_target *target) {
+static void begin(const struct gpu_target *target) {
     glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
     glViewport(0, 0, target->width, target->height);
     glDepthMask(GL_TRUE);
@@ -591,16 +589,16 @@ static void viewer_begin(const struct gpu_target *target) {
     glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT);
 }
 
-static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *settings, int width,
-                                  int height, GError **error) {
+static gboolean draw_scene(Viewer *viewer, const struct viewer_settings *settings, int width,
+                           int height, GError **error) {
     const struct viewer_settings lit = lamp_settings(settings), *s = &lit;
     struct relief_scene scene;
-    if (!viewer_make_endless(viewer, s, error) ||
+    if (!make_endless(viewer, s, error) ||
         !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
-        !viewer_look(viewer, s, width, height, &scene, error))
+        !look(viewer, s, width, height, &scene, error))
         return FALSE;
-    viewer_begin(&viewer->scene);
-    return viewer_draw_mesh(viewer, s->plain ? viewer->plain_program : 0, s, &scene, error) &&
+    begin(&viewer->scene);
+    return draw_mesh(viewer, s->plain ? viewer->plain_program : 0, s, &scene, error) &&
            backdrop_draw(viewer->backdrop, s, viewer->relief, scene.seen.projection,
                          scene.seen.sight, error);
 }
@@ -624,18 +622,18 @@ static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *sett
     const int kind = s->lamp > 0.0 || s->n_lamps == 0 ? GEOMETRY_FIRST
                      : s->shadows                     ? GEOMETRY_FURTHER_SHADOWS
                                                       : GEOMETRY_FURTHER;
-    const guint program = viewer_geometry_program(viewer, kind, error);
+    const guint program = geometry_program(viewer, kind, error);
     struct relief_scene scene;
-    if (program == 0 || !viewer_make_endless(viewer, s, error) ||
+    if (program == 0 || !make_endless(viewer, s, error) ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
-        !viewer_look(viewer, s, width, height, &scene, error))
+        !look(viewer, s, width, height, &scene, error))
         return FALSE;
-    viewer_begin(&viewer->geometry);
+    begin(&viewer->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glUseProgram(program);
     glUniform1i(glGetUniformLocation(program, "which"), which);
-    return viewer_draw_mesh(viewer, program, s, &scene, error);
+    return draw_mesh(viewer, program, s, &scene, error);
 }
 
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n) {
@@ -643,7 +641,7 @@ void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint 
 }
 
 /* Returns the number of samples along a side of a pixel. A very large picture has fewer. */
-static int viewer_samples_of(const struct viewer_settings *s, int width, int height) {
+static int samples_of(const struct viewer_settings *s, int width, int height) {
     int samples = s->samples;
     while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)
         samples--;
@@ -652,9 +650,9 @@ static int viewer_samples_of(const struct viewer_settings *s, int width, int hei
 
 gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *s, guint framebuffer, int width,
                      int height, GError **error) {
-    const int samples = viewer_samples_of(s, width, height);
+    const int samples = samples_of(s, width, height);
     if (!viewer_settings_check(s, error) ||
-        !viewer_draw_scene(viewer, s, width * samples, height * samples, error))
+        !draw_scene(viewer, s, width * samples, height * samples, error))
         return FALSE;
     resolve(viewer, s, samples, framebuffer, width, height);
     if (hatching_any(viewer->hatching)) {
@@ -686,14 +684,14 @@ guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *s, int width
 
 float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *s, int width, int height,
                             GError **error) {
-    if (!viewer_settings_check(s, error) || !viewer_draw_scene(viewer, s, width, height, error))
+    if (!viewer_settings_check(s, error) || !draw_scene(viewer, s, width, height, error))
         return NULL;
     return read_floats(&viewer->scene, error);
 }
 
 float *viewer_render_light(Viewer *viewer, const struct viewer_settings *s, int width, int height,
                            GError **error) {
-    const int samples = viewer_samples_of(s, width, height);
+    const int samples = samples_of(s, width, height);
     g_autofree float *drawn =
         viewer_render_linear(viewer, s, width * samples, height * samples, error);
     if (drawn == NULL)
@@ -728,7 +726,7 @@ float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const
     if (program == 0 ||
         !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;
-    viewer_begin(&viewer->geometry);
+    begin(&viewer->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_DEPTH_TEST);
     glUseProgram(program);

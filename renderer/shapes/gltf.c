@@ -22,8 +22,8 @@ static const float *row_of(const GArray *array, gsize k, int n) {
 }
 
 /* Adds one vertex of the file: its position and attributes. v of glTF increases downwards. */
-static void gltf_add_vertex(struct reader *r, const struct gltf_transform *p,
-                            const struct attributes *a, gsize k) {
+static void add_vertex(struct reader *r, const struct gltf_transform *p, const struct attributes *a,
+                       gsize k) {
     float position[3], normal[3] = {0, 0, 0}, tangent[4] = {0, 0, 0, 0};
     float turned[2] = {0.0f, 0.0f};
     const float mirrored = gltf_determinant(p) < 0.0 ? -1.0f : 1.0f;
@@ -65,7 +65,7 @@ static gboolean add_triangle(struct reader *r, const struct gltf_transform *p,
         gint32 v = (gint32)(first + k);
         if (a->of[NORMAL] == NULL) { /* flat shading: corners are not shared */
             v = (gint32)r->soup->positions->len;
-            gltf_add_vertex(r, p, a, k);
+            add_vertex(r, p, a, k);
         }
         const struct soup_corner corner = {v, v, a->of[NORMAL] != NULL ? v : -1};
         g_array_append_val(r->soup->corners, corner);
@@ -83,7 +83,7 @@ static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
     if (first + n_vertices > SCENE_MAX_VERTICES)
         return gltf_fail(r->gltf, SCENE_ERROR_TOO_LARGE, error, "it has too many vertices");
     for (gsize k = 0; a->of[NORMAL] != NULL && k < n_vertices; k++)
-        gltf_add_vertex(r, p, a, k);
+        add_vertex(r, p, a, k);
     for (gsize k = 0; k + 2 < n; k += mode == 4 ? 3 : 1) {
         const gboolean swapped = mode == 5 && k % 2 == 1;
         gsize at[3] = {mode == 6 ? 0 : k, k + 1, k + 2};
@@ -101,8 +101,8 @@ static gboolean add_triangles(struct reader *r, const struct gltf_transform *p,
     return TRUE;
 }
 
-static gboolean gltf_read_attributes(struct reader *r, JsonObject *primitive, struct attributes *a,
-                                     GError **error) {
+static gboolean read_attributes(struct reader *r, JsonObject *primitive, struct attributes *a,
+                                GError **error) {
     static const char *const names[] = {"POSITION", "NORMAL", "TEXCOORD_0", "TANGENT"};
     static const int n_numbers[] = {3, 3, 2, 4};
     JsonObject *of = gltf_object(primitive, "attributes");
@@ -137,7 +137,7 @@ gboolean gltf_add_primitive(struct gltf *gltf, const struct gltf_transform *p,
     if (mode < 0 || mode > 6)
         return gltf_bad(gltf, error, "a primitive has no known mode");
     const gboolean good =
-        gltf_read_attributes(&r, primitive, &a, error) && add_triangles(&r, p, &a, mode, error);
+        read_attributes(&r, primitive, &a, error) && add_triangles(&r, p, &a, mode, error);
     for (gsize k = 0; k < G_N_ELEMENTS(a.of); k++)
         g_clear_pointer(&a.of[k], g_array_unref);
     return good;

@@ -79,7 +79,7 @@ static int depth_of(const char *text, gsize length) {
     return deepest;
 }
 
-static gboolean gltf_file_parse(struct gltf *gltf, const char *text, gsize length, GError **error) {
+static gboolean parse(struct gltf *gltf, const char *text, gsize length, GError **error) {
     g_autoptr(GError) why = NULL;
     if (depth_of(text, length) > MAX_DEPTH)
         return gltf_bad(gltf, error, "its JSON is nested too deeply");
@@ -126,10 +126,10 @@ static gboolean parse_binary(struct gltf *gltf, GBytes *file, GError **error) {
             return gltf_bad(gltf, error, "truncated: its buffer is not whole");
         gltf->binary = g_bytes_new_from_bytes(file, next + 8, word(bytes + next));
     }
-    return gltf_file_parse(gltf, (const char *)bytes + 20, length, error);
+    return parse(gltf, (const char *)bytes + 20, length, error);
 }
 
-static GBytes *gltf_file_read_file(const char *path, GError **error) {
+static GBytes *read_file(const char *path, GError **error) {
     GError *why = NULL;
     gsize length;
     char *bytes = input_file_read(path, SCENE_MAX_FILE, &length, &why);
@@ -141,14 +141,14 @@ static GBytes *gltf_file_read_file(const char *path, GError **error) {
 
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error) {
     *gltf = (struct gltf){.path = path};
-    g_autoptr(GBytes) file = gltf_file_read_file(path, error);
+    g_autoptr(GBytes) file = read_file(path, error);
     if (file == NULL)
         return FALSE;
     gsize size;
     const guint8 *bytes = g_bytes_get_data(file, &size);
     const gboolean binary = size >= 4 && word(bytes) == MAGIC;
     if (!(binary ? parse_binary(gltf, file, error)
-                 : gltf_file_parse(gltf, bytes != NULL ? (const char *)bytes : "", size, error)))
+                 : parse(gltf, bytes != NULL ? (const char *)bytes : "", size, error)))
         return FALSE;
     JsonArray *buffers = gltf_array(gltf->root, "buffers");
     gltf->buffers = g_ptr_array_new_with_free_func((GDestroyNotify)g_bytes_unref);
@@ -183,7 +183,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
-    return gltf_file_read_file(path, error);
+    return read_file(path, error);
 }
 
 static GBytes *buffer_at(struct gltf *gltf, gint64 k, GError **error) {

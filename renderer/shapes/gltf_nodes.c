@@ -16,8 +16,8 @@ struct walk {
 static const struct gltf_transform identity = {
     {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
-static struct gltf_transform gltf_nodes_product(const struct gltf_transform *outer,
-                                                const struct gltf_transform *inner) {
+static struct gltf_transform product(const struct gltf_transform *outer,
+                                     const struct gltf_transform *inner) {
     struct gltf_transform p = {{{0}}};
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
@@ -41,7 +41,7 @@ gboolean gltf_numbers(JsonObject *node, const char *name, double *values, guint 
 
 /* Returns a node's matrix, stored in columns, or the matrix of its translation, rotation and
  * scale. */
-static struct gltf_transform gltf_nodes_transform(JsonObject *node) {
+static struct gltf_transform transform(JsonObject *node) {
     double c[16], t[3] = {0, 0, 0}, q[4] = {0, 0, 0, 1}, s[3] = {1, 1, 1};
     struct gltf_transform p = identity;
     if (gltf_numbers(node, "matrix", c, 16)) {
@@ -104,8 +104,8 @@ static gboolean visit_nodes(struct walk *walk, const struct gltf_transform *oute
             return FALSE;
         if (++walk->n_visited > MAX_NODES || level > MAX_LEVEL)
             return gltf_bad(walk->gltf, error, "its nodes form a cycle");
-        const struct gltf_transform own = gltf_nodes_transform(node);
-        const struct gltf_transform p = gltf_nodes_product(outer, &own);
+        const struct gltf_transform own = transform(node);
+        const struct gltf_transform p = product(outer, &own);
         gint64 mesh = gltf_int(node, "mesh", -1);
         if (mesh < 0 && json_object_has_member(node, "mesh"))
             mesh = G_MAXINT; /* no file has so many meshes, so using it gives an error */

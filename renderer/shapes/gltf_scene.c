@@ -14,8 +14,8 @@ struct gltf_loading {
 };
 
 /* Returns a number within a range, or the fallback if the member is not such a number. */
-static double gltf_number(JsonObject *object, const char *name, double fallback, double least,
-                          double most) {
+static double number(JsonObject *object, const char *name, double fallback, double least,
+                     double most) {
     JsonNode *node = object != NULL ? json_object_get_member(object, name) : NULL;
     if (node == NULL || !JSON_NODE_HOLDS_VALUE(node))
         return fallback;
@@ -23,7 +23,7 @@ static double gltf_number(JsonObject *object, const char *name, double fallback,
     return isfinite(value) ? CLAMP(value, least, most) : fallback;
 }
 
-static JsonObject *gltf_extension(JsonObject *object, const char *name) {
+static JsonObject *extension(JsonObject *object, const char *name) {
     JsonObject *all = gltf_object(object, "extensions");
     return all != NULL ? gltf_object(all, name) : NULL;
 }
@@ -37,19 +37,19 @@ static void read_colour(JsonObject *object, const char *name, guint n, double mo
         ret[c] = (float)(isfinite(values[c]) ? CLAMP(values[c], 0.0, most) * scale : 0.0);
 }
 
-static struct gltf_material gltf_read_material(JsonObject *from) {
+static struct gltf_material read_material(JsonObject *from) {
     JsonObject *pbr = gltf_object(from, "pbrMetallicRoughness");
-    JsonObject *specular = gltf_extension(from, "KHR_materials_specular");
-    JsonObject *strength = gltf_extension(from, "KHR_materials_emissive_strength");
+    JsonObject *specular = extension(from, "KHR_materials_specular");
+    JsonObject *strength = extension(from, "KHR_materials_emissive_strength");
     const char *name = gltf_string(from, "name");
     struct gltf_material ret = {.name = g_strdup(name != NULL ? name : ""),
                                 .base = {1.0F, 1.0F, 1.0F}};
     read_colour(pbr, "baseColorFactor", 4, 1.0, 1.0, ret.base);
-    ret.metallic = (float)gltf_number(pbr, "metallicFactor", 1.0, 0.0, 1.0);
-    ret.roughness = (float)gltf_number(pbr, "roughnessFactor", 1.0, 0.0, 1.0);
-    ret.specular = (float)gltf_number(specular, "specularFactor", 1.0, 0.0, 1.0);
-    read_colour(from, "emissiveFactor", 3, 1.0,
-                gltf_number(strength, "emissiveStrength", 1.0, 0.0, 1e6), ret.emission);
+    ret.metallic = (float)number(pbr, "metallicFactor", 1.0, 0.0, 1.0);
+    ret.roughness = (float)number(pbr, "roughnessFactor", 1.0, 0.0, 1.0);
+    ret.specular = (float)number(specular, "specularFactor", 1.0, 0.0, 1.0);
+    read_colour(from, "emissiveFactor", 3, 1.0, number(strength, "emissiveStrength", 1.0, 0.0, 1e6),
+                ret.emission);
     return ret;
 }
 
@@ -87,7 +87,7 @@ static gboolean read_materials(struct gltf *gltf, struct gltf_scene *scene, GErr
         JsonObject *object = gltf_item(gltf, "materials", k, error);
         if (object == NULL)
             return FALSE;
-        struct gltf_material material = gltf_read_material(object);
+        struct gltf_material material = read_material(object);
         g_autoptr(GError) why = NULL;
         if (!read_picture(gltf, object, &material, &why))
             material.unread = g_strdup(why->message);
@@ -129,7 +129,7 @@ static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, g
     JsonObject *lens = gltf_object(from, "perspective");
     if (scene->has_camera || lens == NULL)
         return TRUE;
-    camera.fov_y_rad = gltf_number(lens, "yfov", 0.8, 0.01, 3.0);
+    camera.fov_y_rad = number(lens, "yfov", 0.8, 0.01, 3.0);
     node_position(p, camera.eye);
     if (!node_axis(p, 0, 1.0, camera.right) || !node_axis(p, 1, 1.0, camera.up) ||
         !node_axis(p, 2, 1.0, camera.back))
@@ -142,7 +142,7 @@ static gboolean read_camera(struct gltf *gltf, const struct gltf_transform *p, g
 static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gint64 k,
                           struct gltf_scene *scene, GError **error) {
     static const char *const kinds[] = {"directional", "point", "spot"};
-    JsonObject *table = gltf_extension(gltf->root, "KHR_lights_punctual");
+    JsonObject *table = extension(gltf->root, "KHR_lights_punctual");
     JsonArray *lamps = table != NULL ? gltf_array(table, "lights") : NULL;
     JsonNode *node = lamps != NULL && k >= 0 && k < json_array_get_length(lamps)
                          ? json_array_get_element(lamps, (guint)k)
@@ -152,9 +152,8 @@ static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gin
     JsonObject *from = json_node_get_object(node), *cone = gltf_object(from, "spot");
     const char *type = gltf_string(from, "type");
     float rgb[3] = {1.0F, 1.0F, 1.0F};
-    struct gltf_lamp lamp = {.inner_cos = cos(gltf_number(cone, "innerConeAngle", 0.0, 0.0, 1.57)),
-                             .outer_cos =
-                                 cos(gltf_number(cone, "outerConeAngle", G_PI / 4, 0.0, 1.57))};
+    struct gltf_lamp lamp = {.inner_cos = cos(number(cone, "innerConeAngle", 0.0, 0.0, 1.57)),
+                             .outer_cos = cos(number(cone, "outerConeAngle", G_PI / 4, 0.0, 1.57))};
     int kind = 0;
     while (kind < 3 && g_strcmp0(type, kinds[kind]) != 0)
         kind++;
@@ -163,7 +162,7 @@ static gboolean read_lamp(struct gltf *gltf, const struct gltf_transform *p, gin
     lamp.kind = (enum gltf_lamp_kind)kind;
     read_colour(from, "color", 3, 1.0, 1.0, rgb);
     for (int c = 0; c < 3; c++)
-        lamp.rgb[c] = rgb[c] * gltf_number(from, "intensity", 1.0, 0.0, 1e12);
+        lamp.rgb[c] = rgb[c] * number(from, "intensity", 1.0, 0.0, 1e12);
     node_position(p, lamp.position);
     if (!node_axis(p, 2, -1.0, lamp.towards))
         return gltf_bad(gltf, error, "a lamp's node is scaled to nothing");
@@ -218,7 +217,7 @@ static gboolean part_add(struct gltf *gltf, JsonObject *primitive, gpointer data
 static gboolean scene_visit(struct gltf *gltf, const struct gltf_transform *p, JsonObject *node,
                             gint64 mesh, gpointer data, GError **error) {
     struct gltf_loading *loading = data;
-    JsonObject *lamp = node != NULL ? gltf_extension(node, "KHR_lights_punctual") : NULL;
+    JsonObject *lamp = node != NULL ? extension(node, "KHR_lights_punctual") : NULL;
     if (node != NULL && json_object_has_member(node, "camera") &&
         !read_camera(gltf, p, gltf_int(node, "camera", -1), loading->scene, error))
         return FALSE;
@@ -233,14 +232,14 @@ static gboolean scene_visit(struct gltf *gltf, const struct gltf_transform *p, J
     return object != NULL && gltf_each_primitive(gltf, mesh, part_add, loading, error);
 }
 
-static void gltf_part_free(gpointer data) {
+static void part_free(gpointer data) {
     struct gltf_part *part = data;
     mesh_free(part->mesh);
     g_free(part->name);
     g_free(part);
 }
 
-static void gltf_material_clear(gpointer data) {
+static void material_clear(gpointer data) {
     struct gltf_material *material = data;
     g_free(material->name);
     g_free(material->unread);
@@ -249,10 +248,10 @@ static void gltf_material_clear(gpointer data) {
 
 struct gltf_scene *gltf_scene_read(const char *path, GError **error) {
     struct gltf_scene *scene = g_new0(struct gltf_scene, 1);
-    scene->parts = g_ptr_array_new_with_free_func(gltf_part_free);
+    scene->parts = g_ptr_array_new_with_free_func(part_free);
     scene->materials = g_array_new(FALSE, FALSE, sizeof(struct gltf_material));
     scene->lamps = g_array_new(FALSE, FALSE, sizeof(struct gltf_lamp));
-    g_array_set_clear_func(scene->materials, gltf_material_clear);
+    g_array_set_clear_func(scene->materials, material_clear);
     struct gltf_loading loading = {.scene = scene};
     struct gltf gltf;
     guint n = 0;

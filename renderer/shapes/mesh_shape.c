@@ -55,7 +55,7 @@ static void add_edge(const struct vertex *at, const struct vertex *from, const s
 }
 
 /* Solves (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa, pb + qa, qb). */
-static void mesh_shape_solve(const struct sums *s, float ret[3]) {
+static void solve(const struct sums *s, float ret[3]) {
     double slack = 1e-9 * (s->aa + s->bb) + G_MINDOUBLE;
     double aa = s->aa + slack, bb = s->bb + slack, ab = s->ab;
     double middle = aa + bb - ab * ab / aa - ab * ab / bb;
@@ -87,7 +87,7 @@ struct vertex_shape *mesh_shapes(const struct mesh *mesh) {
         const struct sums *s = &sums[k];
         for (int c = 0; c < 2; c++)
             shapes[k].scale[c] = MAX(s->area > 0.0f ? s->scale[c] / s->area : 1.0f, MIN_SCALE);
-        mesh_shape_solve(s, shapes[k].bend);
+        solve(s, shapes[k].bend);
     }
     return shapes;
 }

@@ -18,8 +18,8 @@ struct obj {
 };
 
 G_GNUC_PRINTF(4, 5)
-static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **error,
-                         const char *format, ...) {
+static gboolean fail(const struct obj *obj, enum scene_error code, GError **error,
+                     const char *format, ...) {
     va_list list;
     va_start(list, format);
     g_autofree char *text = g_strdup_vprintf(format, list);
@@ -28,7 +28,7 @@ static gboolean obj_fail(const struct obj *obj, enum scene_error code, GError **
     return FALSE;
 }
 
-#define obj_bad(obj, error, ...) obj_fail(obj, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
+#define obj_bad(obj, error, ...) fail(obj, SCENE_ERROR_FORMAT, error, __VA_ARGS__)
 
 /* Skips blanks. A backslash before the end of a line continues the line. */
 static void skip_blanks(const char **text) {
@@ -68,8 +68,7 @@ static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *a
         text = end;
     }
     if (array->len >= SCENE_MAX_VERTICES)
-        return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices",
-                        SCENE_MAX_VERTICES);
+        return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d vertices", SCENE_MAX_VERTICES);
     if (n == 3 && obj->up == SCENE_Y_UP)
         soup_y_to_z_up(values);
     g_array_append_vals(array, values, 1);
@@ -100,10 +99,9 @@ static gboolean parse_corner(struct obj *obj, const char **text, struct soup_cor
     if (!parse_index(obj, text, obj->soup.positions, "position", &ret->v, error))
         return FALSE;
     if (**text != '/' || (*text)[1] == '/')
-        return obj_fail(
-            obj, SCENE_ERROR_NO_TEXTURE, error,
-            "this face has no texture coordinates (vt); unwrap the mesh and save it with "
-            "them");
+        return fail(obj, SCENE_ERROR_NO_TEXTURE, error,
+                    "this face has no texture coordinates (vt); unwrap the mesh and save it with "
+                    "them");
     (*text)++;
     if (!parse_index(obj, text, obj->soup.uvs, "texture coordinate", &ret->vt, error))
         return FALSE;
@@ -122,19 +120,19 @@ static gboolean parse_face(struct obj *obj, const char *text, GError **error) {
         if (strchr(" \t\r\n", *text) == NULL)
             return obj_bad(obj, error, "v/vt/vn is expected here");
         if (++n > MAX_CORNERS)
-            return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners", MAX_CORNERS);
+            return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners", MAX_CORNERS);
         g_array_append_val(obj->soup.corners, corner);
     }
     if (n < 3)
         return obj_bad(obj, error, "a face has three corners or more, not %d", n);
     if (obj->soup.corners->len > SOUP_MAX_CORNERS)
-        return obj_fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
-                        SOUP_MAX_CORNERS);
+        return fail(obj, SCENE_ERROR_TOO_LARGE, error, "more than %d corners of faces",
+                    SOUP_MAX_CORNERS);
     g_array_append_val(obj->soup.polygons, n);
     return TRUE;
 }
 
-static gboolean obj_parse_line(struct obj *obj, const char *text, GError **error) {
+static gboolean parse_line(struct obj *obj, const char *text, GError **error) {
     skip_blanks(&text);
     const gsize n = strcspn(text, " \t\r\n");
     if (text[n] != ' ' && text[n] != '\t')
@@ -156,7 +154,7 @@ struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up u
     gboolean good = TRUE;
     soup_init(&obj.soup);
     for (const char *line = text; good && *line != '\0'; line = next_line(&obj, line))
-        good = obj_parse_line(&obj, line, error);
+        good = parse_line(&obj, line, error);
     if (good && obj.soup.polygons->len == 0)
         good = obj_bad(&obj, error, "there is no face in this file");
     g_autofree char *where = g_strdup_printf("%s:%d", name, obj.line);

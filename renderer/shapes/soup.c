@@ -33,7 +33,7 @@ void soup_y_to_z_up(float values[3]) {
     values[2] = y;
 }
 
-static gboolean soup_normalise(float a[3]) {
+static gboolean normalise(float a[3]) {
     float length = sqrtf(float3_dot(a, a));
     if (!(length > 1e-20f) || !isfinite(length))
         return FALSE;
@@ -42,7 +42,7 @@ static gboolean soup_normalise(float a[3]) {
     return TRUE;
 }
 
-static float *soup_position(const struct soup *soup, int v) {
+static float *position(const struct soup *soup, int v) {
     return (float *)soup->positions->data + 3 * (gsize)v;
 }
 
@@ -56,14 +56,13 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (guint c = 0; c < soup->corners->len; c++)
         for (int k = 0; k < 3; k++) {
-            double x =
-                soup_position(soup, g_array_index(soup->corners, struct soup_corner, c).v)[k];
+            double x = position(soup, g_array_index(soup->corners, struct soup_corner, c).v)[k];
             low[k] = MIN(low[k], x);
             high[k] = MAX(high[k], x);
         }
     double radius = 0.0;
     for (guint c = 0; c < soup->corners->len; c++) {
-        const float *p = soup_position(soup, g_array_index(soup->corners, struct soup_corner, c).v);
+        const float *p = position(soup, g_array_index(soup->corners, struct soup_corner, c).v);
         double sum = 0.0;
         for (int k = 0; k < 3; k++)
             sum += pow(p[k] - 0.5 * (low[k] + high[k]), 2.0);
@@ -76,8 +75,7 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
     }
     for (guint v = 0; v < soup->positions->len; v++)
         for (int k = 0; k < 3; k++)
-            soup_position(soup, v)[k] =
-                (soup_position(soup, v)[k] - 0.5 * (low[k] + high[k])) / radius;
+            position(soup, v)[k] = (position(soup, v)[k] - 0.5 * (low[k] + high[k])) / radius;
     return TRUE;
 }
 
@@ -85,11 +83,11 @@ static gboolean soup_fit(struct soup *soup, const char *where, GError **error) {
 static void polygon_normal(const struct soup *soup, const struct soup_corner *corners, int n,
                            float ret[3]) {
     memset(ret, 0, 3 * sizeof(float));
-    const float *origin = soup_position(soup, corners[0].v);
+    const float *origin = position(soup, corners[0].v);
     for (int k = 1; k + 1 < n; k++) {
         float a[3], b[3], c[3];
-        float3_minus(soup_position(soup, corners[k].v), origin, a);
-        float3_minus(soup_position(soup, corners[k + 1].v), origin, b);
+        float3_minus(position(soup, corners[k].v), origin, a);
+        float3_minus(position(soup, corners[k + 1].v), origin, b);
         float3_cross(a, b, c);
         for (int axis = 0; axis < 3; axis++)
             ret[axis] += c[axis];
@@ -101,7 +99,7 @@ static void corner_normal(const struct soup *soup, const struct soup_corner *cor
         memcpy(ret, (const float *)soup->normals->data + 3 * (gsize)corner->vn, 3 * sizeof(float));
     else
         memcpy(ret, soup->smooth + 3 * (gsize)corner->v, 3 * sizeof(float));
-    if (!soup_normalise(ret))
+    if (!normalise(ret))
         memcpy(ret, (float[3]){0.0f, 0.0f, 1.0f}, 3 * sizeof(float));
 }
 
@@ -119,8 +117,8 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
 }
 
 /* Corners that agree in everything share a vertex. This includes the handedness of the texture. */
-static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
-                               const struct soup_corner *corner, float sense) {
+static guint32 add_vertex(const struct soup *soup, struct builder *b,
+                          const struct soup_corner *corner, float sense) {
     for (gint32 at = b->first[corner->v]; at >= 0; at = g_array_index(b->next, gint32, at)) {
         const struct soup_corner *other = &g_array_index(b->corners, struct soup_corner, at);
         if (other->vt == corner->vt && other->vn == corner->vn &&
@@ -128,7 +126,7 @@ static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
             return at;
     }
     struct vertex vertex = {.tangent = {0.0f, 0.0f, 0.0f, sense}};
-    memcpy(vertex.position, soup_position(soup, corner->v), sizeof vertex.position);
+    memcpy(vertex.position, position(soup, corner->v), sizeof vertex.position);
     memcpy(vertex.uv, uv(soup, corner->vt), sizeof vertex.uv);
     corner_normal(soup, corner, vertex.normal);
     gint32 index = b->vertices->len;
@@ -145,7 +143,7 @@ static gboolean along_surface(const struct vertex *vertex, const float v[3], flo
     float off = float3_dot(v, vertex->normal);
     for (int k = 0; k < 3; k++)
         ret[k] = v[k] - off * vertex->normal[k];
-    return soup_normalise(ret);
+    return normalise(ret);
 }
 
 /* Returns the angle of a triangle at its corner v[c], seen along the normal of that vertex. */
@@ -174,7 +172,7 @@ static void add_tangent(struct builder *b, const guint32 index[3]) {
         tangent[k] = (dv2 * (v[1]->position[k] - v[0]->position[k]) -
                       dv1 * (v[2]->position[k] - v[0]->position[k])) *
                      (area < 0.0f ? -1.0f : 1.0f);
-    if (area == 0.0f || !soup_normalise(tangent))
+    if (area == 0.0f || !normalise(tangent))
         return;
     for (int c = 0; c < 3; c++) {
         float turned[3], angle = corner_angle(v, c);
@@ -193,7 +191,7 @@ static void add_polygon(const struct soup *soup, struct builder *b,
         float area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         guint32 index[3];
         for (int i = 0; i < 3; i++)
-            index[i] = soup_add_vertex(soup, b, c[i], area < 0.0f ? -1.0f : 1.0f);
+            index[i] = add_vertex(soup, b, c[i], area < 0.0f ? -1.0f : 1.0f);
         g_array_append_vals(b->indices, index, 3);
         add_tangent(b, index);
     }
@@ -211,11 +209,11 @@ static void finish_tangent(struct vertex *vertex, const float *own) {
         axis[fabsf(vertex->normal[0]) < 0.7f ? 0 : 1] = 1.0f;
         float3_cross(vertex->normal, axis, side);
         float3_cross(side, vertex->normal, t);
-        soup_normalise(t);
+        normalise(t);
     }
 }
 
-static struct mesh *soup_build(struct soup *soup, const char *name) {
+static struct mesh *build(struct soup *soup, const char *name) {
     struct builder b = {g_array_new(FALSE, FALSE, sizeof(struct vertex)),
                         g_array_new(FALSE, FALSE, sizeof(guint32)),
                         g_array_new(FALSE, FALSE, sizeof(struct soup_corner)),
@@ -263,7 +261,7 @@ struct mesh *soup_mesh(struct soup *soup, const char *name, const char *where, g
                 soup->smooth[3 * (gsize)corners[k].v + axis] += normal[axis];
         corners += n;
     }
-    struct mesh *mesh = soup_build(soup, name);
+    struct mesh *mesh = build(soup, name);
     for (guint k = 0; !fit && k < mesh->n_vertices; k++) {
         const float *at = mesh->vertices[k].position, radius = sqrtf(float3_dot(at, at));
         mesh->radius = k == 0 ? radius : MAX(mesh->radius, radius);

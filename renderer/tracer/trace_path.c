@@ -200,15 +200,15 @@ static void path_follow(struct path *path, struct vec3 from, struct vec3 directi
     }
 }
 
-static void trace_camera_ray(const struct trace_camera *camera, double x, double y, double aspect,
-                             struct vec3 *ret_direction) {
+static void camera_ray(const struct trace_camera *camera, double x, double y, double aspect,
+                       struct vec3 *ret_direction) {
     const double half = tan(0.5 * camera->fov_y_rad);
     *ret_direction = vec3_unit(vec3_sub(
         vec3_add(vec3_scale(camera->right, x * half * aspect), vec3_scale(camera->up, y * half)),
         camera->back));
 }
 
-static void trace_pixel(const struct render *render, int x, int y) {
+static void pixel(const struct render *render, int x, int y) {
     const struct trace_options *o = render->options;
     const gsize at = (gsize)y * (gsize)o->width + (gsize)x;
     double sum[3] = {0.0}, mean = 0.0, squares = 0.0;
@@ -218,7 +218,7 @@ static void trace_pixel(const struct render *render, int x, int y) {
         const double px = (x + trace_random_next(&path.random)) / o->width * 2.0 - 1.0;
         const double py = 1.0 - (y + trace_random_next(&path.random)) / o->height * 2.0;
         struct vec3 direction;
-        trace_camera_ray(&render->scene->camera, px, py, (double)o->width / o->height, &direction);
+        camera_ray(&render->scene->camera, px, py, (double)o->width / o->height, &direction);
         path_follow(&path, render->scene->camera.eye, direction);
         const double luminance =
             0.2126 * path.light[0] + 0.7152 * path.light[1] + 0.0722 * path.light[2];
@@ -238,11 +238,11 @@ static void trace_block(int block, gpointer data) {
     const int x0 = block % render->n_across * BLOCK, y0 = block / render->n_across * BLOCK;
     for (int y = y0; y < MIN(y0 + BLOCK, render->options->height); y++)
         for (int x = x0; x < MIN(x0 + BLOCK, render->options->width); x++)
-            trace_pixel(render, x, y);
+            pixel(render, x, y);
 }
 
-static gboolean trace_option_fail(const char *name, gint64 value, gint64 least, gint64 most,
-                                  GError **error) {
+static gboolean option_fail(const char *name, gint64 value, gint64 least, gint64 most,
+                            GError **error) {
     if (value >= least && value <= most)
         return TRUE;
     g_set_error(error, TRACE_ERROR, TRACE_ERROR_SETTING,
@@ -253,12 +253,12 @@ static gboolean trace_option_fail(const char *name, gint64 value, gint64 least, 
 }
 
 gboolean trace_options_check(const struct trace_options *o, GError **error) {
-    return trace_option_fail("width", o->width, 1, TRACE_MAX_SIDE, error) &&
-           trace_option_fail("height", o->height, 1, TRACE_MAX_SIDE, error) &&
-           trace_option_fail("number of pixels", (gint64)o->width * o->height, 1, TRACE_MAX_PIXELS,
-                             error) &&
-           trace_option_fail("samples", o->samples, 1, TRACE_MAX_SAMPLES, error) &&
-           trace_option_fail("depth", o->depth, 0, TRACE_MAX_DEPTH, error);
+    return option_fail("width", o->width, 1, TRACE_MAX_SIDE, error) &&
+           option_fail("height", o->height, 1, TRACE_MAX_SIDE, error) &&
+           option_fail("number of pixels", (gint64)o->width * o->height, 1, TRACE_MAX_PIXELS,
+                       error) &&
+           option_fail("samples", o->samples, 1, TRACE_MAX_SAMPLES, error) &&
+           option_fail("depth", o->depth, 0, TRACE_MAX_DEPTH, error);
 }
 
 void trace_picture_free(TracePicture *picture) {

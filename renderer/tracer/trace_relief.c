@@ -9,7 +9,7 @@
  * end. w is the distance to the other end. A chord lies below the parabola's arc, so a hit of the
  * chord before its end is also a hit of the ray. If the ray goes deeper than the whole relief, it
  * meets the relief in any case. */
-static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3 v, double way) {
+static gboolean meets_from(const struct trace_hit *end, struct vec3 v, double way) {
     const struct trace_surface *s = end->surface;
     const double slope = fmax(v.z, MIN_SLOPE), bend = 2.0 * slope / way;
     /* Lengths in the scene of one mm of the sample along x, y and z. */
@@ -35,7 +35,7 @@ static gboolean trace_relief_meets_from(const struct trace_hit *end, struct vec3
     return FALSE;
 }
 
-static struct vec3 trace_relief_local(const struct trace_hit *hit, struct vec3 d) {
+static struct vec3 local(const struct trace_hit *hit, struct vec3 d) {
     return vec3(vec3_dot(d, hit->x), vec3_dot(d, hit->y), vec3_dot(d, hit->z));
 }
 
@@ -44,9 +44,8 @@ static struct vec3 trace_relief_local(const struct trace_hit *hit, struct vec3 d
 gboolean trace_relief_meets(const struct trace_hit *front, const struct trace_hit *back,
                             struct vec3 direction) {
     const double way = vec3_length(vec3_sub(back->position, front->position));
-    const struct vec3 v = trace_relief_local(front, vec3_scale(direction, -1.0));
-    struct vec3 w = trace_relief_local(back, direction);
+    const struct vec3 v = local(front, vec3_scale(direction, -1.0));
+    struct vec3 w = local(back, direction);
     w.z = -w.z;
-    return !(way > 0.0) || trace_relief_meets_from(front, v, way) ||
-           trace_relief_meets_from(back, w, way);
+    return !(way > 0.0) || meets_from(front, v, way) || meets_from(back, w, way);
 }

@@ -61,7 +61,7 @@ G_NORETURN static void trace_texture_jpeg_error(j_common_ptr codec) {
 }
 
 /* Treats warnings as errors, for example that the file ends early. */
-static void trace_texture_jpeg_message(j_common_ptr codec, int level) {
+static void jpeg_message(j_common_ptr codec, int level) {
     if (level < 0)
         trace_texture_jpeg_error(codec);
 }
@@ -74,7 +74,7 @@ static guint8 *trace_texture_jpeg(gconstpointer data, gsize length, int ret_size
     guint8 *volatile ret = NULL;
     codec.err = jpeg_std_error(&trouble.manager);
     trouble.manager.error_exit = trace_texture_jpeg_error;
-    trouble.manager.emit_message = trace_texture_jpeg_message;
+    trouble.manager.emit_message = jpeg_message;
     if (setjmp(trouble.back)) {
         g_set_error(error, TRACE_ERROR, TRACE_ERROR_SCENE, "its picture, a JPEG: %s", trouble.text);
         jpeg_destroy_decompress(&codec);

@@ -26,7 +26,7 @@ Chooser *chooser_new(void) {
     return g_new0(Chooser, 1);
 }
 
-static void chooser_end(Chooser *chooser, enum chooser_state state) {
+static void end(Chooser *chooser, enum chooser_state state) {
     if (chooser->subscription != 0)
         g_dbus_connection_signal_unsubscribe(chooser->bus, chooser->subscription);
     chooser->subscription = 0;
@@ -52,7 +52,7 @@ static void on_response(GDBusConnection *bus, const char *sender, const char *ob
     chooser->path = response == 0 && uris != NULL && uris[0] != NULL
                         ? g_filename_from_uri(uris[0], NULL, NULL)
                         : NULL;
-    chooser_end(chooser, chooser->path != NULL ? CHOOSER_CHOSEN : CHOOSER_CANCELLED);
+    end(chooser, chooser->path != NULL ? CHOOSER_CHOSEN : CHOOSER_CANCELLED);
 }
 
 static void chooser_listen(Chooser *chooser, const char *request) {
@@ -77,7 +77,7 @@ static void on_opened(GObject *source, GAsyncResult *result, gpointer data) {
     chooser->under_way--;
     if (reply == NULL && !was_cancelled(error)) {
         g_debug("the portal opens no dialog: %s", error->message);
-        chooser_end(chooser, CHOOSER_UNAVAILABLE);
+        end(chooser, CHOOSER_UNAVAILABLE);
     } else if (reply != NULL && chooser->cancel != NULL) {
         const char *request;
         g_variant_get(reply, "(&o)", &request);
@@ -104,7 +104,7 @@ static GVariant *chooser_filters(void) {
     return g_variant_builder_end(&filters);
 }
 
-static void chooser_call(Chooser *chooser) {
+static void call(Chooser *chooser) {
     static const char *const titles[] = {"Open a material, a shape or an environment",
                                          "Open a session", "Save the picture"};
     g_autofree char *token = g_strdup_printf("mesorig%d", ++chooser->n_asked);
@@ -139,14 +139,14 @@ static void on_bus(GObject *source, GAsyncResult *result, gpointer data) {
     chooser->under_way--;
     if (bus == NULL) {
         if (!was_cancelled(error))
-            chooser_end(chooser, CHOOSER_UNAVAILABLE);
+            end(chooser, CHOOSER_UNAVAILABLE);
         return;
     }
     g_clear_object(&chooser->bus);
     chooser->bus = bus;
     g_dbus_connection_set_exit_on_close(bus, FALSE);
     if (chooser->cancel != NULL && chooser->request == NULL)
-        chooser_call(chooser);
+        call(chooser);
 }
 
 void chooser_ask(Chooser *chooser, enum chooser_what what, const char *folder, const char *name) {
@@ -163,7 +163,7 @@ void chooser_ask(Chooser *chooser, enum chooser_what what, const char *folder, c
     }
     chooser->cancel = g_cancellable_new();
     if (chooser->bus != NULL) {
-        chooser_call(chooser);
+        call(chooser);
         return;
     }
     chooser->under_way++;
@@ -177,7 +177,7 @@ void chooser_close(Chooser *chooser) {
     if (chooser->request != NULL)
         g_dbus_connection_call(chooser->bus, PORTAL, chooser->request, REQUEST, "Close", NULL, NULL,
                                G_DBUS_CALL_FLAGS_NO_AUTO_START, ANSWER_MS, NULL, NULL, NULL);
-    chooser_end(chooser, CHOOSER_IDLE);
+    end(chooser, CHOOSER_IDLE);
 }
 
 gboolean chooser_is_open(const Chooser *chooser) {

@@ -6,7 +6,7 @@
 
 #define TERMS 4 /* Wang et al. 2005 §5 */
 
-static gboolean live_get_column(int view, float *ret_column, gpointer data, GError **error) {
+static gboolean get_column(int view, float *ret_column, gpointer data, GError **error) {
     return reference_read_view(data, view, ret_column, error);
 }
 
@@ -36,7 +36,7 @@ struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError *
     struct eigenmaps *maps = maps_like(&info, session);
     double rest;
     *ret_n_views = info.n_views;
-    if (!eigenmaps_compute(maps, live_get_column, reference, &rest, error))
+    if (!eigenmaps_compute(maps, get_column, reference, &rest, error))
         g_clear_pointer(&maps, eigenmaps_free);
     return maps;
 }
@@ -86,14 +86,14 @@ void live_free(Live *live) {
     g_free(live);
 }
 
-static gboolean live_go_on(double share, gpointer data) {
+static gboolean go_on(double share, gpointer data) {
     Live *live = data;
     return !g_atomic_int_get(&live->cancelled);
 }
 
-static gpointer live_work(gpointer data) {
+static gpointer work(gpointer data) {
     Live *live = data;
-    exr_watch(live_go_on, live);
+    exr_watch(go_on, live);
     live->maps = live_eigenmaps(live->session, &live->n_views, &live->error);
     exr_watch(NULL, NULL);
     g_atomic_int_set(&live->done, TRUE);
@@ -118,7 +118,7 @@ struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error) {
     if (n > live->n_views) {
         live->n_views = n;
         live->done = FALSE;
-        live->thread = g_thread_new("live", live_work, live);
+        live->thread = g_thread_new("live", work, live);
     }
     return NULL;
 }

@@ -20,27 +20,27 @@ struct Opener {
     const struct opened *working; /* atomic: the running job, or NULL; exists until it is polled */
 };
 
-static gboolean opener_is_wanted(const Opener *opener, const struct opened *o) {
+static gboolean is_wanted(const Opener *opener, const struct opened *o) {
     return g_atomic_int_get(&opener->wanted[o->place]) == o->number;
 }
 
 static gboolean note_share(double share, gpointer data) {
     Opener *opener = data;
     g_atomic_int_set(&opener->share, (gint)(share * PUT));
-    return opener_is_wanted(opener, opener->working);
+    return is_wanted(opener, opener->working);
 }
 
-static void opener_work(gpointer data, gpointer user_data) {
+static void work(gpointer data, gpointer user_data) {
     struct opened *o = data;
     Opener *opener = user_data;
     g_atomic_int_set(&opener->share, 0);
     g_atomic_pointer_set(&opener->working, o);
     exr_watch(note_share, opener);
-    if (opener_is_wanted(opener, o) && o->place == OPENER_MDF) {
+    if (is_wanted(opener, o) && o->place == OPENER_MDF) {
         o->mdf = mdf_source_read(o->path, &o->error);
-    } else if (opener_is_wanted(opener, o) && o->place == OPENER_ENVIRONMENT) {
+    } else if (is_wanted(opener, o) && o->place == OPENER_ENVIRONMENT) {
         o->environment = environment_open(o->path, &o->error);
-    } else if (opener_is_wanted(opener, o)) {
+    } else if (is_wanted(opener, o)) {
         glfwMakeContextCurrent(opener->context);
         gpu_watch();
         o->material = method_open(o->method, o->path, &o->error);
@@ -67,7 +67,7 @@ Opener *opener_new(struct GLFWwindow *window, GError **error) {
     Opener *opener = g_new0(Opener, 1);
     opener->context = context;
     opener->finished = g_async_queue_new();
-    opener->thread = g_thread_pool_new(opener_work, opener, 1, FALSE, NULL);
+    opener->thread = g_thread_pool_new(work, opener, 1, FALSE, NULL);
     return opener;
 }
 
@@ -114,7 +114,7 @@ void opener_cancel(Opener *opener, enum opener_place place) {
 struct opened *opener_poll(Opener *opener) {
     for (struct opened *o; (o = g_async_queue_try_pop(opener->finished)) != NULL;) {
         opener->under_way--;
-        if (opener_is_wanted(opener, o)) {
+        if (is_wanted(opener, o)) {
             g_atomic_int_set(&opener->wanted[o->place], 0);
             return o;
         }

@@ -7,7 +7,7 @@ static char *recent_path(void) {
 }
 
 /* Returns NULL if the list exists and cannot be read. */
-static GBookmarkFile *recent_load(void) {
+static GBookmarkFile *load(void) {
     g_autofree char *path = recent_path();
     g_autoptr(GError) error = NULL;
     GBookmarkFile *list = g_bookmark_file_new();
@@ -23,20 +23,20 @@ struct recent {
     gint64 time_us;
 };
 
-static void recent_clear(gpointer data) {
+static void clear(gpointer data) {
     g_free(((struct recent *)data)->path);
 }
 
-static int recent_compare(gconstpointer a, gconstpointer b) {
+static int compare(gconstpointer a, gconstpointer b) {
     const struct recent *first = a, *second = b;
     return (first->time_us < second->time_us) - (first->time_us > second->time_us);
 }
 
 GPtrArray *recent_list(void) {
     GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
-    GBookmarkFile *list = recent_load();
+    GBookmarkFile *list = load();
     g_autoptr(GArray) found = g_array_new(FALSE, FALSE, sizeof(struct recent));
-    g_array_set_clear_func(found, recent_clear);
+    g_array_set_clear_func(found, clear);
     g_auto(GStrv) uris = list != NULL ? g_bookmark_file_get_uris(list, NULL) : NULL;
     for (gsize k = 0; uris != NULL && uris[k] != NULL; k++) {
         GDateTime *opened = NULL;
@@ -51,7 +51,7 @@ GPtrArray *recent_list(void) {
         }
         g_clear_pointer(&path, g_free);
     }
-    g_array_sort(found, recent_compare);
+    g_array_sort(found, compare);
     for (guint k = 0; k < MIN(found->len, RECENT_MAX); k++)
         g_ptr_array_add(paths, g_strdup(g_array_index(found, struct recent, k).path));
     g_clear_pointer(&list, g_bookmark_file_free);
@@ -61,7 +61,7 @@ GPtrArray *recent_list(void) {
 void recent_add(const char *path) {
     g_autofree char *whole = g_canonicalize_filename(path, NULL), *file = recent_path();
     g_autofree char *uri = g_filename_to_uri(whole, NULL, NULL), *folder = g_path_get_dirname(file);
-    GBookmarkFile *list = uri != NULL ? recent_load() : NULL;
+    GBookmarkFile *list = uri != NULL ? load() : NULL;
     if (list == NULL)
         return;
     g_autoptr(GDateTime) now = g_date_time_new_now_utc();

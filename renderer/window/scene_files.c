@@ -30,8 +30,8 @@ static const struct method *scene_files_method(const struct method *method, cons
     return found;
 }
 
-static gboolean scene_files_add(const struct scene_binding *binding, const struct method *method,
-                                gboolean relief, Viewer *viewer, GError **error) {
+static gboolean add(const struct scene_binding *binding, const struct method *method,
+                    gboolean relief, Viewer *viewer, GError **error) {
     const struct method *own = scene_files_method(method, binding->path, error);
     if (own == NULL)
         return FALSE;
@@ -46,7 +46,7 @@ static gboolean scene_files_add(const struct scene_binding *binding, const struc
 gboolean scene_files_open(const struct viewer_options *o, const struct method *method,
                           gboolean relief, Viewer *viewer, GError **error) {
     for (int k = 0; k < o->n_bindings; k++)
-        if (!scene_files_add(&o->bindings[k], method, relief, viewer, error))
+        if (!add(&o->bindings[k], method, relief, viewer, error))
             return FALSE;
     return TRUE;
 }

@@ -87,7 +87,7 @@ static GLFWwindow *open_window(const struct viewer_options *options, GError **er
 }
 
 /* Bins relative to the fullest one, as square roots, so that small bins stay visible. */
-static void window_count_levels(struct window *w, const guint8 *rgb) {
+static void count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
     for (gsize k = 0; k < n; k++)
@@ -101,7 +101,7 @@ static void window_count_levels(struct window *w, const guint8 *rgb) {
 /* The camera's distance is fitted to a shape once, so that the shape keeps its size while the user
  * turns it. When the aspect of the picture changes (because of the panel or the window), the
  * distance changes by the same factor as that of a fitted camera. */
-static void window_fit(struct window *w, double aspect) {
+static void fit(struct window *w, double aspect) {
     struct viewer_settings *s = &w->now.settings;
     if (s->camera_distance == 0.0) {
         viewer_fit(w->viewer, s, aspect);
@@ -115,10 +115,10 @@ static void window_fit(struct window *w, double aspect) {
     w->aspect = aspect;
 }
 
-static gboolean window_draw_scene(struct window *w, int width, int height,
-                                  struct window_result *ret, GError **error) {
+static gboolean draw_scene(struct window *w, int width, int height, struct window_result *ret,
+                           GError **error) {
     const gint64 start = g_get_monotonic_time();
-    window_fit(w, (double)width / height);
+    fit(w, (double)width / height);
     if (!gpu_target_resize(&w->scene, width, height, GL_RGBA8, FALSE, error) ||
         !compose_draw(w->compose, w->viewer, w->second, &w->now.compose, &w->now.settings,
                       w->scene.framebuffer, width, height, error))
@@ -129,14 +129,14 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
     ret->n_frames++;
     g_autofree guint8 *rgb = w->panel ? gpu_target_read(&w->scene, error) : NULL;
     if (rgb != NULL)
-        window_count_levels(w, rgb);
+        count_levels(w, rgb);
     w->stale = FALSE;
     return rgb != NULL || !w->panel;
 }
 
 /* Sets the title only when it changes, because setting it is an event that would wake the loop for
  * the next frame. */
-static void window_set_title(struct window *w) {
+static void set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->now.shape); /* a path if the shape is a file */
     g_autofree char *session =
@@ -152,7 +152,7 @@ static void window_set_title(struct window *w) {
 }
 
 /* Draws the panel after every event, and the picture only when it has changed. */
-static gboolean window_draw_frame(struct window *w, struct window_result *ret, GError **error) {
+static gboolean draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     width -= panel_pixels(w);
@@ -163,23 +163,23 @@ static gboolean window_draw_frame(struct window *w, struct window_result *ret, G
     }
     if ((w->stale || w->now.close_after > 0 || w->scene.width != width ||
          w->scene.height != height) &&
-        !window_draw_scene(w, width, height, ret, error))
+        !draw_scene(w, width, height, ret, error))
         return FALSE;
     window_paint(w);
     glfwSwapBuffers(w->glfw);
     w->frames_due = MAX(w->frames_due - 1, 0);
-    window_set_title(w);
+    set_title(w);
     return gpu_check("the window", error);
 }
 
 /* Returns whether a frame must be drawn. An idle window draws nothing. It draws while a file is
  * opened, to show the progress, and while a text field shows its cursor. */
-static gboolean window_must_draw(const struct window *w) {
+static gboolean must_draw(const struct window *w) {
     return w->stale || w->frames_due > 0 || w->now.close_after > 0 || opener_is_busy(w->opener) ||
            ui_wants_keyboard();
 }
 
-static gboolean window_loop(struct window *w, struct window_result *ret, GError **error) {
+static gboolean loop(struct window *w, struct window_result *ret, GError **error) {
     int close_after = w->now.close_after;
     while (!glfwWindowShouldClose(w->glfw) && (close_after == 0 || ret->n_frames < close_after)) {
         if (close_after > 0 || w->stale || w->frames_due > 0)
@@ -192,14 +192,14 @@ static gboolean window_loop(struct window *w, struct window_result *ret, GError 
             return FALSE;
         if (close_after > 0 && !w->first_open) /* frames of the demonstration do not count */
             glfwWaitEventsTimeout(0.05);
-        else if (window_must_draw(w) && !window_draw_frame(w, ret, error))
+        else if (must_draw(w) && !draw_frame(w, ret, error))
             return FALSE;
     }
     return w->now.screenshot == NULL || window_save(w, w->now.screenshot, w->now.force, error);
 }
 
 /* Opens the requested shape, or the default shape and shows a sentence. */
-static gboolean window_set_first_shape(struct window *w, GError **error) {
+static gboolean set_first_shape(struct window *w, GError **error) {
     window_set_shape(w, w->now.shape, &w->now.settings);
     if (w->mesh != NULL)
         return TRUE;
@@ -215,13 +215,13 @@ static gboolean window_set_first_shape(struct window *w, GError **error) {
     return w->mesh != NULL;
 }
 
-static gboolean window_do_run(struct window *w, struct window_result *ret, GError **error) {
+static gboolean do_run(struct window *w, struct window_result *ret, GError **error) {
     w->viewer = viewer_new(NULL, error);
     w->compose = w->viewer != NULL ? compose_new(error) : NULL;
     if (w->compose == NULL)
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
-    if (!window_set_first_shape(w, error))
+    if (!set_first_shape(w, error))
         return FALSE;
     w->outlines = w->now.settings.silhouettes;
     w->now.settings.silhouettes = FALSE;
@@ -237,7 +237,7 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     }
     w->now.compose.mode = COMPOSE_ONE; /* one picture until the second material is open */
     w->now.second = NULL;
-    if (!viewer_open(w->viewer, w->now.method, NULL, error) || !window_draw_frame(w, ret, error))
+    if (!viewer_open(w->viewer, w->now.method, NULL, error) || !draw_frame(w, ret, error))
         return FALSE;
     ret->first_seconds = (double)(g_get_monotonic_time() - w->start->started_us) / G_USEC_PER_SEC;
     ret->n_frames = 0;
@@ -246,7 +246,7 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     if ((w->opener = opener_new(w->glfw, error)) == NULL)
         return FALSE;
     window_open_first(w);
-    const gboolean good = window_loop(w, ret, error);
+    const gboolean good = loop(w, ret, error);
     ret->memory = viewer_memory(w->viewer);
     return good;
 }
@@ -266,7 +266,7 @@ gboolean window_run(const struct viewer_options *options, struct window_result *
     w.chooser = chooser_new();
     window_listen(&w);
     w.ui = ui_new(w.glfw);
-    const gboolean good = window_do_run(&w, ret, error);
+    const gboolean good = do_run(&w, ret, error);
     window_clear_sources(&w);
     window_files_clear(&w);
     chooser_free(w.chooser);

@@ -43,7 +43,7 @@ static struct window *window_input_of(GLFWwindow *glfw) {
 }
 
 /* Removes the message when a key or button is pressed, because the user has read it. */
-static void window_input_pressed(struct window *w) {
+static void pressed(struct window *w) {
     if (w->message != NULL && !w->is_error)
         window_tell(w, NULL);
 }
@@ -71,7 +71,7 @@ static GLFWmonitor *monitor_of(GLFWwindow *glfw) {
     return found;
 }
 
-static void window_toggle_full_screen(struct window *w) {
+static void toggle_full_screen(struct window *w) {
     int *before = w->before_full_screen;
     GLFWmonitor *monitor = monitor_of(w->glfw);
     w->stale = TRUE;
@@ -90,7 +90,7 @@ static void window_toggle_full_screen(struct window *w) {
 }
 
 /* Closes the topmost dialog or panel, never the window. Called for Esc. */
-static void window_escape(struct window *w) {
+static void escape(struct window *w) {
     if (w->page != WINDOW_NO_PAGE)
         window_show_page(w, WINDOW_NO_PAGE);
     else if (chooser_is_open(w->chooser))
@@ -98,10 +98,10 @@ static void window_escape(struct window *w) {
     else if (w->message != NULL)
         window_tell(w, NULL);
     else if (glfwGetWindowMonitor(w->glfw) != NULL)
-        window_toggle_full_screen(w);
+        toggle_full_screen(w);
 }
 
-static void window_next_environment(struct window *w) {
+static void next_environment(struct window *w) {
     int k = 0;
     while (w->now.environment != NULL && environment_names[k] != NULL &&
            !g_str_equal(environment_names[k], w->now.environment))
@@ -114,7 +114,7 @@ static void window_next_environment(struct window *w) {
         window_set_environment(w, NULL, NULL);
 }
 
-static void window_reset(struct window *w) {
+static void reset(struct window *w) {
     const struct viewer_settings before = w->now.settings;
     struct viewer_settings *s = &w->now.settings;
     *s = w->start->settings;
@@ -148,11 +148,11 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
     struct window *w = window_input_of(glfw);
     if (action == GLFW_RELEASE)
         return;
-    window_input_pressed(w);
+    pressed(w);
     if (key == GLFW_KEY_ESCAPE)
-        window_escape(w);
+        escape(w);
     else if (key == GLFW_KEY_F11)
-        window_toggle_full_screen(w);
+        toggle_full_screen(w);
     else if (key == GLFW_KEY_F1)
         window_show_page(w, w->page == WINDOW_KEYS ? WINDOW_NO_PAGE : WINDOW_KEYS);
     else if (w->page == WINDOW_FILES && (key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER))
@@ -206,7 +206,7 @@ static void on_character(GLFWwindow *glfw, unsigned character) {
         window_toggle_backdrop(w);
         break;
     case 'e':
-        window_next_environment(w);
+        next_environment(w);
         break;
     case 'h':
         s->shadows = !s->shadows;
@@ -225,7 +225,7 @@ static void on_character(GLFWwindow *glfw, unsigned character) {
         s->plain = w->now.method == methods[0] && !s->plain;
         break;
     case 'r':
-        window_reset(w);
+        reset(w);
         break;
     case 's':
         window_screenshot(w);
@@ -283,14 +283,14 @@ static void on_drop(GLFWwindow *glfw, int n, const char **paths) {
         window_open(w, paths[k]);
 }
 
-static void window_input_on_stale(GLFWwindow *glfw) {
+static void on_stale(GLFWwindow *glfw) {
     window_input_of(glfw)->stale = TRUE;
 }
 
 static void on_button(GLFWwindow *glfw, int button, int action, int mods) {
     struct window *w = window_input_of(glfw);
     if (action == GLFW_PRESS)
-        window_input_pressed(w);
+        pressed(w);
 }
 
 static void on_entered(GLFWwindow *glfw, int entered) {
@@ -298,7 +298,7 @@ static void on_entered(GLFWwindow *glfw, int entered) {
 }
 
 static void on_size(GLFWwindow *glfw, int width, int height) {
-    window_input_on_stale(glfw);
+    on_stale(glfw);
 }
 
 void window_listen(struct window *w) {
@@ -311,7 +311,7 @@ void window_listen(struct window *w) {
     glfwSetCursorEnterCallback(w->glfw, on_entered);
     glfwSetWindowFocusCallback(w->glfw, on_entered);
     glfwSetFramebufferSizeCallback(w->glfw, on_size);
-    glfwSetWindowRefreshCallback(w->glfw, window_input_on_stale);
+    glfwSetWindowRefreshCallback(w->glfw, on_stale);
     glfwSetDropCallback(w->glfw, on_drop);
     glfwGetCursorPos(w->glfw, &w->x, &w->y);
 }

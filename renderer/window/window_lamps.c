@@ -69,7 +69,7 @@ static double around(double deg) {
 }
 
 /* Turns the environment's lamps without cutting the environment into lamps again. */
-static void window_turn_environment(struct window *w, double to_deg) {
+static void turn_environment(struct window *w, double to_deg) {
     struct viewer_settings *s = &w->now.settings;
     for (int k = w->n_lamps; k < s->n_lamps; k++)
         s->lamps[k].phi_deg += to_deg - s->environment_turn_deg;
@@ -80,7 +80,7 @@ static void window_turn_environment(struct window *w, double to_deg) {
 void window_move_lamp(struct window *w, double by_theta_deg, double by_phi_deg) {
     struct viewer_settings *s = &w->now.settings;
     if (w->lamp > w->n_lamps) {
-        window_turn_environment(w, around(s->environment_turn_deg + by_phi_deg));
+        turn_environment(w, around(s->environment_turn_deg + by_phi_deg));
         return;
     }
     double *theta = w->lamp == 0 ? &s->light_theta_deg : &s->lamps[w->lamp - 1].theta_deg;
@@ -156,7 +156,7 @@ static void draw_chosen_lamp(struct window *w) {
     } else {
         double turn = around(s->environment_turn_deg);
         if (ui_slider(settings_table[SETTING_ENVIRONMENT_TURN].label, &turn, 0.0, 360.0, "%.0f°"))
-            window_turn_environment(w, turn);
+            turn_environment(w, turn);
         if (window_draw_setting(w, SETTING_ENVIRONMENT_LAMPS))
             window_relight(w);
         window_draw_setting(w, SETTING_BACKDROP);

@@ -7,7 +7,7 @@
 
 /* Returns a method for which the session has a product. The present method is preferred, then the
  * first one. Returns NULL if there is none. */
-static const struct method *window_method_of(const struct window *w, const char *session) {
+static const struct method *method_of(const struct window *w, const char *session) {
     for (int k = -1; k < 0 || methods[k] != NULL; k++) {
         const struct method *method = k < 0 ? w->now.method : methods[k];
         g_autofree char *path = method->product != NULL ? method_path(method, session) : NULL;
@@ -18,7 +18,7 @@ static const struct method *window_method_of(const struct window *w, const char 
 }
 
 static void window_open_session(struct window *w, const char *path) {
-    const struct method *method = window_method_of(w, path);
+    const struct method *method = method_of(w, path);
     g_autofree char *database = g_build_filename(path, "session.db", NULL);
     if (method != NULL)
         window_ask_material(w, path, method);
@@ -82,7 +82,7 @@ static gboolean is_being_captured(const struct window *w, const char *path) {
 /* Returns whether MATERIAL of the command line has to be opened as a material. It may be any file
  * that window_open() accepts. If it is not a material, opening it gives the error that the user
  * should see. */
-static gboolean window_has_material(struct window *w) {
+static gboolean has_material(struct window *w) {
     const struct viewer_options *o = w->start;
     struct file_opened file;
     g_autoptr(GError) error = NULL;
@@ -136,7 +136,7 @@ static void window_open_scene(struct window *w) {
 void window_open_first(struct window *w) {
     const struct viewer_options *o = w->start;
     window_open_scene(w);
-    if (!window_has_material(w)) {
+    if (!has_material(w)) {
         if (o->environment != NULL)
             window_ask_environment(w, o->environment);
         return;
@@ -213,7 +213,7 @@ void window_ask_file(struct window *w, enum chooser_what what) {
     window_follow_chooser(w);
 }
 
-static void window_take_chosen(struct window *w, const char *path) {
+static void take_chosen(struct window *w, const char *path) {
     if (w->chooser_what == CHOOSER_SAVE)
         window_save_named(w, path, TRUE); /* the dialog has asked the user */
     else
@@ -224,7 +224,7 @@ void window_follow_chooser(struct window *w) {
     g_autofree char *path = NULL;
     const enum chooser_state state = chooser_poll(w->chooser, &path);
     if (state == CHOOSER_CHOSEN) {
-        window_take_chosen(w, path);
+        take_chosen(w, path);
     } else if (state == CHOOSER_UNAVAILABLE) {
         g_autofree char *folder = NULL, *name = NULL;
         if (w->chooser_what == CHOOSER_SAVE)

@@ -2,7 +2,7 @@
 #include "recent.h"
 #include "window_private.h"
 
-static void window_set_message(struct window *w, const char *message, gboolean is_error) {
+static void set_message(struct window *w, const char *message, gboolean is_error) {
     char *copy = g_strdup(message); /* message may be the present one */
     g_free(w->message);
     w->message = copy;
@@ -13,11 +13,11 @@ static void window_set_message(struct window *w, const char *message, gboolean i
 void window_say(struct window *w, const char *error) {
     if (error != NULL)
         g_printerr("mesorig-view: %s\n", error);
-    window_set_message(w, error, TRUE);
+    set_message(w, error, TRUE);
 }
 
 void window_tell(struct window *w, const char *sentence) {
-    window_set_message(w, sentence, FALSE);
+    set_message(w, sentence, FALSE);
 }
 
 void window_show_page(struct window *w, enum window_page page) {
@@ -87,7 +87,7 @@ static void draw_message(struct window *w, struct ui_box picture) {
     }
     ui_end_window();
     if (closed)
-        window_set_message(w, NULL, FALSE);
+        set_message(w, NULL, FALSE);
 }
 
 void window_draw_pages(struct window *w, struct ui_box picture) {

@@ -56,7 +56,7 @@ struct VirtualModbus {
     gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0 if the coil stays as it is */
 };
 
-static double virtual_modbus_travelled(const VirtualModbus *device, double way, double t) {
+static double modbus_travelled(const VirtualModbus *device, double way, double t) {
     double a = device->options.accel_steps_s2;
     double v = MIN(device->speed_steps_s, sqrt(a * way));
     double ramp = v / a, left = MAX(0, way / v + ramp - t);
@@ -74,7 +74,7 @@ static double position_at(const VirtualModbus *device, gint64 now_us) {
     if (device->phase == BRAKING)
         return device->from + device->speed0 * t -
                copysign(device->options.accel_steps_s2 * t * t / 2, device->speed0);
-    return device->from + copysign(virtual_modbus_travelled(device, fabs(way), t), way);
+    return device->from + copysign(modbus_travelled(device, fabs(way), t), way);
 }
 
 static void update_motion(VirtualModbus *device) {
@@ -136,7 +136,7 @@ static void update_watchdogs(VirtualModbus *device) {
     brake(device);
 }
 
-static void virtual_modbus_obey(VirtualModbus *device) {
+static void modbus_obey(VirtualModbus *device) {
     const guint16 *registers = device->mapping->tab_registers;
     gint32 target = (gint32)((guint32)registers[TARGET] << 16 | registers[TARGET + 1]);
     switch (registers[COMMAND]) {
@@ -160,7 +160,7 @@ static void virtual_modbus_obey(VirtualModbus *device) {
     }
 }
 
-static void virtual_modbus_show(VirtualModbus *device) {
+static void modbus_show(VirtualModbus *device) {
     struct virtual_modbus_state *state = &device->state;
     gint32 position = (gint32)lround(state->position_steps);
     guint16 *at = device->mapping->tab_registers + VIRTUAL_MODBUS_STATUS;
@@ -196,7 +196,7 @@ static void react(VirtualModbus *device, const guint8 *query) {
     if (pdu[0] != 6 && pdu[0] != 16)
         return;
     if (address <= COMMAND && COMMAND < address + n)
-        virtual_modbus_obey(device);
+        modbus_obey(device);
     if (address <= WATCHDOG && WATCHDOG < address + n)
         device->state.watchdogs++;
 }
@@ -233,8 +233,8 @@ static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exc
 }
 
 /* Makes an answer. Returns its length, and the time for which it is delayed. */
-static int virtual_modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
-                                 gint64 *ret_hold_us) {
+static int modbus_answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret,
+                         gint64 *ret_hold_us) {
     struct virtual_modbus_faults *faults = &device->faults;
     gboolean good = due(&faults->skip);
     int exception = !good && due(&faults->refused) ? faults->exception : 0;
@@ -244,7 +244,7 @@ static int virtual_modbus_answer(VirtualModbus *device, const guint8 *query, int
     update_watchdogs(device);
     memcpy(coils, device->mapping->tab_bits, sizeof coils);
     device->heard_us = g_get_monotonic_time();
-    virtual_modbus_show(device);
+    modbus_show(device);
     int made = make_reply(device, query, n, exception, ret);
     if (!exception && made > 0 && !(ret[modbus_get_header_length(device->context)] & 0x80))
         react(device, query);
@@ -272,7 +272,7 @@ static void hang_up(VirtualModbus *device) {
     device->wire = -1;
 }
 
-static void virtual_modbus_serve(VirtualModbus *device) {
+static void modbus_serve(VirtualModbus *device) {
     guint8 query[MODBUS_TCP_MAX_ADU_LENGTH], reply[MODBUS_TCP_MAX_ADU_LENGTH];
     gint64 hold_us = 0;
     modbus_set_socket(device->context, device->wire);
@@ -284,7 +284,7 @@ static void virtual_modbus_serve(VirtualModbus *device) {
         return;
     g_mutex_lock(&device->mutex);
     const gboolean dead = device->faults.cut || g_get_monotonic_time() < device->state.usable_us;
-    n = dead ? 0 : virtual_modbus_answer(device, query, n, reply, &hold_us);
+    n = dead ? 0 : modbus_answer(device, query, n, reply, &hold_us);
     g_mutex_unlock(&device->mutex);
     if (hold_us > 0)
         g_usleep((gulong)hold_us);
@@ -356,7 +356,7 @@ static int wait_ms(VirtualModbus *device) {
     return active ? TICK_MS : -1;
 }
 
-static gpointer virtual_modbus_run(gpointer data) {
+static gpointer modbus_run(gpointer data) {
     VirtualModbus *device = data;
     char byte;
     for (;;) {
@@ -378,12 +378,12 @@ static gpointer virtual_modbus_run(gpointer data) {
             device->state.connections++;
             g_mutex_unlock(&device->mutex);
         } else if (fds[2].revents) {
-            virtual_modbus_serve(device);
+            modbus_serve(device);
         }
     }
 }
 
-static void virtual_modbus_wake(VirtualModbus *device) {
+static void modbus_wake(VirtualModbus *device) {
     if (write(device->wake[1], "", 1) < 0)
         g_warning("virtual modbus: %s", g_strerror(errno));
 }
@@ -428,11 +428,11 @@ VirtualModbus *virtual_modbus_new(const struct virtual_modbus_options *options, 
     modbus_set_slave(device->context, options->unit);
     modbus_set_indication_timeout(device->context, 0, 200000);
     modbus_set_response_timeout(device->context, 0, 1000);
-    device->thread = g_thread_new("virtual-modbus", virtual_modbus_run, device);
+    device->thread = g_thread_new("virtual-modbus", modbus_run, device);
     return device;
 }
 
-static void virtual_modbus_close_all(const int *fds, int n) {
+static void modbus_close_all(const int *fds, int n) {
     for (int i = 0; i < n; i++)
         if (fds[i] >= 0)
             close(fds[i]);
@@ -445,13 +445,13 @@ void virtual_modbus_free(VirtualModbus *device) {
         g_mutex_lock(&device->mutex);
         device->quit = TRUE;
         g_mutex_unlock(&device->mutex);
-        virtual_modbus_wake(device);
+        modbus_wake(device);
         g_thread_join(device->thread);
     }
     stop_listening(device);
-    virtual_modbus_close_all(&device->slave, 1);
-    virtual_modbus_close_all(device->wake, 2);
-    virtual_modbus_close_all(device->made, 2);
+    modbus_close_all(&device->slave, 1);
+    modbus_close_all(device->wake, 2);
+    modbus_close_all(device->made, 2);
     if (device->mapping)
         modbus_mapping_free(device->mapping);
     if (device->context)
@@ -476,14 +476,14 @@ void virtual_modbus_restart(VirtualModbus *device, int down_ms) {
     g_mutex_lock(&device->mutex);
     device->down_ms = MAX(down_ms, 1);
     g_mutex_unlock(&device->mutex);
-    virtual_modbus_wake(device);
+    modbus_wake(device);
 }
 
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret) {
     g_mutex_lock(&device->mutex);
     update_motion(device);
     update_watchdogs(device);
-    virtual_modbus_show(device);
+    modbus_show(device);
     *ret = device->state;
     g_mutex_unlock(&device->mutex);
 }

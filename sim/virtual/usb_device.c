@@ -140,7 +140,7 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
 }
 
 /* Requests the data of a bulk transfer that waits for it. */
-static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
+static void usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     const struct usbdevfs_urb *urb = urb_of(flight);
     int size = urb->buffer_length;
     if (usb->fault == VIRTUAL_USB_SILENT)
@@ -165,8 +165,8 @@ static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     flight->length = n;
 }
 
-static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *client,
-                                      UMockdevIoctlData *arg) {
+static void usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *client,
+                              UMockdevIoctlData *arg) {
     g_autoptr(UMockdevIoctlData) data =
         umockdev_ioctl_data_resolve(arg, 0, sizeof(struct usbdevfs_urb), NULL);
     const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)data->data;
@@ -217,7 +217,7 @@ static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client
             continue;
         if (usb->sysfs && flight->waits && !(asked & endpoint_bit(urb_of(flight)->endpoint))) {
             asked |= endpoint_bit(urb_of(flight)->endpoint);
-            virtual_usb_device_fill(usb, flight);
+            usb_device_fill(usb, flight);
         }
         if (!usb->sysfs)
             flight->status = -ESHUTDOWN;
@@ -287,8 +287,8 @@ static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData
     flight_free(flight);
 }
 
-static void virtual_usb_device_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
-                                           gpointer data) {
+static void usb_device_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                   gpointer data) {
     VirtualUsb *usb = data;
     g_mutex_lock(&usb->mutex);
     for (GList *l = usb->flying.head, *next; l; l = next) {
@@ -302,8 +302,8 @@ static void virtual_usb_device_on_vanished(UMockdevIoctlBase *handler, UMockdevI
     g_mutex_unlock(&usb->mutex);
 }
 
-static gboolean virtual_usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
-                                            gpointer data) {
+static gboolean usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                    gpointer data) {
     VirtualUsb *usb = data;
     UMockdevIoctlData *arg = umockdev_ioctl_client_get_arg(client);
     gulong request = umockdev_ioctl_client_get_request(client);
@@ -321,7 +321,7 @@ static gboolean virtual_usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdev
                request == USBDEVFS_DISCONNECT_CLAIM) {
         umockdev_ioctl_client_complete(client, 0, 0);
     } else if (request == USBDEVFS_SUBMITURB) {
-        virtual_usb_device_submit(usb, client, arg);
+        usb_device_submit(usb, client, arg);
     } else if (request == USBDEVFS_DISCARDURB) {
         discard(usb, client, arg);
     } else if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY) {
@@ -420,9 +420,8 @@ VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpo
     usb->port = port;
     g_mutex_init(&usb->mutex);
     usb->handler = umockdev_ioctl_base_new();
-    testbed_connect(usb->handler, "handle-ioctl", G_CALLBACK(virtual_usb_device_on_ioctl), usb);
-    testbed_connect(usb->handler, "client-vanished", G_CALLBACK(virtual_usb_device_on_vanished),
-                    usb);
+    testbed_connect(usb->handler, "handle-ioctl", G_CALLBACK(usb_device_on_ioctl), usb);
+    testbed_connect(usb->handler, "client-vanished", G_CALLBACK(usb_device_on_vanished), usb);
     virtual_usb_plug(usb);
     return usb;
 }

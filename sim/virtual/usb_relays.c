@@ -26,7 +26,7 @@ static const guint8 config_second[] = {
     9, 2, 43, 0, 2, 1, 0, 0x80, 50, INTERFACE(0, 0, 0xff), INTERFACE(1, 1, 3), HID, INTERRUPT(0x85)};
 /* clang-format on */
 
-static void virtual_usb_relays_set_state(VirtualRelays *relays, guint state) {
+static void usb_relays_set_state(VirtualRelays *relays, guint state) {
     guint changed = relays->state ^ state;
     relays->state = state;
     for (int i = 0; i < MAX_RELAYS; i++)
@@ -36,10 +36,10 @@ static void virtual_usb_relays_set_state(VirtualRelays *relays, guint state) {
 
 static void set_relays(VirtualRelays *relays, guint mask, gboolean on) {
     mask &= ((1u << relays->n) - 1) & ~relays->stuck;
-    virtual_usb_relays_set_state(relays, on ? relays->state | mask : relays->state & ~mask);
+    usb_relays_set_state(relays, on ? relays->state | mask : relays->state & ~mask);
 }
 
-static int virtual_usb_relays_control(gpointer model, const guint8 *setup, guint8 *data) {
+static int usb_relays_control(gpointer model, const guint8 *setup, guint8 *data) {
     VirtualRelays *relays = model;
     int value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8;
     int length = setup[6] | setup[7] << 8;
@@ -69,7 +69,7 @@ VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port
                                    .serial = "",
                                    .config = second ? config_second : config,
                                    .config_size = second ? sizeof config_second : sizeof config,
-                                   .control = virtual_usb_relays_control};
+                                   .control = usb_relays_control};
     g_strlcpy(relays->serial, serial, sizeof relays->serial);
     relays->interface = second ? 1 : 0;
     relays->n = name[strlen(name) - 1] - '0';
@@ -120,6 +120,6 @@ void virtual_relays_stick(VirtualRelays *relays, guint mask) {
 
 void virtual_relays_lose_power(VirtualRelays *relays) {
     virtual_usb_lock(relays->usb);
-    virtual_usb_relays_set_state(relays, 0);
+    usb_relays_set_state(relays, 0);
     virtual_usb_unlock(relays->usb);
 }

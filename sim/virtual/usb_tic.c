@@ -77,7 +77,7 @@ static void halt(VirtualTic *tic) {
     tic->uncertain = TRUE;
 }
 
-static void virtual_usb_tic_step(VirtualTic *tic, double dt) {
+static void usb_tic_step(VirtualTic *tic, double dt) {
     int bits = errors(tic);
     if (bits == 0) /* in normal operation the safe start stays exited */
         tic->safe_start_us = MAX(tic->safe_start_us, tic->now_us + STEP_US);
@@ -107,11 +107,11 @@ static void virtual_usb_tic_step(VirtualTic *tic, double dt) {
     }
 }
 
-static void virtual_usb_tic_run(VirtualTic *tic) {
+static void usb_tic_run(VirtualTic *tic) {
     gint64 now = g_get_monotonic_time();
     while (tic->now_us + STEP_US <= now) {
         tic->now_us += STEP_US;
-        virtual_usb_tic_step(tic, STEP_US * 1e-6);
+        usb_tic_step(tic, STEP_US * 1e-6);
     }
     if (tic->part.kind != WORLD_PART_NONE)
         world_part_turn(&tic->part, (tic->steps - tic->zero_steps) / tic->steps_per_deg,
@@ -141,8 +141,7 @@ static int get_variable(const VirtualTic *tic, int offset, int length, guint8 *d
     return length;
 }
 
-static int virtual_usb_tic_get_setting(const VirtualTic *tic, int offset, int length,
-                                       guint8 *data) {
+static int usb_tic_get_setting(const VirtualTic *tic, int offset, int length, guint8 *data) {
     guint8 all[0x60] = {0};
     if (length < 1 || offset + length > (int)sizeof all)
         return -EPIPE;
@@ -154,7 +153,7 @@ static int virtual_usb_tic_get_setting(const VirtualTic *tic, int offset, int le
 }
 
 /* Carries out requests that also end a command timeout. */
-static void virtual_usb_tic_command(VirtualTic *tic, int request, gint32 value) {
+static void usb_tic_command(VirtualTic *tic, int request, gint32 value) {
     gboolean obeys = tic->mode == 0;
     tic->command_us = tic->now_us;
     if (request == 0x83)
@@ -177,16 +176,16 @@ static void virtual_usb_tic_command(VirtualTic *tic, int request, gint32 value) 
     }
 }
 
-static int virtual_usb_tic_control(gpointer model, const guint8 *setup, guint8 *data) {
+static int usb_tic_control(gpointer model, const guint8 *setup, guint8 *data) {
     VirtualTic *tic = model;
     int request = setup[1], value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8;
     gint32 both = (gint32)((guint32)value | (guint32)index << 16);
     int length = setup[6] | setup[7] << 8;
-    virtual_usb_tic_run(tic);
+    usb_tic_run(tic);
     if (setup[0] == 0xc0 && request == 0xa1)
         return get_variable(tic, index, length, data);
     if (setup[0] == 0xc0 && request == 0xa8)
-        return virtual_usb_tic_get_setting(tic, index, length, data);
+        return usb_tic_get_setting(tic, index, length, data);
     if (setup[0] != 0x40)
         return -EPIPE;
     switch (request) {
@@ -197,7 +196,7 @@ static int virtual_usb_tic_control(gpointer model, const guint8 *setup, guint8 *
     case 0xe0:
     case 0xe3:
     case 0xec:
-        virtual_usb_tic_command(tic, request, both);
+        usb_tic_command(tic, request, both);
         return 0;
     case 0x86:
         tic->energized = FALSE;
@@ -227,8 +226,8 @@ static int virtual_usb_tic_control(gpointer model, const guint8 *setup, guint8 *
 VirtualTic *virtual_tic_new(const char *serial, int port, double travel, double at) {
     VirtualTic *tic = g_new0(VirtualTic, 1);
     tic->serial = g_strdup(serial);
-    tic->class = (struct virtual_usb_class){
-        0x1ffb, 0x00b5, "Tic T834", tic->serial, config, sizeof config, virtual_usb_tic_control};
+    tic->class = (struct virtual_usb_class){0x1ffb, 0x00b5,        "Tic T834",     tic->serial,
+                                            config, sizeof config, usb_tic_control};
     tic->travel = travel;
     tic->timeout_ms = 1000;
     tic->now_us = tic->command_us = g_get_monotonic_time();
@@ -253,12 +252,12 @@ VirtualUsb *virtual_tic_usb(VirtualTic *tic) {
     return tic->usb;
 }
 
-static void virtual_usb_tic_enter(VirtualTic *tic) {
+static void usb_tic_enter(VirtualTic *tic) {
     virtual_usb_lock(tic->usb);
-    virtual_usb_tic_run(tic);
+    usb_tic_run(tic);
 }
 
-static void virtual_usb_tic_leave(VirtualTic *tic) {
+static void usb_tic_leave(VirtualTic *tic) {
     virtual_usb_unlock(tic->usb);
 }
 
@@ -273,67 +272,67 @@ gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, doubl
     tic->part = found;
     tic->steps_per_deg = steps_per_deg;
     tic->zero_steps = zero_steps;
-    virtual_usb_tic_run(tic);
+    usb_tic_run(tic);
     virtual_usb_unlock(tic->usb);
     world_part_clear(&before);
     return TRUE;
 }
 
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     tic->mode = control_mode;
     tic->timeout_ms = command_timeout_ms;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
 }
 
 void virtual_tic_enter_safe_start(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     tic->safe_start_us = 0;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
 }
 
 void virtual_tic_lose_steps(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     tic->uncertain = TRUE;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
 }
 
 void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     tic->blocked = blocked;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
 }
 
 void virtual_tic_cut_switches(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     tic->cut = TRUE;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
 }
 
 double virtual_tic_steps(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     double steps = tic->steps;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
     return steps;
 }
 
 double virtual_tic_speed(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     double speed = fabs(tic->velocity);
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
     return speed;
 }
 
 double virtual_tic_top_speed(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     double speed = tic->top_speed;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
     return speed;
 }
 
 gboolean virtual_tic_has_timed_out(VirtualTic *tic) {
-    virtual_usb_tic_enter(tic);
+    usb_tic_enter(tic);
     gboolean has = errors(tic) & 1 << TIMED_OUT;
-    virtual_usb_tic_leave(tic);
+    usb_tic_leave(tic);
     return has;
 }

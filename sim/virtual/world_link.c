@@ -23,8 +23,7 @@ static const struct {
     {"probe", WORLD_PART_PROBE, world_set_probe},
 };
 
-static gboolean virtual_world_link_find(const World *world, const char *name,
-                                        struct world_part *ret) {
+static gboolean world_link_find(const World *world, const char *name, struct world_part *ret) {
     for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
         if (strcmp(name, axes[i].name) == 0) {
             ret->kind = axes[i].kind;
@@ -42,7 +41,7 @@ static gboolean virtual_world_link_find(const World *world, const char *name,
 
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error) {
     struct world_part part = {0};
-    if (!virtual_world_link_find(world, name, &part)) {
+    if (!world_link_find(world, name, &part)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                     "the world has no \"%s\"; give turntable, arc, arm or probe, or \"sweep "
                     "NAME\", \"lamp NAME\" or \"laser NAME\" with a name in the world file",

@@ -29,8 +29,8 @@ void optics_camera_turn(struct optics_camera *camera, double rx, double ry, doub
 
 /* Newton's method on the two equations of the distorted point. It starts at the distorted point,
  * and converges in two or three steps for any lens that does not fold the picture. */
-static void optics_undistort(const struct optics_camera *camera, double xd, double yd,
-                             double *ret_x, double *ret_y) {
+static void undistort(const struct optics_camera *camera, double xd, double yd, double *ret_x,
+                      double *ret_y) {
     double x = xd, y = yd, p1 = camera->p1, p2 = camera->p2;
     for (int i = 0; i < 20; i++) {
         double r2 = x * x + y * y, scale = 1 + r2 * (camera->k1 + r2 * camera->k2);
@@ -58,7 +58,7 @@ double optics_magnification(const struct optics_camera *camera, const double wei
 struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px) {
     double x = (x_px - camera->centre_x_px) / camera->focal_px;
     double y = (y_px - camera->centre_y_px) / camera->focal_px;
-    optics_undistort(camera, x, y, &x, &y);
+    undistort(camera, x, y, &x, &y);
     return v3_norm(v3_mad(camera->right, x, v3_mad(camera->down, y, camera->forward)));
 }
 

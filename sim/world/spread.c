@@ -28,7 +28,7 @@ void spread_init(struct spread *spread, double blur_px) {
     }
 }
 
-static double spread_place(const struct spread *spread, double part) {
+static double place(const struct spread *spread, double part) {
     const double step = part * SPREAD_STEPS;
     const int i = MIN((int)step, SPREAD_STEPS - 1);
     return spread->at_px[i] + (step - i) * (spread->at_px[i + 1] - spread->at_px[i]);
@@ -53,7 +53,7 @@ void spread_pixel(const struct spread *spread, struct sample_random *random, int
     for (int j = 0; j < n; j++)
         for (int i = 0; i < n; i++) {
             double *to = ret_xy_px + 2 * (j * across + i);
-            to[0] = spread_place(spread, (i + (columns[i][j] + sample_uniform(random)) / n) / n);
-            to[1] = spread_place(spread, (j + (rows[j][i] + sample_uniform(random)) / n) / n);
+            to[0] = place(spread, (i + (columns[i][j] + sample_uniform(random)) / n) / n);
+            to[1] = place(spread, (j + (rows[j][i] + sample_uniform(random)) / n) / n);
         }
 }

@@ -7,7 +7,7 @@
 /* Fine samples per texel, in x and y, in which depth edges are looked for. */
 #define FINE 4
 
-static void truth_give(struct v3 v, double ret[3]) {
+static void give(struct v3 v, double ret[3]) {
     ret[0] = v.x;
     ret[1] = v.y;
     ret[2] = v.z;
@@ -15,13 +15,13 @@ static void truth_give(struct v3 v, double ret[3]) {
 
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
     const struct optics_camera at = world_camera_at(world, camera, world->arm_deg);
-    truth_give(world_eye_mm(world, &at, turntable_deg), ret);
+    give(world_eye_mm(world, &at, turntable_deg), ret);
 }
 
 void truth_to_rig(World *world, double turntable_deg, const double sample_mm[3],
                   double ret_rig_mm[3]) {
-    truth_give(world_to_rig(world, turntable_deg, v3(sample_mm[0], sample_mm[1], sample_mm[2])),
-               ret_rig_mm);
+    give(world_to_rig(world, turntable_deg, v3(sample_mm[0], sample_mm[1], sample_mm[2])),
+         ret_rig_mm);
 }
 
 void truth_camera(World *world, int camera, struct truth_camera *ret) {
@@ -32,10 +32,10 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
                                  .k2 = from->k2,
                                  .p1 = from->p1,
                                  .p2 = from->p2};
-    truth_give(from->centre_mm, ret->centre_mm);
-    truth_give(from->right, ret->right);
-    truth_give(from->down, ret->down);
-    truth_give(from->forward, ret->forward);
+    give(from->centre_mm, ret->centre_mm);
+    give(from->right, ret->right);
+    give(from->down, ret->down);
+    give(from->forward, ret->forward);
 }
 
 /* Newton's method on the viewing rays of pixels, the same rays that render the pictures. */
@@ -62,14 +62,14 @@ void truth_project(World *world, int camera, const double point_mm[3], double re
 
 void truth_arc(World *world, struct truth_arc *ret) {
     ret->zero_deg = world->arc.zero * 180 / G_PI;
-    truth_give(world->arc.z, ret->axis);
-    truth_give(world->arc.centre_mm, ret->centre_mm);
+    give(world->arc.z, ret->axis);
+    give(world->arc.centre_mm, ret->centre_mm);
 }
 
 static void give_swing(const struct optics_swing *from, struct truth_swing *ret) {
     ret->zero_deg = from->zero * 180 / G_PI;
-    truth_give(from->axis, ret->axis);
-    truth_give(from->centre_mm, ret->centre_mm);
+    give(from->axis, ret->axis);
+    give(from->centre_mm, ret->centre_mm);
 }
 
 void truth_arm(World *world, struct truth_swing *ret) {
@@ -81,7 +81,7 @@ void truth_probe(World *world, struct truth_swing *ret) {
 }
 
 /* A lamp in the rig frame. */
-static struct optics_lamp truth_lamp_at(World *world, int lamp, double arc_deg) {
+static struct optics_lamp lamp_at(World *world, int lamp, double arc_deg) {
     struct light_pose pose = world_lamp_pose(world, lamp, arc_deg, world->probe_deg, 0);
     pose.upright = TRUE;
     return world_lamp_at(world, lamp, pose);
@@ -89,15 +89,15 @@ static struct optics_lamp truth_lamp_at(World *world, int lamp, double arc_deg) 
 
 void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
                 double ret_aim[3]) {
-    struct optics_lamp at = truth_lamp_at(world, lamp, arc_deg);
-    truth_give(at.position_mm, ret_position_mm);
+    struct optics_lamp at = lamp_at(world, lamp, arc_deg);
+    give(at.position_mm, ret_position_mm);
     if (ret_aim)
-        truth_give(at.aim, ret_aim);
+        give(at.aim, ret_aim);
 }
 
 double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
                    int colour) {
-    struct optics_lamp at = truth_lamp_at(world, lamp, arc_deg);
+    struct optics_lamp at = lamp_at(world, lamp, arc_deg);
     struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
     double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
     truth_project(world, camera, point_mm, xy);
@@ -106,27 +106,27 @@ double truth_white(World *world, int camera, int lamp, double arc_deg, const dou
 }
 
 /* A laser in the rig frame. */
-static struct optics_laser truth_laser_at(World *world, int laser, double arc_deg) {
+static struct optics_laser laser_at(World *world, int laser, double arc_deg) {
     struct light_pose pose = world_light_pose(world, world->laser_fixed[laser], arc_deg, 0);
     pose.upright = TRUE;
     return world_laser_at(world, laser, pose);
 }
 
 double truth_laser_sweep_deg(World *world, int laser, double arc_deg, const double point_mm[3]) {
-    struct optics_laser at = truth_laser_at(world, laser, arc_deg);
+    struct optics_laser at = laser_at(world, laser, arc_deg);
     return optics_laser_angle(&at, v3(point_mm[0], point_mm[1], point_mm[2])) * 180 / G_PI;
 }
 
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret) {
-    struct optics_laser at = truth_laser_at(world, laser, arc_deg);
+    struct optics_laser at = laser_at(world, laser, arc_deg);
     double s = sweep_deg * G_PI / 180 - at.start;
     struct v3 aside = v3_cross(at.axis, at.forward);
     struct v3 normal = v3_mad(aside, cos(s), v3_mad(at.forward, -sin(s), v3(0, 0, 0)));
-    truth_give(normal, ret->normal);
+    give(normal, ret->normal);
     ret->offset_mm = v3_dot(normal, at.position_mm);
-    truth_give(at.position_mm, ret->source_mm);
-    truth_give(at.axis, ret->axis);
+    give(at.position_mm, ret->source_mm);
+    give(at.axis, ret->axis);
 }
 
 /* A raster of points of the reference plane, fine × fine per texel; and what the viewing rays
@@ -192,7 +192,7 @@ static void distances(World *world, int camera, double turntable_deg, const stru
 }
 
 /* Flags the texels within one texel of a step that lies between fine samples (i, j) and a next. */
-static void truth_flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
+static void flag_edge(const struct truth_grid *grid, int i, int j, guint8 *edge) {
     double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
     int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
     int from_y = MAX(0, (int)ceil(y - 1.5)), to_y = MIN(grid->height - 1, (int)floor(y + 0.5));
@@ -216,7 +216,7 @@ void truth_mdf(World *world, int camera, double turntable_deg, const struct trut
             float d = fine[j * w + i];
             if ((i + 1 < w && fabsf(fine[j * w + i + 1] - d) > step) ||
                 (j + 1 < h && fabsf(fine[(j + 1) * w + i] - d) > step))
-                truth_flag_edge(grid, i, j, ret_edge);
+                flag_edge(grid, i, j, ret_edge);
         }
     }
 }

@@ -73,7 +73,7 @@ void world_unref(World *world) {
         free_world(world);
 }
 
-static int world_find(char *const *names, int n, const char *name) {
+static int find(char *const *names, int n, const char *name) {
     for (int i = 0; i < n; i++)
         if (g_str_equal(names[i], name))
             return i;
@@ -81,15 +81,15 @@ static int world_find(char *const *names, int n, const char *name) {
 }
 
 int world_find_camera(const World *world, const char *name) {
-    return world_find(world->camera_names, world->n_cameras, name);
+    return find(world->camera_names, world->n_cameras, name);
 }
 
 int world_find_lamp(const World *world, const char *name) {
-    return world_find(world->lamp_names, world->n_lamps, name);
+    return find(world->lamp_names, world->n_lamps, name);
 }
 
 int world_find_laser(const World *world, const char *name) {
-    return world_find(world->laser_names, world->n_lasers, name);
+    return find(world->laser_names, world->n_lasers, name);
 }
 
 void world_sensor(const World *world, int camera, struct world_sensor *ret) {
@@ -111,7 +111,7 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) 
 }
 
 /* Before the oldest turn that is known, that one counts. */
-static double world_turntable_at(const World *world, gint64 at_us) {
+static double turntable_at(const World *world, gint64 at_us) {
     const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
     guint i = world->n_turns - 1;
     while (i > oldest && world->turns[i % WORLD_TURNS].from_us > at_us)
@@ -120,13 +120,12 @@ static double world_turntable_at(const World *world, gint64 at_us) {
     return turn->deg + turn->deg_s * 1e-6 * (double)(at_us - turn->from_us);
 }
 
-static void world_note_turntable(const World *world, gint64 start_us, gint64 exposure_us,
-                                 struct world_state *state) {
-    const double from = world_turntable_at(world, start_us);
+static void note_turntable(const World *world, gint64 start_us, gint64 exposure_us,
+                           struct world_state *state) {
+    const double from = turntable_at(world, start_us);
     state->turning_deg[0] = from;
     for (int i = 1; i < WORLD_INSTANTS; i++) {
-        const double at =
-            world_turntable_at(world, start_us + exposure_us * i / (WORLD_INSTANTS - 1));
+        const double at = turntable_at(world, start_us + exposure_us * i / (WORLD_INSTANTS - 1));
         state->turning_deg[i] = at == from ? at : from + remainder(at - from, 360);
     }
     state->turntable_deg = state->turning_deg[WORLD_INSTANTS / 2];
@@ -229,7 +228,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
                                 .arm_deg = world->arm_deg,
                                 .probe_deg = world->probe_deg,
                                 .time_us = start_us};
-    world_note_turntable(world, start_us, exposure_us, ret);
+    note_turntable(world, start_us, exposure_us, ret);
     for (int i = 0; i < world->n_lasers; i++) {
         int place = world->laser_place[i];
         if (ret->laser_on[place])
@@ -242,8 +241,8 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
 }
 
 /* Adds share of the light of all lamps and lasers, DN·s⁻¹, in one pose. */
-static void world_add_light(World *world, int camera, const struct world_state *state, float share,
-                            float *rate) {
+static void add_light(World *world, int camera, const struct world_state *state, float share,
+                      float *rate) {
     const gsize n = (gsize)world->cameras[camera].width * (gsize)world->cameras[camera].height;
     for (int i = 0; i < world->n_lamps; i++) {
         const float output = share * state->lamp_output[i];
@@ -298,7 +297,7 @@ void world_expose(World *world, int camera, const struct world_state *state, gin
             pose.turntable_deg =
                 state->turning_deg[before] +
                 (at - before) * (state->turning_deg[before + 1] - state->turning_deg[before]);
-        world_add_light(world, camera, &pose, 1.0f / (float)n_poses, rate);
+        add_light(world, camera, &pose, 1.0f / (float)n_poses, rate);
     }
     if (rate)
         optics_add_glare(sensor, rate);

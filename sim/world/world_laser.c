@@ -65,8 +65,7 @@ struct laser_light { /* the input of a list */
     GArray *shares; /* angle is in rad until they are sorted */
 };
 
-static void world_laser_add_share(struct laser_light *light, double angle, double amplitude,
-                                  guint32 pixel) {
+static void add_share(struct laser_light *light, double angle, double amplitude, guint32 pixel) {
     struct share share = {(float)angle, (float)amplitude, pixel};
     if (share.amplitude > 0)
         g_array_append_val(light->shares, share);
@@ -101,7 +100,7 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
                 continue;
             const struct lit_vertex *from = &light->vertices[gather[k]];
             double albedo = scene->vertices[gather[k]].albedo[colour];
-            world_laser_add_share(light, from->angle, factor * from->irradiance * albedo, pixel);
+            add_share(light, from->angle, factor * from->irradiance * albedo, pixel);
         }
     }
 }
@@ -181,8 +180,8 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
             enum cfa_colour colour = world_pixel_colour(light.camera, pixel);
             double e = optics_laser_peak(&light.laser, p) * light.laser.colour[colour];
             float f = scene_reflect(s, source, light.eye_mm, colour);
-            world_laser_add_share(&light, optics_laser_angle(&light.laser, p),
-                                  e * f * view->weights[pixel], pixel);
+            add_share(&light, optics_laser_angle(&light.laser, p), e * f * view->weights[pixel],
+                      pixel);
         }
     }
     add_bounces(&light, view);
@@ -195,7 +194,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
 #define PROFILE_STEPS 64
 static float profile_table[REACH * REACH * PROFILE_STEPS + 2];
 
-static void world_laser_add_cells(const struct laser_list *list, double at, float *rate) {
+static void add_cells(const struct laser_list *list, double at, float *rate) {
     double low = MAX(0, floor(at - REACH)), high = MIN(list->n_cells, floor(at + REACH) + 1);
     if (!(low < high))
         return;
@@ -234,7 +233,7 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
     double sigma = world->lasers[laser].sigma, sweep = RAD(state->sweep_deg[laser]);
-    world_laser_add_cells(list, (sweep - list->first) / sigma, rate);
+    add_cells(list, (sweep - list->first) / sigma, rate);
     cache_release(world->cache, entry);
     if (world->bleeding) {
         entry = laser_view(&job);

@@ -43,7 +43,7 @@ guint64 world_carried_bits(gboolean carried, double deg) {
 
 /* Turns a vector of the rig frame, or of the turntable's with sign −1, by the tilt that the bearing
  * gives the turntable's axis: by wobble towards the azimuth wobble_per_turn·turntable. */
-static struct v3 world_lean(const World *world, double turntable_rad, double sign, struct v3 v) {
+static struct v3 lean(const World *world, double turntable_rad, double sign, struct v3 v) {
     if (!(world->wobble > 0))
         return v;
     const double towards = world->wobble_per_turn * turntable_rad;
@@ -52,16 +52,15 @@ static struct v3 world_lean(const World *world, double turntable_rad, double sig
 
 struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
     const double angle = RAD(whole_turn(turntable_deg));
-    return world_lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
+    return lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
 }
 
 /* Turns by the angle between arc and turntable alone if neither axis is tilted, so that the result
  * is bit-identical to that of an ideal arc. */
-static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
-                                   gboolean point) {
+static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;
     if (pose.fixed) {
-        v = world_lean(world, -pose.relative_rad, sign, v);
+        v = lean(world, -pose.relative_rad, sign, v);
         return v3_turn_z(v, cos(pose.relative_rad), sin(pose.relative_rad));
     }
     double relative = pose.relative_rad + world->arc.zero, turn = pose.turntable_rad;
@@ -69,7 +68,7 @@ static struct v3 world_light_place(const World *world, struct light_pose pose, s
         return v3_turn_z(v, cos(relative), sin(relative));
     struct v3 rig =
         (point ? optics_arc_point : optics_arc_direction)(&world->arc, pose.relative_rad + turn, v);
-    return v3_turn_z(world_lean(world, turn, sign, rig), cos(-turn), sin(-turn));
+    return v3_turn_z(lean(world, turn, sign, rig), cos(-turn), sin(-turn));
 }
 
 struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose) {
@@ -79,16 +78,16 @@ struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose
         at.position_mm = optics_swing_point(&world->probe, angle, at.position_mm);
         at.aim = optics_swing_direction(&world->probe, angle, at.aim);
     }
-    at.position_mm = world_light_place(world, pose, at.position_mm, TRUE);
-    at.aim = world_light_place(world, pose, at.aim, FALSE);
+    at.position_mm = place(world, pose, at.position_mm, TRUE);
+    at.aim = place(world, pose, at.aim, FALSE);
     return at;
 }
 
 struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose) {
     struct optics_laser at = world->lasers[laser];
-    at.position_mm = world_light_place(world, pose, at.position_mm, TRUE);
-    at.axis = world_light_place(world, pose, at.axis, FALSE);
-    at.forward = world_light_place(world, pose, at.forward, FALSE);
+    at.position_mm = place(world, pose, at.position_mm, TRUE);
+    at.axis = place(world, pose, at.axis, FALSE);
+    at.forward = place(world, pose, at.forward, FALSE);
     return at;
 }
 
@@ -105,14 +104,14 @@ struct optics_camera world_camera_at(const World *world, int camera, double arm_
 }
 
 /* From the frame of the rig to that of the sample. */
-static struct v3 world_to_sample(const World *world, double turntable_deg, struct v3 v) {
+static struct v3 to_sample(const World *world, double turntable_deg, struct v3 v) {
     double angle = -RAD(whole_turn(turntable_deg));
-    return v3_turn_z(world_lean(world, -angle, -1, v), cos(angle), sin(angle));
+    return v3_turn_z(lean(world, -angle, -1, v), cos(angle), sin(angle));
 }
 
 struct v3 world_eye_mm(const World *world, const struct optics_camera *camera,
                        double turntable_deg) {
-    return world_to_sample(world, turntable_deg, camera->centre_mm);
+    return to_sample(world, turntable_deg, camera->centre_mm);
 }
 
 struct view_job {
@@ -137,19 +136,18 @@ static struct v3 view_ray(const struct view_job *job, enum cfa_colour colour, do
         x_px = at->centre_x_px + (x_px - at->centre_x_px) / m;
         y_px = at->centre_y_px + (y_px - at->centre_y_px) / m;
     }
-    return world_to_sample(job->world, job->turntable_deg, optics_ray(at, x_px, y_px));
+    return to_sample(job->world, job->turntable_deg, optics_ray(at, x_px, y_px));
 }
 
-static void world_light_add_point(GArray *points, const struct surface *surface,
-                                  enum cfa_colour colour, guint32 pixel) {
+static void add_point(GArray *points, const struct surface *surface, enum cfa_colour colour,
+                      guint32 pixel) {
     struct point point;
     world_pack(surface, colour, pixel, &point);
     g_array_append_val(points, point);
 }
 
 /* A pixel that shows the turntable alone has no detail: one sample is as good as many. */
-static void world_light_add_pixel(const struct view_job *job, int x, int y, GArray *points,
-                                  float *ret_weight) {
+static void add_pixel(const struct view_job *job, int x, int y, GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
     const struct surface *surfaces = job->surfaces + x * n;
@@ -163,7 +161,7 @@ static void world_light_add_pixel(const struct view_job *job, int x, int y, GArr
         *ret_weight /= (float)n;
         for (int i = 0; i < n; i++)
             if (hit[i])
-                world_light_add_point(points, &surfaces[i], colour, pixel);
+                add_point(points, &surfaces[i], colour, pixel);
         return;
     }
     struct v3 eye = world_eye_mm(job->world, &job->at, job->turntable_deg);
@@ -172,7 +170,7 @@ static void world_light_add_pixel(const struct view_job *job, int x, int y, GArr
     gboolean seen;
     scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
     if (seen)
-        world_light_add_point(points, &table, colour, pixel);
+        add_point(points, &table, colour, pixel);
 }
 
 static void trace_row(const struct view_job *job, int y) {
@@ -222,7 +220,7 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     for (int y = 0; y < camera->height; y++) {
         trace_row(job, y);
         for (int x = 0; x < camera->width; x++)
-            world_light_add_pixel(job, x, y, points, &weights[y * camera->width + x]);
+            add_pixel(job, x, y, points, &weights[y * camera->width + x]);
     }
     gsize before = sizeof(struct view) + points->len * sizeof(struct point);
     *ret_bytes = before + n_pixels * sizeof(float);
@@ -317,8 +315,7 @@ struct picture_job {
 };
 
 /* Direct light and one bounce, of each point. */
-static gpointer world_light_make_picture(const struct cache_key *key, gconstpointer data,
-                                         gsize *ret_bytes) {
+static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct picture_job *job = data;
     World *world = job->world;
     const struct optics_camera *camera = &world->cameras[job->camera];
@@ -366,5 +363,5 @@ struct cache_entry *world_lamp_picture(World *world, int camera, int lamp,
     struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
                              world_bits(whole_turn(state->turntable_deg)),
                              world_bits(job.pose.relative_rad), arm ^ (probe << 1 | probe >> 63)}};
-    return cache_get(world->cache, &key, world_light_make_picture, &job);
+    return cache_get(world->cache, &key, make_picture, &job);
 }

@@ -263,7 +263,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     return FALSE;
 }
 
-static struct v3 world_load_vector(const struct option_doubles *list) {
+static struct v3 vector(const struct option_doubles *list) {
     return v3(list->values[0], list->values[1], list->values[2]);
 }
 
@@ -293,10 +293,9 @@ static gboolean load_camera(World *world, const struct world_options *all,
         for (int i = 0; i < 3; i++)
             camera->colour[i] = from.colour.values[i];
         optics_camera_place(camera, RAD(from.theta_deg), RAD(from.phi_deg), from.distance_mm);
-        camera->centre_mm = v3_mad(world_load_vector(&from.offset_mm), 1, camera->centre_mm);
+        camera->centre_mm = v3_mad(vector(&from.offset_mm), 1, camera->centre_mm);
         camera->centre_mm = v3_mad(deviate3(&random), all->camera_mm, camera->centre_mm);
-        struct v3 turn =
-            v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from.turn_deg));
+        struct v3 turn = v3_mad(deviate3(&random), all->camera_deg, vector(&from.turn_deg));
         optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
         camera->columns_key = device_random(all, 'k', world->n_cameras).state;
         world->camera_on_arm[world->n_cameras] = from.on_arm;
@@ -309,8 +308,8 @@ static gboolean load_camera(World *world, const struct world_options *all,
 
 /* Directions at a polar angle of the arc at 0, or at an azimuth: outwards, upwards along the arc,
  * and across it. */
-static struct v3 world_load_on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
-                                   struct v3 *ret_across) {
+static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
+                        struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
     *ret_up = v3_turn_z(v3(-cos(theta), 0, sin(theta)), c, s);
     *ret_across = v3_turn_z(v3(0, 1, 0), c, s);
@@ -328,8 +327,8 @@ static gboolean load_lamp(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 'l', world->n_lamps);
         struct optics_lamp *lamp = &world->lamps[world->n_lamps];
         *lamp = from.optics;
-        struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
-        lamp->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
+        struct v3 up, across, out = on_arc(from.theta_deg, from.phi_deg, &up, &across);
+        lamp->position_mm = v3_mad(out, from.distance_mm, vector(&from.offset_mm));
         lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
         double along = from.aim_deg.values[0] + all->lamp_deg * sample_deviate(&random);
         double aside = from.aim_deg.values[1] + all->lamp_deg * sample_deviate(&random);
@@ -357,8 +356,8 @@ static gboolean load_laser(World *world, const struct world_options *all,
         struct sample_random random = device_random(all, 's', world->n_lasers);
         struct optics_laser *laser = &world->lasers[world->n_lasers];
         *laser = from.optics;
-        struct v3 up, across, out = world_load_on_arc(from.theta_deg, from.phi_deg, &up, &across);
-        laser->position_mm = v3_mad(out, from.distance_mm, world_load_vector(&from.offset_mm));
+        struct v3 up, across, out = on_arc(from.theta_deg, from.phi_deg, &up, &across);
+        laser->position_mm = v3_mad(out, from.distance_mm, vector(&from.offset_mm));
         laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
         double tilt = RAD(from.tilt_deg + all->laser_deg * sample_deviate(&random));
         laser->start = RAD(from.start_deg + all->laser_deg * sample_deviate(&random));
@@ -496,7 +495,7 @@ static struct optics_swing swing_of(const struct world_options *all, char letter
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {
     struct sample_random random = device_random(all, letter, 0);
-    struct v3 up, across, out = world_load_on_arc(theta_deg, phi_deg, &up, &across);
+    struct v3 up, across, out = on_arc(theta_deg, phi_deg, &up, &across);
     struct optics_swing swing = {.zero = RAD(zero_deg * sample_deviate(&random))};
     struct v3 lean = deviate3(&random);
     out = v3_mad(up, RAD(tilt_deg) * lean.x, v3_mad(across, RAD(tilt_deg) * lean.y, out));

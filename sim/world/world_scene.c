@@ -7,17 +7,17 @@
  * width of a pixel. */
 #define LIFT 3e-4f
 
-static inline float world_scene_dot(const float a[3], const float b[3]) {
+static inline float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static inline void world_scene_normalise(float a[3]) {
-    float s = 1 / sqrtf(MAX(world_scene_dot(a, a), 1e-30f));
+static inline void normalise(float a[3]) {
+    float s = 1 / sqrtf(MAX(dot(a, a), 1e-30f));
     for (int i = 0; i < 3; i++)
         a[i] *= s;
 }
 
-static void world_scene_build(struct scene *scene, const struct mesh *mesh) {
+static void build(struct scene *scene, const struct mesh *mesh) {
     scene->device = rtcNewDevice("threads=1");
     scene->scene = rtcNewScene(scene->device);
     rtcSetSceneFlags(scene->scene, RTC_SCENE_FLAG_ROBUST);
@@ -66,7 +66,7 @@ static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectCo
             d[k] = from->n[k] * 1.0001f + sphere[k];
             p[k] = from->p[k] + LIFT * from->n[k];
         }
-        world_scene_normalise(d);
+        normalise(d);
         set_ray(&rays[i], p, d);
     }
     rtcIntersect1M(scene->scene, context, rays, (unsigned)scene->n_gather, sizeof rays[0]);
@@ -74,7 +74,7 @@ static void gather_from(struct scene *scene, guint vertex, struct RTCIntersectCo
         const struct RTCHit *hit = &rays[i].hit;
         float d[3] = {rays[i].ray.dir_x, rays[i].ray.dir_y, rays[i].ray.dir_z};
         float ng[3] = {hit->Ng_x, hit->Ng_y, hit->Ng_z};
-        gboolean front = hit->geomID != RTC_INVALID_GEOMETRY_ID && world_scene_dot(d, ng) < 0;
+        gboolean front = hit->geomID != RTC_INVALID_GEOMETRY_ID && dot(d, ng) < 0;
         scene->gather[vertex * (guint)scene->n_gather + (guint)i] =
             front ? scene_nearest_vertex(scene, hit->primID, hit->u, hit->v) : NO_TRIANGLE;
     }
@@ -94,7 +94,7 @@ void scene_init(struct scene *scene, const struct mesh *mesh, int seed) {
             scene->high[k] = MAX(scene->high[k], scene->vertices[i].p[k]);
         }
     }
-    world_scene_build(scene, mesh);
+    build(scene, mesh);
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     struct sample_random random = {sample_hash((guint64)seed + 77)};
@@ -131,16 +131,16 @@ static void surface_at(const struct scene *scene, const struct RTCRayHit *ray, s
     }
     float ng[3] = {hit->Ng_x, hit->Ng_y, hit->Ng_z};
     float d[3] = {ray->ray.dir_x, ray->ray.dir_y, ray->ray.dir_z};
-    float sign = world_scene_dot(ng, d) > 0 ? -1.0f : 1.0f;
-    world_scene_normalise(ng);
-    world_scene_normalise(to->n);
-    float along = world_scene_dot(to->t, to->n);
+    float sign = dot(ng, d) > 0 ? -1.0f : 1.0f;
+    normalise(ng);
+    normalise(to->n);
+    float along = dot(to->t, to->n);
     for (int k = 0; k < 3; k++) {
         to->t[k] -= along * to->n[k];
         to->ng[k] = ng[k] * sign;
         to->n[k] *= sign;
     }
-    world_scene_normalise(to->t);
+    normalise(to->t);
     to->triangle = hit->primID;
     to->u = hit->u;
     to->v = hit->v;
@@ -246,7 +246,7 @@ void scene_shadow(const struct scene *scene, struct v3 light_mm, const struct su
             p[k] = s->p[k] + LIFT * s->ng[k];
             way[k] = light[k] - p[k];
         }
-        ret_blocked[i] = !(world_scene_dot(way, s->ng) > 0 && world_scene_dot(way, s->n) > 0);
+        ret_blocked[i] = !(dot(way, s->ng) > 0 && dot(way, s->n) > 0);
         if (!ret_blocked[i] && (s->triangle != NO_TRIANGLE || over_sample(scene, p, way)))
             add_shadow_ray(&rays, p, way, (guint8)i);
     }
@@ -283,10 +283,10 @@ int scene_light_vertices(const struct scene *scene, guint first, struct v3 light
  * f = gloss/(π αx αy) · h² / (h·n)⁴ · exp(−((h·t)²/αx² + (h·b)²/αy²)/(h·n)²). */
 static float ward(const struct surface *s, const float l[3], const float v[3]) {
     float h[3] = {l[0] + v[0], l[1] + v[1], l[2] + v[2]};
-    float hn = world_scene_dot(h, s->n), h2 = world_scene_dot(h, h);
+    float hn = dot(h, s->n), h2 = dot(h, h);
     if (hn < 1e-3f)
         return 0;
-    float ht = world_scene_dot(h, s->t), hb2 = MAX(0, h2 - hn * hn - ht * ht);
+    float ht = dot(h, s->t), hb2 = MAX(0, h2 - hn * hn - ht * ht);
     float x = ht / s->along, power = (x * x + hb2 / (s->across * s->across)) / (hn * hn);
     if (power > 30)
         return 0;
@@ -298,15 +298,15 @@ float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_m
                     enum cfa_colour colour) {
     float l[3] = {(float)light_mm.x - s->p[0], (float)light_mm.y - s->p[1],
                   (float)light_mm.z - s->p[2]};
-    world_scene_normalise(l);
-    float cosine = world_scene_dot(l, s->n);
+    normalise(l);
+    float cosine = dot(l, s->n);
     if (!(cosine > 0))
         return 0;
     float f = s->albedo[colour] * (float)M_1_PI;
     if (s->gloss > 0) {
         float v[3] = {(float)eye_mm.x - s->p[0], (float)eye_mm.y - s->p[1],
                       (float)eye_mm.z - s->p[2]};
-        world_scene_normalise(v);
+        normalise(v);
         f += ward(s, l, v);
     }
     return f * cosine;

@@ -87,7 +87,7 @@ struct Intake {
     int steps_over;   /* written by workers */
 };
 
-static void intake_job_free(gpointer data) {
+static void job_free(gpointer data) {
     struct job *job = data;
     frame_unref(job->frame);
     g_free(job);
@@ -122,7 +122,7 @@ static double job_turntable_deg(const struct job *job) {
     return job->turned ? job->turntable_deg : job->shot->turntable_deg;
 }
 
-static void intake_describe(struct lane *lane, const struct job *job, struct intake_file *file) {
+static void describe(struct lane *lane, const struct job *job, struct intake_file *file) {
     const struct intake_setup *setup = &lane->intake->setup;
     const struct rig *rig = &setup->devices->geometry;
     *file = (struct intake_file){
@@ -160,7 +160,7 @@ static void return_result(struct lane *lane, const struct job *job, struct intak
 
 static void keep_raw(struct lane *lane, const struct job *job) {
     struct intake_file file;
-    intake_describe(lane, job, &file);
+    describe(lane, job, &file);
     if (!lane->error)
         intake_write_raw(&file, job->sub, &lane->error);
 }
@@ -185,7 +185,7 @@ static void finish_dark(struct lane *lane, const struct job *job) {
     gint64 exposures[SHOT_MAX_DARKS];
     int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
     struct intake_file file;
-    intake_describe(lane, job, &file);
+    describe(lane, job, &file);
     struct intake_result result = {0};
     const float *pixels[SHOT_MAX_DARKS];
     for (int i = 0; i < n; i++) {
@@ -242,7 +242,7 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const float *darks[PLAN_MAX_BRACKET];
     struct intake_file file;
-    intake_describe(lane, job, &file);
+    describe(lane, job, &file);
     for (int i = 0; i < conf->n_exposures; i++) {
         const struct intake_dark *dark = intake_darks_at(&lane->darks, i, lane->bracket[i]);
         darks[i] = dark->pixels;
@@ -306,7 +306,7 @@ static void finish_sweep(gpointer data, gpointer lane_data) {
     setpriority(PRIO_PROCESS, 0, FINISH_NICE);
     if (is_current(lane->intake, &complete->job)) {
         struct intake_file file;
-        intake_describe(lane, &complete->job, &file);
+        describe(lane, &complete->job, &file);
         file.dark_dn = complete->dark_dn;
         if (complete->short_sweep)
             sweep_set_shorter(complete->sweep, complete->short_sweep,
@@ -350,8 +350,8 @@ static void queue_sweep(struct lane *lane, const struct job *job) {
 }
 
 /* Adds to the sweep the frames that have one of its two exposures. */
-static void intake_absorb(Sweep **sweep, struct job *const *jobs, int n,
-                          const struct session_conf *conf, gboolean shorter) {
+static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct session_conf *conf,
+                   gboolean shorter) {
     const Frame *frame = jobs[0]->frame;
     const guint16 *pixels[BATCH];
     int count = 0;
@@ -412,8 +412,8 @@ static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
         lane->laser_seen = is_laser_seen(lane, job->frame, dark->pixels);
         return;
     }
-    intake_absorb(&lane->sweep, jobs, n, conf, FALSE);
-    intake_absorb(&lane->short_sweep, jobs, n, conf, TRUE);
+    absorb(&lane->sweep, jobs, n, conf, FALSE);
+    absorb(&lane->short_sweep, jobs, n, conf, TRUE);
     for (int i = 0; i < n; i++) {
         keep_for_end(lane, jobs[i]);
         if (conf->keep_laser_frames)
@@ -422,7 +422,7 @@ static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
 }
 
 /* n is 1, or that of frames that follow each other in a sweep. */
-static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
+static void take(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[n - 1];
     if (lane->shot != job->shot || lane->generation != job->generation)
@@ -492,7 +492,7 @@ static gpointer lane_run(gpointer data) {
             struct job *const *jobs = (struct job *const *)&batch->pdata[i];
             n = count_together(lane, jobs, batch->len - i);
             if (is_current(intake, jobs[0]))
-                intake_take(lane, jobs, (int)n);
+                take(lane, jobs, (int)n);
             for (guint k = 0; k < n; k++)
                 add_bytes(intake, -(gssize)job_bytes(jobs[k]));
         }
@@ -517,11 +517,11 @@ static gsize queued_bytes(Intake *intake) {
     return (gsize)g_atomic_pointer_get(&intake->bytes);
 }
 
-static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data) {
+static gboolean dispatch(GSource *source, GSourceFunc func, gpointer data) {
     return func(data);
 }
 
-static gboolean intake_on_wake(gpointer data) {
+static gboolean on_wake(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
     const int steps = g_atomic_int_get(&intake->steps_over);
@@ -544,7 +544,7 @@ static struct lane *lane_new(Intake *intake, int camera) {
     lane->intake = intake;
     lane->camera = camera;
     lane->queue = g_async_queue_new();
-    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+    lane->batch = g_ptr_array_new_with_free_func(job_free);
     g_mutex_init(&lane->mutex);
     g_cond_init(&lane->finished);
     lane->finisher = g_thread_pool_new(finish_sweep, lane, 1, TRUE, NULL);
@@ -567,7 +567,7 @@ static void lane_free(gpointer data) {
 }
 
 Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *hooks) {
-    static GSourceFuncs funcs = {.dispatch = intake_dispatch};
+    static GSourceFuncs funcs = {.dispatch = dispatch};
     Intake *intake = g_new0(Intake, 1);
     intake->setup = *setup;
     if (setup->full_bytes == 0)
@@ -575,7 +575,7 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
     intake->hooks = *hooks;
     intake->finished = g_async_queue_new_full(finished_free);
     intake->wake = g_source_new(&funcs, sizeof(GSource));
-    g_source_set_callback(intake->wake, intake_on_wake, intake, NULL);
+    g_source_set_callback(intake->wake, on_wake, intake, NULL);
     g_source_attach(intake->wake, NULL);
     intake->lanes = g_ptr_array_new_with_free_func(lane_free);
     const struct rig *rig = &setup->devices->geometry;
@@ -601,12 +601,12 @@ void intake_free(Intake *intake) {
     g_free(intake);
 }
 
-static void intake_flush(struct lane *lane) {
+static void flush(struct lane *lane) {
     if (lane->batch->len == 0)
         return;
     begin_step(lane->intake);
     g_async_queue_push(lane->queue, lane->batch);
-    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+    lane->batch = g_ptr_array_new_with_free_func(job_free);
 }
 
 void intake_frame(Intake *intake, const struct session_shot *shot, const struct intake_frame *of,
@@ -627,12 +627,12 @@ void intake_frame(Intake *intake, const struct session_shot *shot, const struct 
     g_ptr_array_add(lane->batch, job);
     gboolean last = of->sub + 1 == shot_n_frames(intake->setup.conf, shot);
     if (last || lane->batch->len >= BATCH)
-        intake_flush(lane);
+        flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
     /* Frames waiting in a batch would never be processed. */
     for (guint i = 0; i < intake->lanes->len; i++)
-        intake_flush(intake->lanes->pdata[i]);
+        flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);
     g_source_set_ready_time(intake->wake, 0);
 }
@@ -644,7 +644,7 @@ gboolean intake_is_full(const Intake *intake) {
 void intake_discard(Intake *intake) {
     g_atomic_int_inc(&intake->generation);
     for (guint i = 0; i < intake->lanes->len; i++)
-        intake_flush(intake->lanes->pdata[i]);
+        flush(intake->lanes->pdata[i]);
 }
 
 gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,

@@ -58,7 +58,7 @@ static struct exr_part *part_new(const struct intake_file *file, const char *nam
     return part;
 }
 
-static void intake_write_fill(struct exr_part *part, const float *pixels) {
+static void fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
@@ -83,7 +83,7 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
     exr_set_string(part, "mesorig.lamp", file->source_name);
     if (file->shorter_from > 0)
         exr_set_double(part, "mesorig.shorter_from", file->shorter_from);
-    intake_write_fill(part, radiance);
+    fill(part, radiance);
     if (file->saturated > 0)
         radiance_mark(file->bracket, file->conf->n_exposures, exr_part_plane(part, "saturated"));
     struct exr_file *exr = exr_file_new();
@@ -102,7 +102,7 @@ gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposur
     for (int i = 0; i < n; i++) {
         g_autofree char *name = dark_name(exposures_us[i]);
         struct exr_part *part = part_new(file, name, mono_channels, EXR_FLOAT, "DN");
-        intake_write_fill(part, pixels[i]);
+        fill(part, pixels[i]);
         exr_file_add(exr, part);
     }
     return intake_write_frame(file, exr, ret_frame, error);

@@ -47,27 +47,27 @@ int adaptive_rounds(const Adaptive *adaptive) {
     return MAX(MAX(adaptive->of_sweeps.n, adaptive->of_lamps.n), 1);
 }
 
-static gboolean adaptive_sweeps_are_over(const Adaptive *adaptive) {
+static gboolean sweeps_are_over(const Adaptive *adaptive) {
     return !adaptive->sweeps || adaptive->of_sweeps.over;
 }
 
-static gboolean adaptive_lamps_are_over(const Adaptive *adaptive) {
+static gboolean lamps_are_over(const Adaptive *adaptive) {
     return !adaptive->lamps || adaptive->of_lamps.over;
 }
 
 gboolean adaptive_is_over(const Adaptive *adaptive) {
-    return adaptive_sweeps_are_over(adaptive) && adaptive_lamps_are_over(adaptive);
+    return sweeps_are_over(adaptive) && lamps_are_over(adaptive);
 }
 
 void adaptive_take(Adaptive *adaptive, const struct session_shot *shot,
                    const struct session_frame *frames, int n) {
-    if (shot->kind == SHOT_SWEEP && !adaptive_sweeps_are_over(adaptive))
+    if (shot->kind == SHOT_SWEEP && !sweeps_are_over(adaptive))
         sweeps_take(adaptive->sweeps, shot, frames, n);
-    if (shot->kind == SHOT_LAMP && !adaptive_lamps_are_over(adaptive))
+    if (shot->kind == SHOT_LAMP && !lamps_are_over(adaptive))
         lamps_take_shot(adaptive->lamps, shot, frames, n);
 }
 
-static void adaptive_free_choice(struct choice *choice) {
+static void free_choice(struct choice *choice) {
     if (!choice)
         return;
     g_clear_pointer(&choice->sweeps.shots, g_array_unref);
@@ -77,13 +77,13 @@ static void adaptive_free_choice(struct choice *choice) {
 }
 
 /* In a thread of its own, which reads nothing that the main loop may change meanwhile. */
-static gpointer adaptive_work_out(gpointer data) {
+static gpointer work_out(gpointer data) {
     Adaptive *adaptive = data;
     struct choice *choice = g_new0(struct choice, 1);
     if (readers_wait(adaptive->readers, &choice->error)) {
-        if (!adaptive_sweeps_are_over(adaptive))
+        if (!sweeps_are_over(adaptive))
             choice->sweeps = sweeps_choose(adaptive->sweeps);
-        if (!adaptive_lamps_are_over(adaptive))
+        if (!lamps_are_over(adaptive))
             lamps_choose(adaptive->lamps, &adaptive->of_lamps, &choice->lamps, &choice->error);
     }
     adaptive->choice = choice;
@@ -91,13 +91,13 @@ static gpointer adaptive_work_out(gpointer data) {
     return NULL;
 }
 
-static gboolean adaptive_say(Adaptive *adaptive, const char *key, double pct, GError **error) {
+static gboolean say(Adaptive *adaptive, const char *key, double pct, GError **error) {
     char text[G_ASCII_DTOSTR_BUF_SIZE];
     return session_set_value(adaptive->setup.session, key,
                              g_ascii_formatd(text, sizeof text, "%.3f", pct), error);
 }
 
-static gboolean adaptive_leave_sweeps_out(Adaptive *adaptive, GError **error) {
+static gboolean leave_sweeps_out(Adaptive *adaptive, GError **error) {
     g_autofree char *note =
         g_strdup_printf(SESSION_LEFT_OUT " expected to add less than %g %% to what its views know",
                         adaptive->setup.conf->laser_gain_pct);
@@ -105,7 +105,7 @@ static gboolean adaptive_leave_sweeps_out(Adaptive *adaptive, GError **error) {
 }
 
 /* The expected error is that which was stored, so that the note is the same after a kill. */
-static gboolean adaptive_leave_lamps_out(Adaptive *adaptive, GError **error) {
+static gboolean leave_lamps_out(Adaptive *adaptive, GError **error) {
     g_autofree char *pct = NULL;
     if (!session_read_value(adaptive->setup.session, ADAPTIVE_ERROR_PCT, &pct, error))
         return FALSE;
@@ -117,8 +117,8 @@ static gboolean adaptive_leave_lamps_out(Adaptive *adaptive, GError **error) {
 }
 
 /* Stores the further round of sweeps. ret_text: what was found; g_free(). */
-static gboolean adaptive_store_sweeps(Adaptive *adaptive, const struct sweeps_choice *choice,
-                                      char **ret_text, GError **error) {
+static gboolean store_sweeps(Adaptive *adaptive, const struct sweeps_choice *choice,
+                             char **ret_text, GError **error) {
     const int n = (int)choice->shots->len, rounds = adaptive->of_sweeps.n;
     g_autofree char *more = n > 0
                                 ? g_strdup_printf("%d more %s may add to that", PLURAL(n, "sweep"))
@@ -127,14 +127,13 @@ static gboolean adaptive_store_sweeps(Adaptive *adaptive, const struct sweeps_ch
         g_strdup_printf("%.2f %% of what the cameras see of the reference plane is known "
                         "after %d %s of sweeps, %.1f %% in the worst view; %s",
                         choice->known_pct, PLURAL(rounds, "round"), choice->worst_pct, more);
-    return adaptive_say(adaptive, ADAPTIVE_KNOWN_PCT, choice->known_pct, error) &&
-           adaptive_say(adaptive, ADAPTIVE_WORST_PCT, choice->worst_pct, error) &&
+    return say(adaptive, ADAPTIVE_KNOWN_PCT, choice->known_pct, error) &&
+           say(adaptive, ADAPTIVE_WORST_PCT, choice->worst_pct, error) &&
            rounds_store(&adaptive->of_sweeps, choice->shots, error) &&
-           (n > 0 || adaptive_leave_sweeps_out(adaptive, error));
+           (n > 0 || leave_sweeps_out(adaptive, error));
 }
 
-static char *adaptive_tell_lamps(const struct session_conf *conf,
-                                 const struct lamps_choice *choice) {
+static char *tell_lamps(const struct session_conf *conf, const struct lamps_choice *choice) {
     const int n = (int)choice->shots->len;
     if (n > 0)
         return g_strdup_printf("%d more %s of lamps %s expected to lower it to %.2f %%",
@@ -148,28 +147,28 @@ static char *adaptive_tell_lamps(const struct session_conf *conf,
 }
 
 /* Stores the further round of lamps. ret_text: what was found; g_free(). */
-static gboolean adaptive_store_lamps(Adaptive *adaptive, const struct lamps_choice *choice,
-                                     char **ret_text, GError **error) {
-    g_autofree char *more = adaptive_tell_lamps(adaptive->setup.conf, choice);
+static gboolean store_lamps(Adaptive *adaptive, const struct lamps_choice *choice, char **ret_text,
+                            GError **error) {
+    g_autofree char *more = tell_lamps(adaptive->setup.conf, choice);
     const int rounds = adaptive->of_lamps.n;
     *ret_text = g_strdup_printf("%d of %d pictures of the BTF are taken after %d %s of lamps, and "
                                 "the others can be predicted with an expected error of %.2f %% in "
                                 "all; %s",
                                 choice->n_taken, choice->n_pictures, PLURAL(rounds, "round"),
                                 choice->error_pct, more);
-    return adaptive_say(adaptive, ADAPTIVE_ERROR_PCT, choice->error_pct, error) &&
+    return say(adaptive, ADAPTIVE_ERROR_PCT, choice->error_pct, error) &&
            rounds_store(&adaptive->of_lamps, choice->shots, error) &&
-           (choice->shots->len > 0 || adaptive_leave_lamps_out(adaptive, error));
+           (choice->shots->len > 0 || leave_lamps_out(adaptive, error));
 }
 
 /* A resumed session takes the shots of such frames again, if they are as damaged as they seem. */
-static void adaptive_note_damage(const char *frame, const GError *error, gpointer data) {
+static void note_damage(const char *frame, const GError *error, gpointer data) {
     Adaptive *adaptive = data;
     if (g_error_matches(error, DATA_ERROR, DATA_ERROR_INVALID))
         session_note_damage(adaptive->setup.session, frame, error->message, NULL);
 }
 
-static gboolean adaptive_on_wake(gpointer data) {
+static gboolean on_wake(gpointer data) {
     Adaptive *adaptive = data;
     Clock *clock = adaptive->setup.clock;
     g_autofree char *of_lasers = NULL, *of_lights = NULL;
@@ -181,36 +180,36 @@ static gboolean adaptive_on_wake(gpointer data) {
     const struct sweeps_choice *sweeps = choice->sweeps.shots ? &choice->sweeps : NULL;
     const struct lamps_choice *lamps = choice->lamps.shots ? &choice->lamps : NULL;
     g_autoptr(GError) error = g_steal_pointer(&choice->error);
-    readers_each_failed(adaptive->readers, adaptive_note_damage, adaptive);
-    const gboolean good =
-        !error && (!sweeps || adaptive_store_sweeps(adaptive, sweeps, &of_lasers, &error)) &&
-        (!lamps || adaptive_store_lamps(adaptive, lamps, &of_lights, &error));
+    readers_each_failed(adaptive->readers, note_damage, adaptive);
+    const gboolean good = !error &&
+                          (!sweeps || store_sweeps(adaptive, sweeps, &of_lasers, &error)) &&
+                          (!lamps || store_lamps(adaptive, lamps, &of_lights, &error));
     const guint n = good ? (sweeps ? sweeps->shots->len : 0) + (lamps ? lamps->shots->len : 0) : 0;
     /* The hook may free the object. */
     adaptive->setup.hooks.chosen((int)n, of_lasers, of_lights, error, adaptive->setup.hooks.data);
     clock_release(clock);
-    adaptive_free_choice(choice);
+    free_choice(choice);
     return G_SOURCE_CONTINUE;
 }
 
-static gboolean adaptive_dispatch(GSource *source, GSourceFunc func, gpointer data) {
+static gboolean dispatch(GSource *source, GSourceFunc func, gpointer data) {
     return func(data);
 }
 
 void adaptive_choose(Adaptive *adaptive) {
     g_autoptr(GError) error = NULL;
     g_return_if_fail(!adaptive->thread && !adaptive_is_over(adaptive));
-    if (!adaptive_sweeps_are_over(adaptive))
+    if (!sweeps_are_over(adaptive))
         sweeps_note_done(adaptive->sweeps);
     clock_hold(adaptive->setup.clock);
     readers_retry(adaptive->readers);
-    if (!adaptive_lamps_are_over(adaptive) && !lamps_note_done(adaptive->lamps, &error)) {
+    if (!lamps_are_over(adaptive) && !lamps_note_done(adaptive->lamps, &error)) {
         Clock *clock = adaptive->setup.clock;
         adaptive->setup.hooks.chosen(0, NULL, NULL, error, adaptive->setup.hooks.data);
         clock_release(clock);
         return;
     }
-    adaptive->thread = g_thread_new("choice", adaptive_work_out, adaptive);
+    adaptive->thread = g_thread_new("choice", work_out, adaptive);
 }
 
 char *adaptive_first_round(const struct session_conf *conf, const struct plan *plan,
@@ -225,7 +224,7 @@ char *adaptive_first_round(const struct session_conf *conf, const struct plan *p
     return rounds_to_text(chosen);
 }
 
-static gboolean adaptive_load_rounds(struct rounds *rounds, GError **error) {
+static gboolean load_rounds(struct rounds *rounds, GError **error) {
     if (!rounds_load(rounds, error))
         return FALSE;
     return rounds->n > 0 ||
@@ -236,7 +235,7 @@ static gboolean adaptive_load_rounds(struct rounds *rounds, GError **error) {
 }
 
 /* Frames of earlier runs are examined from their files. */
-static gboolean adaptive_take_done(Adaptive *adaptive, GError **error) {
+static gboolean take_done(Adaptive *adaptive, GError **error) {
     g_autoptr(GPtrArray) frames = session_frames(adaptive->setup.session, error);
     if (!frames)
         return FALSE;
@@ -249,19 +248,17 @@ static gboolean adaptive_take_done(Adaptive *adaptive, GError **error) {
     return TRUE;
 }
 
-static gboolean adaptive_load(Adaptive *adaptive, GError **error) {
-    if ((adaptive->sweeps && !adaptive_load_rounds(&adaptive->of_sweeps, error)) ||
-        (adaptive->lamps && !adaptive_load_rounds(&adaptive->of_lamps, error)))
+static gboolean load(Adaptive *adaptive, GError **error) {
+    if ((adaptive->sweeps && !load_rounds(&adaptive->of_sweeps, error)) ||
+        (adaptive->lamps && !load_rounds(&adaptive->of_lamps, error)))
         return FALSE;
-    return (!adaptive->sweeps || !adaptive->of_sweeps.over ||
-            adaptive_leave_sweeps_out(adaptive, error)) &&
-           (!adaptive->lamps || !adaptive->of_lamps.over ||
-            adaptive_leave_lamps_out(adaptive, error)) &&
-           (adaptive_is_over(adaptive) || adaptive_take_done(adaptive, error));
+    return (!adaptive->sweeps || !adaptive->of_sweeps.over || leave_sweeps_out(adaptive, error)) &&
+           (!adaptive->lamps || !adaptive->of_lamps.over || leave_lamps_out(adaptive, error)) &&
+           (adaptive_is_over(adaptive) || take_done(adaptive, error));
 }
 
 Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error) {
-    static GSourceFuncs funcs = {.dispatch = adaptive_dispatch};
+    static GSourceFuncs funcs = {.dispatch = dispatch};
     Adaptive *adaptive = g_new0(Adaptive, 1);
     adaptive->setup = *setup;
     adaptive->readers = readers_new(setup->clock);
@@ -270,7 +267,7 @@ Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error) {
     rounds_init(&adaptive->of_lamps, setup->session, setup->shots, SHOT_LAMP,
                 ADAPTIVE_LIGHT_ROUNDS);
     adaptive->wake = g_source_new(&funcs, sizeof(GSource));
-    g_source_set_callback(adaptive->wake, adaptive_on_wake, adaptive, NULL);
+    g_source_set_callback(adaptive->wake, on_wake, adaptive, NULL);
     g_source_attach(adaptive->wake, NULL);
     if (setup->conf->laser_stop == STOP_COVERED)
         adaptive->sweeps = sweeps_new(setup->session, setup->conf, setup->shots,
@@ -284,7 +281,7 @@ Adaptive *adaptive_new(const struct adaptive_setup *setup, GError **error) {
                                          .readers = adaptive->readers};
     if ((setup->conf->light_sampling == SAMPLING_ADAPTIVE &&
          !(adaptive->lamps = lamps_new(&of_lamps, error))) ||
-        !adaptive_load(adaptive, error))
+        !load(adaptive, error))
         g_clear_pointer(&adaptive, adaptive_free);
     return adaptive;
 }
@@ -300,7 +297,7 @@ void adaptive_free(Adaptive *adaptive) {
         clock_release(adaptive->setup.clock);
     }
     readers_free(adaptive->readers);
-    adaptive_free_choice(adaptive->choice);
+    free_choice(adaptive->choice);
     g_source_destroy(adaptive->wake);
     g_source_unref(adaptive->wake);
     sweeps_free(adaptive->sweeps);

@@ -22,7 +22,7 @@ struct earlier {
     Lamps *lamps;
 };
 
-static void expected_clear_earlier(struct earlier *earlier) {
+static void clear_earlier(struct earlier *earlier) {
     readers_free(earlier->readers);
     lamps_dispose(earlier->lamps);
     g_clear_pointer(&earlier->clock, clock_unref);
@@ -73,9 +73,9 @@ struct joined {
     int *of;                        /* of each of the plan's: its number */
 };
 
-static struct joined expected_join(const struct vec3 *earlier, const struct vec3 *earlier_mm,
-                                   int n_earlier, const struct vec3 *planned,
-                                   const struct vec3 *planned_mm, int n_planned) {
+static struct joined join(const struct vec3 *earlier, const struct vec3 *earlier_mm, int n_earlier,
+                          const struct vec3 *planned, const struct vec3 *planned_mm,
+                          int n_planned) {
     struct joined ret = {g_array_new(FALSE, FALSE, sizeof(struct vec3)),
                          g_array_new(FALSE, FALSE, sizeof(struct vec3)),
                          g_new0(int, n_planned + 1)};
@@ -95,7 +95,7 @@ static struct joined expected_join(const struct vec3 *earlier, const struct vec3
     return ret;
 }
 
-static void expected_clear_joined(struct joined *joined) {
+static void clear_joined(struct joined *joined) {
     g_array_unref(joined->directions);
     g_array_unref(joined->places_mm);
     g_free(joined->of);
@@ -103,9 +103,8 @@ static void expected_clear_joined(struct joined *joined) {
 
 /* Gives the planned pairs the values that the earlier session's probes have there: measured, or
  * predicted. */
-static gboolean expected_fill(const Lamps *earlier, Lamps *planned, const struct joined *views,
-                              const struct joined *lights, const struct work *work,
-                              GError **error) {
+static gboolean fill(const Lamps *earlier, Lamps *planned, const struct joined *views,
+                     const struct joined *lights, const struct work *work, GError **error) {
     const int n_views = (int)views->directions->len, n_lights = (int)lights->directions->len;
     const int rows = 3 * earlier->n_probes, n_pairs = n_views * n_lights;
     int taken;
@@ -151,27 +150,25 @@ static gboolean expected_fill(const Lamps *earlier, Lamps *planned, const struct
     return TRUE;
 }
 
-static gboolean expected_take_like(Lamps *planned, const char *like,
-                                   const struct rig_timing *timing, const struct work *work,
-                                   GError **error) {
+static gboolean take_like(Lamps *planned, const char *like, const struct rig_timing *timing,
+                          const struct work *work, GError **error) {
     struct earlier earlier = {0};
     gboolean ok = expected_open(&earlier, like, timing, error) && expected_read(&earlier, error);
     if (ok) {
         const Lamps *from = earlier.lamps;
-        struct joined views = expected_join(from->views, from->views_mm, from->n_views,
-                                            planned->views, planned->views_mm, planned->n_views);
-        struct joined lights =
-            expected_join(from->lights, from->lights_mm, from->n_lights, planned->lights,
-                          planned->lights_mm, planned->n_lights);
-        ok = expected_fill(from, planned, &views, &lights, work, error);
-        expected_clear_joined(&views);
-        expected_clear_joined(&lights);
+        struct joined views = join(from->views, from->views_mm, from->n_views, planned->views,
+                                   planned->views_mm, planned->n_views);
+        struct joined lights = join(from->lights, from->lights_mm, from->n_lights, planned->lights,
+                                    planned->lights_mm, planned->n_lights);
+        ok = fill(from, planned, &views, &lights, work, error);
+        clear_joined(&views);
+        clear_joined(&lights);
     }
-    expected_clear_earlier(&earlier);
+    clear_earlier(&earlier);
     return ok;
 }
 
-static double expected_time_s(const Lamps *lamps, const int *numbers, int n) {
+static double time_s(const Lamps *lamps, const int *numbers, int n) {
     const struct lamps_setup *setup = &lamps->setup;
     g_autofree const struct session_shot **list = g_new(const struct session_shot *, n + 1);
     for (int i = 0; i < n; i++)
@@ -197,8 +194,7 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
         for (guint i = 0; i < chosen->len; i++)
             lamps->done[g_array_index(chosen, int, i)] = TRUE;
         point.shots += (int)chosen->len;
-        point.time_s +=
-            expected_time_s(lamps, (const int *)(gpointer)chosen->data, (int)chosen->len);
+        point.time_s += time_s(lamps, (const int *)(gpointer)chosen->data, (int)chosen->len);
         if (!lamps_choose(lamps, &none, &choice, error))
             return FALSE;
         point.error_pct = choice.error_pct;
@@ -213,7 +209,7 @@ static gboolean expected_rounds(Lamps *lamps, int most, GArray *ret, GError **er
 }
 
 /* The order in which a predictor that has measured nothing would take the shots. */
-static gboolean expected_of_none(Lamps *lamps, int most, GArray *ret, GError **error) {
+static gboolean of_none(Lamps *lamps, int most, GArray *ret, GError **error) {
     const struct work work = {.cancellable = lamps->cancellable};
     const struct prediction_pairs pairs = lamps_pairs(lamps);
     g_autoptr(Prediction) prediction = prediction_new(&pairs, NULL, NULL, 0, &work, error);
@@ -229,8 +225,7 @@ static gboolean expected_of_none(Lamps *lamps, int most, GArray *ret, GError **e
         n_choices < 0 ? -1 : lamps_list_chosen(&left, choices, n_choices, most, 0, chosen, errors);
     lamps_clear_candidates(&left);
     for (int k = MIN(n, 8); k > 0; k = k == n ? 0 : MIN(n, (int)((1 + MORE) * k))) {
-        const struct expected_point point = {k, expected_time_s(lamps, chosen, k),
-                                             100 * errors[k - 1]};
+        const struct expected_point point = {k, time_s(lamps, chosen, k), 100 * errors[k - 1]};
         g_array_append_val(ret, point);
     }
     return n >= 0;
@@ -270,9 +265,9 @@ GArray *expected_curve(const struct session_conf *conf, const struct rig *rig,
     GArray *ret = g_array_new(FALSE, FALSE, sizeof(struct expected_point));
     const gboolean many = lamps->n_views * lamps->n_lights > PREDICTION_TARGETS;
     const int most_of_none = MAX(1, many ? n / MAX_OF_MANY : n / 2);
-    const gboolean ok = like ? expected_take_like(lamps, like, timing, work, error) &&
+    const gboolean ok = like ? take_like(lamps, like, timing, work, error) &&
                                    expected_rounds(lamps, n / 2, ret, error)
-                             : expected_of_none(lamps, most_of_none, ret, error);
+                             : of_none(lamps, most_of_none, ret, error);
     if (!ok)
         g_clear_pointer(&ret, g_array_unref);
     lamps_dispose(lamps);

@@ -9,8 +9,9 @@
 #define RAD(deg)   ((deg) * (G_PI / 180))
 #define MAX_PROBES 256
 #define GROWTH     1.0 /* shots of a further round, of those before it, at most */
-#define MAX_SINGLE 600 /* shots that are looked at, by themselves and as the beginning of a chain  \
-                        */
+#define MAX_SINGLE                                                                                 \
+    600 /* shots that are looked at, by themselves and as the beginning of a chain                 \
+         */
 
 struct lamps_job { /* a frame to be read */
     const Lamps *lamps;
@@ -19,15 +20,15 @@ struct lamps_job { /* a frame to be read */
     struct input input;
 };
 
-static void lamps_free_job(gpointer data) {
+static void free_job(gpointer data) {
     struct lamps_job *job = data;
     input_clear(&job->input);
     g_free(job);
 }
 
 /* ρ = π L / E of each probe, as processing makes it (btf/btf.h) but for the lamp's output. */
-static void lamps_to_reflectance(const struct lamps_job *job, const struct rig *rig,
-                                 const guint8 *holes, float *values) {
+static void to_reflectance(const struct lamps_job *job, const struct rig *rig, const guint8 *holes,
+                           float *values) {
     const Lamps *lamps = job->lamps;
     const struct calibration *calibration = lamps->setup.calibration;
     const struct session_grid *grid = &lamps->setup.conf->grid;
@@ -66,7 +67,7 @@ static gboolean lamps_read(gpointer data, GError **error) {
     if (!rectify)
         return TRUE;
     rectify_apply(rectify, mosaic, values, holes);
-    lamps_to_reflectance(job, rig, holes, values);
+    to_reflectance(job, rig, holes, values);
     g_free(lamps->values[job->pair]);
     lamps->values[job->pair] = g_steal_pointer(&values);
     return TRUE;
@@ -99,7 +100,7 @@ void lamps_take_shot(Lamps *lamps, const struct session_shot *shot,
                                          .shot = shot->id,
                                          .width = camera->width,
                                          .height = camera->height}};
-        readers_push(lamps->setup.readers, lamps_read, lamps_free_job, job, frames[i].path);
+        readers_push(lamps->setup.readers, lamps_read, free_job, job, frames[i].path);
     }
 }
 
@@ -120,7 +121,7 @@ gboolean lamps_note_done(Lamps *lamps, GError **error) {
     return TRUE;
 }
 
-static gboolean lamps_is_taken(const Lamps *lamps, int pair) {
+static gboolean is_taken(const Lamps *lamps, int pair) {
     const int shot = lamps->groups[pair];
     return lamps->values[pair] && shot > 0 && lamps->done[shot - 1];
 }
@@ -130,10 +131,10 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
     float *table = g_new(float, (gsize)n_pairs *(gsize)rows);
     int n = 0, k = 0;
     for (int pair = 0; pair < n_pairs; pair++)
-        n += lamps_is_taken(lamps, pair);
+        n += is_taken(lamps, pair);
     const gint64 most = MIN(n, PREDICTION_MAX_MEASURED);
     for (int pair = 0; pair < n_pairs; pair++) {
-        const gboolean taken = lamps_is_taken(lamps, pair);
+        const gboolean taken = is_taken(lamps, pair);
         const gboolean given = taken && (k + 1) * most / n > k * most / n;
         k += taken;
         for (int row = 0; row < rows; row++)
@@ -147,8 +148,8 @@ float *lamps_table(const Lamps *lamps, int *ret_taken) {
 }
 
 /* How many of the chosen shots, from the first on, the budget has time for. */
-static int lamps_within_budget(const Lamps *lamps, const struct rounds *rounds, const int *chosen,
-                               int n) {
+static int within_budget(const Lamps *lamps, const struct rounds *rounds, const int *chosen,
+                         int n) {
     const struct lamps_setup *setup = &lamps->setup;
     const struct session_conf *conf = setup->conf;
     const guint n_shots = setup->shots->len;
@@ -184,8 +185,8 @@ void lamps_clear_candidates(struct lamps_candidates *c) {
 }
 
 /* Adds a chain, and the pairs that it shows. */
-static void lamps_add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
-                                int length, double price_s) {
+static void add_candidate(const Lamps *lamps, struct lamps_candidates *c, const int *chain,
+                          int length, double price_s) {
     struct prediction_shot *one = &c->shots[c->n];
     *one = (struct prediction_shot){.pairs = c->pairs + c->n_pairs, .price_s = MAX(price_s, 1e-3)};
     for (int k = 0; k < CHAIN; k++) {
@@ -227,13 +228,13 @@ struct lamps_candidates lamps_list_candidates(Lamps *lamps) {
         int chain[CHAIN] = {(int)((gint64)i * n / starts)};
         const double price_s = lamps->price_s[g_array_index(ret.numbers, int, chain[0])];
         double more_s;
-        lamps_add_candidate(lamps, &ret, chain, 1, price_s);
+        add_candidate(lamps, &ret, chain, 1, price_s);
         const int length = plan_lamp_chain(
             setup->conf, setup->nominal, setup->timing,
             (const struct session_shot *const *)left->pdata, n,
             setup->conf->motion == MOTION_CONTINUOUS ? CHAIN : CHAIN_STANDING, chain, &more_s);
         if (length > 1)
-            lamps_add_candidate(lamps, &ret, chain, length, price_s + more_s);
+            add_candidate(lamps, &ret, chain, length, price_s + more_s);
     }
     return ret;
 }
@@ -258,9 +259,9 @@ int lamps_list_chosen(const struct lamps_candidates *left, const struct predicti
 }
 
 /* Sets the shots of a further round, or why there is none. */
-static gboolean lamps_choose_shots(Lamps *lamps, const struct rounds *rounds,
-                                   const Prediction *prediction, struct lamps_choice *ret,
-                                   GError **error) {
+static gboolean choose_shots(Lamps *lamps, const struct rounds *rounds,
+                             const Prediction *prediction, struct lamps_choice *ret,
+                             GError **error) {
     const double enough = lamps->setup.conf->light_error_pct / 100;
     const struct work work = {.cancellable = lamps->cancellable};
     struct lamps_candidates left = lamps_list_candidates(lamps);
@@ -276,7 +277,7 @@ static gboolean lamps_choose_shots(Lamps *lamps, const struct rounds *rounds,
         n = prediction_choose(prediction, left.shots, left.n, NULL, most, choices, &work, error);
     if (n > 0) {
         n = lamps_list_chosen(&left, choices, n, most, enough, chosen, errors);
-        n = lamps_within_budget(lamps, rounds, chosen, n);
+        n = within_budget(lamps, rounds, chosen, n);
         ret->end = n > 0 ? LAMPS_GO_ON : LAMPS_BUDGET;
         ret->after_pct = n > 0 ? 100 * errors[n - 1] : ret->after_pct;
         g_array_append_vals(ret->shots, chosen, (guint)n);
@@ -307,7 +308,7 @@ gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_ch
         return FALSE;
     ret->shots = g_array_new(FALSE, FALSE, sizeof(int));
     ret->error_pct = ret->after_pct = 100 * prediction_error(prediction);
-    if (lamps_choose_shots(lamps, rounds, prediction, ret, error))
+    if (choose_shots(lamps, rounds, prediction, ret, error))
         return TRUE;
     g_clear_pointer(&ret->shots, g_array_unref);
     return FALSE;
@@ -315,7 +316,7 @@ gboolean lamps_choose(Lamps *lamps, const struct rounds *rounds, struct lamps_ch
 
 /* Texels spread over the grid by the additive recurrence of the plastic number (Roberts 2018), so
  * that a periodic structure is met in all its phases. */
-static void lamps_spread_probes(Lamps *lamps) {
+static void spread_probes(Lamps *lamps) {
     const struct session_grid *grid = &lamps->setup.conf->grid;
     const int n = grid->width * grid->height;
     lamps->n_probes = MIN(n, MAX_PROBES);
@@ -345,7 +346,7 @@ static struct vec3 *lamps_directions(const GPtrArray *directions) {
 
 /* Places of cameras and lamps in the sample's frame, as the session's calibration has them. A lamp
  * has that of the first shot of its light, whose arc may have been shifted. */
-static void lamps_find_places(Lamps *lamps, const GPtrArray *views) {
+static void find_places(Lamps *lamps, const GPtrArray *views) {
     const struct rig *rig = &lamps->setup.calibration->rig;
     lamps->views_mm = g_new(struct vec3, lamps->n_views + 1);
     lamps->lights_mm = g_new(struct vec3, lamps->n_lights + 1);
@@ -366,7 +367,7 @@ static void lamps_find_places(Lamps *lamps, const GPtrArray *views) {
 }
 
 /* Which pair each camera shows in each shot. */
-static void lamps_find_pairs(Lamps *lamps, const GPtrArray *views) {
+static void find_pairs(Lamps *lamps, const GPtrArray *views) {
     const struct lamps_setup *setup = &lamps->setup;
     const int n_cameras = setup->calibration->rig.n_cameras;
     const int n_pairs = lamps->n_views * lamps->n_lights;
@@ -406,9 +407,9 @@ Lamps *lamps_make(const struct lamps_setup *setup, const GPtrArray *views,
     lamps->cancellable = g_cancellable_new();
     for (guint i = 0; i < n; i++)
         lamps->output[i] = 1;
-    lamps_spread_probes(lamps);
-    lamps_find_pairs(lamps, views);
-    lamps_find_places(lamps, views);
+    spread_probes(lamps);
+    find_pairs(lamps, views);
+    find_places(lamps, views);
     return lamps;
 }
 

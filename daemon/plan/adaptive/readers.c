@@ -20,7 +20,7 @@ struct Readers {
     int stopped;       /* atomic */
 };
 
-static void readers_free_job(gpointer data) {
+static void free_job(gpointer data) {
     struct readers_job *job = data;
     job->drop(job->job);
     g_clear_error(&job->error);
@@ -29,12 +29,12 @@ static void readers_free_job(gpointer data) {
 }
 
 /* A reader's thread. */
-static void readers_run(gpointer data, gpointer readers_data) {
+static void run(gpointer data, gpointer readers_data) {
     struct readers_job *job = data;
     Readers *readers = readers_data;
     const gboolean good = readers_stopped(readers) || job->read(job->job, &job->error);
     if (good)
-        readers_free_job(job);
+        free_job(job);
     g_mutex_lock(&readers->mutex);
     if (!good)
         g_ptr_array_add(readers->failed, job);
@@ -48,22 +48,22 @@ Readers *readers_new(Clock *clock) {
     readers->clock = clock;
     g_mutex_init(&readers->mutex);
     g_cond_init(&readers->idle);
-    readers->failed = g_ptr_array_new_with_free_func(readers_free_job);
-    readers->pool = g_thread_pool_new(readers_run, readers, N_READERS, FALSE, NULL);
+    readers->failed = g_ptr_array_new_with_free_func(free_job);
+    readers->pool = g_thread_pool_new(run, readers, N_READERS, FALSE, NULL);
     return readers;
 }
 
-static void readers_wait_until_idle(Readers *readers) {
+static void wait_until_idle(Readers *readers) {
     while (readers->n_reading > 0)
         g_cond_wait(&readers->idle, &readers->mutex);
 }
 
-static void readers_begin(Readers *readers, struct readers_job *job) {
+static void begin(Readers *readers, struct readers_job *job) {
     g_mutex_lock(&readers->mutex);
     readers->n_reading++;
     g_thread_pool_push(readers->pool, job, NULL);
     if (clock_is_lockstep(readers->clock))
-        readers_wait_until_idle(readers);
+        wait_until_idle(readers);
     g_mutex_unlock(&readers->mutex);
 }
 
@@ -71,13 +71,13 @@ void readers_push(Readers *readers, ReadersRead read, GDestroyNotify drop, gpoin
                   const char *frame) {
     struct readers_job *job = g_new(struct readers_job, 1);
     *job = (struct readers_job){.read = read, .drop = drop, .job = data, .frame = g_strdup(frame)};
-    readers_begin(readers, job);
+    begin(readers, job);
 }
 
 gboolean readers_wait(Readers *readers, GError **error) {
     GError *found = NULL;
     g_mutex_lock(&readers->mutex);
-    readers_wait_until_idle(readers);
+    wait_until_idle(readers);
     if (readers->failed->len > 0)
         found = g_error_copy(((const struct readers_job *)readers->failed->pdata[0])->error);
     g_mutex_unlock(&readers->mutex);
@@ -89,14 +89,14 @@ gboolean readers_wait(Readers *readers, GError **error) {
 
 void readers_retry(Readers *readers) {
     g_mutex_lock(&readers->mutex);
-    readers_wait_until_idle(readers);
+    wait_until_idle(readers);
     g_autoptr(GPtrArray) failed = g_steal_pointer(&readers->failed);
-    readers->failed = g_ptr_array_new_with_free_func(readers_free_job);
+    readers->failed = g_ptr_array_new_with_free_func(free_job);
     g_mutex_unlock(&readers->mutex);
     while (failed->len > 0) {
         struct readers_job *job = g_ptr_array_steal_index(failed, 0);
         g_clear_error(&job->error);
-        readers_begin(readers, job);
+        begin(readers, job);
     }
 }
 

@@ -15,7 +15,7 @@ void rounds_clear(struct rounds *rounds) {
     g_clear_pointer(&rounds->of, g_free);
 }
 
-static gboolean rounds_load_one(struct rounds *rounds, const char *text, GError **error) {
+static gboolean load_one(struct rounds *rounds, const char *text, GError **error) {
     g_auto(GStrv) words = g_strsplit(text, " ", -1);
     rounds->n++;
     rounds->over = !*text;
@@ -39,7 +39,7 @@ gboolean rounds_load(struct rounds *rounds, GError **error) {
             return FALSE;
         if (!text)
             break;
-        if (!rounds_load_one(rounds, text, error))
+        if (!load_one(rounds, text, error))
             return FALSE;
     }
     return TRUE;

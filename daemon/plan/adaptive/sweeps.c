@@ -31,7 +31,7 @@ struct sweeps_job { /* a file to be examined */
     struct input input;
 };
 
-static void sweeps_free_group(gpointer data) {
+static void free_group(gpointer data) {
     struct group *group = data;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
         coverage_view_free(group->views[c]);
@@ -42,7 +42,7 @@ static void sweeps_free_group(gpointer data) {
     g_free(group);
 }
 
-static void sweeps_free_job(gpointer data) {
+static void free_job(gpointer data) {
     struct sweeps_job *job = data;
     input_clear(&job->input);
     g_free(job);
@@ -88,7 +88,7 @@ void sweeps_take(Sweeps *sweeps, const struct session_shot *shot,
                                              .width = camera->width,
                                              .height = camera->height}};
         job->shot.note = NULL;
-        readers_push(sweeps->readers, sweeps_read, sweeps_free_job, job, frames[i].path);
+        readers_push(sweeps->readers, sweeps_read, free_job, job, frames[i].path);
     }
 }
 
@@ -106,8 +106,8 @@ static double sweeps_gain(const Sweeps *sweeps, const struct group *group, int s
 
 /* Adds the sweeps of a group that join the next round to ret. When one has joined, the gain of each
  * other sweep is lowered by the share by which the model lowers it. */
-static void sweeps_choose_group(const Sweeps *sweeps, const struct group *group, guint64 chosen,
-                                GArray *ret) {
+static void choose_group(const Sweeps *sweeps, const struct group *group, guint64 chosen,
+                         GArray *ret) {
     const double least = sweeps->conf->laser_gain_pct / 100;
     guint64 joined = chosen;
     double gains[COVERAGE_MAX_SWEEPS];
@@ -168,7 +168,7 @@ struct sweeps_choice sweeps_choose(const Sweeps *sweeps) {
             known += sums.known;
             worst = MIN(worst, (double)sums.known / MAX(sums.texels, 1));
         }
-        sweeps_choose_group(sweeps, group, group->done, ret.shots);
+        choose_group(sweeps, group, group->done, ret.shots);
     }
     ret.known_pct = 100.0 * (double)known / (double)MAX(texels, 1);
     ret.worst_pct = 100 * worst;
@@ -185,7 +185,7 @@ Sweeps *sweeps_new(Session *session, const struct session_conf *conf, const GPtr
     sweeps->shots = all;
     sweeps->rig = rig;
     sweeps->readers = readers;
-    sweeps->groups = g_ptr_array_new_with_free_func(sweeps_free_group);
+    sweeps->groups = g_ptr_array_new_with_free_func(free_group);
     sweeps->group_of = g_hash_table_new(NULL, NULL);
     for (guint g = 0; g < groups->len; g++) {
         struct group *group = g_new0(struct group, 1);

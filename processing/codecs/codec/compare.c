@@ -68,8 +68,7 @@ static double cos_deg(double angle) {
 }
 
 /* Gives the difference and the mean of two hues along the shorter arc. Grey has no hue. */
-static void compare_hues(double h1, double h2, gboolean grey, double *ret_difference,
-                         double *ret_mean) {
+static void hues(double h1, double h2, gboolean grey, double *ret_difference, double *ret_mean) {
     double difference = grey ? 0 : h2 - h1, mean = grey ? h1 + h2 : (h1 + h2) / 2;
     if (!grey && fabs(h1 - h2) > 180) {
         difference += difference > 0 ? -360 : 360;
@@ -85,7 +84,7 @@ double compare_delta_e(const double lab1[3], const double lab2[3]) {
     const double a1 = lab1[1] * (1 + g), a2 = lab2[1] * (1 + g);
     const double c1 = hypot(a1, lab1[2]), c2 = hypot(a2, lab2[2]), c = (c1 + c2) / 2;
     double dh, h;
-    compare_hues(hue_deg(a1, lab1[2]), hue_deg(a2, lab2[2]), c1 * c2 == 0, &dh, &h);
+    hues(hue_deg(a1, lab1[2]), hue_deg(a2, lab2[2]), c1 * c2 == 0, &dh, &h);
     const double dhue = 2 * sqrt(c1 * c2) * sin_deg(dh / 2), l = (lab1[0] + lab2[0]) / 2;
     const double t = 1 - 0.17 * cos_deg(h - 30) + 0.24 * cos_deg(2 * h) +
                      0.32 * cos_deg(3 * h + 6) - 0.20 * cos_deg(4 * h - 63);
@@ -97,7 +96,7 @@ double compare_delta_e(const double lab1[3], const double lab2[3]) {
     return sqrt(MAX(dl * dl + dc * dc + dhs * dhs - sin_deg(2 * turn) * rc * dc * dhs, 0));
 }
 
-static void compare_add(struct compare_totals *to, const struct compare_totals *from) {
+static void add(struct compare_totals *to, const struct compare_totals *from) {
     to->residual += from->residual;
     to->all += from->all;
     to->luminance += from->luminance;
@@ -105,7 +104,7 @@ static void compare_add(struct compare_totals *to, const struct compare_totals *
     to->n += from->n;
 }
 
-static void compare_do_block(int number, gpointer data) {
+static void do_block(int number, gpointer data) {
     const struct compare_run *run = data;
     struct compare_block *block = &run->blocks[number];
     const gsize views = run->layout->views.n, lights = run->layout->lights.n;
@@ -139,13 +138,13 @@ static void compare_do_block(int number, gpointer data) {
             compare_lab(b, lab_b);
             value.delta_e = compare_delta_e(lab_a, lab_b);
             value.n = 1;
-            compare_add(&block->totals[i / lights], &value);
-            compare_add(&block->totals[views + i % lights], &value);
+            add(&block->totals[i / lights], &value);
+            add(&block->totals[views + i % lights], &value);
         }
     }
 }
 
-static struct compare_sums compare_finish(const struct compare_totals *totals) {
+static struct compare_sums finish(const struct compare_totals *totals) {
     const double ratio = totals->all > 0        ? totals->residual / totals->all
                          : totals->residual > 0 ? INFINITY
                                                 : 0;
@@ -154,7 +153,7 @@ static struct compare_sums compare_finish(const struct compare_totals *totals) {
 }
 
 /* Returns NULL with an error if a block found damaged values. */
-static struct comparison *compare_summarise(const struct compare_run *run, GError **error) {
+static struct comparison *summarise(const struct compare_run *run, GError **error) {
     const gsize views = run->layout->views.n, lights = run->layout->lights.n;
     const int width = (int)run->layout->width;
     struct compare_totals all = {0};
@@ -177,19 +176,19 @@ static struct comparison *compare_summarise(const struct compare_run *run, GErro
     for (gsize i = 0; i < views + lights; i++) {
         struct compare_totals one = {0};
         for (int k = 0; k < run->n_blocks; k++)
-            compare_add(&one, &run->blocks[k].totals[i]);
+            add(&one, &run->blocks[k].totals[i]);
         if (i < views)
-            compare_add(&all, &one);
-        *(i < views ? &ret->views[i] : &ret->lights[i - views]) = compare_finish(&one);
+            add(&all, &one);
+        *(i < views ? &ret->views[i] : &ret->lights[i - views]) = finish(&one);
     }
-    ret->all = compare_finish(&all);
+    ret->all = finish(&all);
     for (int k = 0; k < run->n_blocks; k++)
         ret->largest = MAX(ret->largest, run->blocks[k].largest);
     return ret;
 }
 
-static gboolean compare_same_directions(const struct direction_list *of_a,
-                                        const struct direction_list *of_b) {
+static gboolean same_directions(const struct direction_list *of_a,
+                                const struct direction_list *of_b) {
     gboolean same = of_a->n == of_b->n;
     for (gsize i = 0; same && i < of_a->n; i++) {
         float a[3], b[3];
@@ -206,9 +205,9 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
     const struct btf_layout *of_a = material_info(a)->layout, *of_b = material_info(b)->layout;
     const char *what = of_a->width != of_b->width || of_a->height != of_b->height
                            ? "numbers of texels"
-                       : !compare_same_directions(&of_a->views, &of_b->views)   ? "views"
-                       : !compare_same_directions(&of_a->lights, &of_b->lights) ? "lights"
-                                                                                : NULL;
+                       : !same_directions(&of_a->views, &of_b->views)   ? "views"
+                       : !same_directions(&of_a->lights, &of_b->lights) ? "lights"
+                                                                        : NULL;
     if (what) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s (%zu × %zu texels, %zu views, %zu lights) and %s (%zu × %zu, %zu, %zu) "
@@ -222,8 +221,8 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
     g_autofree struct compare_block *blocks = g_new0(struct compare_block, n_blocks);
     struct compare_run run = {a, b, of_a, n_blocks, blocks};
     struct comparison *ret = NULL;
-    if (work_parallel(work, "compare", n_blocks, compare_do_block, &run, error))
-        ret = compare_summarise(&run, error);
+    if (work_parallel(work, "compare", n_blocks, do_block, &run, error))
+        ret = summarise(&run, error);
     for (int k = 0; k < n_blocks; k++)
         g_free(blocks[k].totals);
     return ret;

@@ -11,24 +11,24 @@ struct Material {
     gboolean borrowed; /* the caller owns the model */
 };
 
-static void material_btf_free(gpointer model) {
+static void btf_free(gpointer model) {
     btf_matrix_free(model);
 }
 
-static gint64 material_btf_bytes(gconstpointer model) {
+static gint64 btf_bytes(gconstpointer model) {
     const struct btf_matrix *btf = model;
     return btf_matrix_bytes(&btf->layout) / 2;
 }
 
-static void material_btf_reconstruct(gconstpointer model, int texel, float *ret) {
+static void btf_reconstruct(gconstpointer model, int texel, float *ret) {
     const struct btf_matrix *btf = model;
     const gsize n = btf_layout_values(&btf->layout);
     memcpy(ret, btf->values + (gsize)texel * n, sizeof(float) * n);
 }
 
 /* Computes Σ_a Σ_b g_a h_b B(x, v_a, l_b). */
-static void material_btf_evaluate(gconstpointer model, const struct codec_query *query,
-                                  const struct codec_texels *texels, float ret[COLOURS]) {
+static void btf_evaluate(gconstpointer model, const struct codec_query *query,
+                         const struct codec_texels *texels, float ret[COLOURS]) {
     const struct btf_matrix *btf = model;
     const gsize n = btf_layout_values(&btf->layout), row = btf->layout.lights.n * COLOURS;
     for (int k = 0; k < texels->n; k++)
@@ -45,11 +45,11 @@ static void material_btf_evaluate(gconstpointer model, const struct codec_query 
 
 const struct codec material_btf_codec = {
     .name = "btf",
-    .free = material_btf_free,
+    .free = btf_free,
     .layout = G_STRUCT_OFFSET(struct btf_matrix, layout),
-    .bytes = material_btf_bytes,
-    .reconstruct = material_btf_reconstruct,
-    .evaluate = material_btf_evaluate,
+    .bytes = btf_bytes,
+    .reconstruct = btf_reconstruct,
+    .evaluate = btf_evaluate,
 };
 
 Material *material_new(const char *label, const struct codec *codec, gpointer model) {

@@ -27,7 +27,7 @@ void texel_model_write_head(const struct texel_model_head *head, const struct bt
     btf_layout_write_directions(layout, file);
 }
 
-static gboolean texel_model_is_error(double value) {
+static gboolean is_error(double value) {
     return value >= 0 && isfinite(value);
 }
 
@@ -58,8 +58,8 @@ gboolean texel_model_read_head(const struct exr_file *file, struct texel_model_h
         return FALSE;
     if (width != part->width || height < 1 || (gint64)height * head->numbers[1] != part->height)
         *ret_what = "mesorig.width or mesorig.height does not fit its parts";
-    else if (!texel_model_is_error(head->error) || !texel_model_is_error(head->exact_error) ||
-             !texel_model_is_error(head->luminance_error))
+    else if (!is_error(head->error) || !is_error(head->exact_error) ||
+             !is_error(head->luminance_error))
         *ret_what = "one of its errors is negative or not finite";
     ret_layout->width = (gsize)width;
     ret_layout->height = (gsize)height;
@@ -124,7 +124,7 @@ struct texel_model_comparison {
     struct texel_model_sums *blocks;
 };
 
-static void texel_model_compare_block(int block, gpointer data) {
+static void compare_block(int block, gpointer data) {
     const struct texel_model_comparison *to = data;
     const gsize n = btf_layout_values(&to->btf->layout);
     const gsize first = (gsize)block * BLOCK;
@@ -154,7 +154,7 @@ void texel_model_errors(const struct btf_matrix *btf, TexelModelReconstruct reco
     g_autofree struct texel_model_sums *blocks = g_new0(struct texel_model_sums, n_blocks);
     struct texel_model_comparison to = {btf, reconstruct, model, blocks};
     struct texel_model_sums all = {0};
-    work_for_each(n_threads, n_blocks, texel_model_compare_block, &to);
+    work_for_each(n_threads, n_blocks, compare_block, &to);
     for (int i = 0; i < n_blocks; i++) {
         all.residual += blocks[i].residual;
         all.all += blocks[i].all;

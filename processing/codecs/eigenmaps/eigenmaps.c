@@ -19,19 +19,18 @@ void eigenmaps_free(struct eigenmaps *maps) {
     g_free(maps);
 }
 
-static char *eigenmaps_map_name(int term, gsize light) {
+static char *map_name(int term, gsize light) {
     return g_strdup_printf("E%03d_light_%04zu", term, light);
 }
 
 /* Returns a map: height × width × 3 (R, G, B). */
-static float *eigenmaps_map(const struct eigenmaps *maps, int term, gsize light) {
+static float *map(const struct eigenmaps *maps, int term, gsize light) {
     const gsize n = btf_layout_texels(&maps->layout) * COLOURS;
     return maps->maps + n * ((gsize)term * maps->layout.lights.n + light);
 }
 
 /* Creates the parts of a file. The parts of the maps have no pixels yet. */
-static struct exr_file *eigenmaps_new_file(const struct eigenmaps *maps, int n_terms,
-                                           const float *of_views) {
+static struct exr_file *new_file(const struct eigenmaps *maps, int n_terms, const float *of_views) {
     static const char *const channels[] = {"W", NULL}, *const bgr[] = {"B", "G", "R", NULL};
     const int width = (int)maps->layout.width, height = (int)maps->layout.height;
     const gsize n_views = maps->layout.views.n;
@@ -45,7 +44,7 @@ static struct exr_file *eigenmaps_new_file(const struct eigenmaps *maps, int n_t
     btf_layout_write_directions(&maps->layout, file);
     for (int term = 0; term < n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++) {
-            g_autofree char *name = eigenmaps_map_name(term, light);
+            g_autofree char *name = map_name(term, light);
             struct exr_part *part = exr_part_new(name, width, height, bgr, EXR_HALF);
             exr_part_drop_planes(part);
             exr_file_add(file, part);
@@ -59,26 +58,26 @@ static gboolean eigenmaps_fill(struct exr_part *part, gpointer data, GError **er
     int term = 0;
     gsize light = 0;
     sscanf(part->name, "E%d_light_%zu", &term, &light);
-    const float *rgb = eigenmaps_map(maps, term, light);
+    const float *rgb = map(maps, term, light);
     for (gsize i = 0; i < texels * COLOURS; i++)
         part->planes[COLOURS - 1 - i % COLOURS][i / COLOURS] = rgb[i];
     return TRUE;
 }
 
 gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {
-    g_autoptr(ExrFile) file = eigenmaps_new_file(maps, maps->n_terms, maps->weights);
+    g_autoptr(ExrFile) file = new_file(maps, maps->n_terms, maps->weights);
     return exr_write_filled(path, file, EXR_PIZ, TRUE, eigenmaps_fill, (gpointer)maps, error);
 }
 
 gboolean eigenmaps_write_view(const char *path, const struct eigenmaps *maps, ExrFill fill,
                               gpointer data, GError **error) {
     static const float one = 1;
-    g_autoptr(ExrFile) file = eigenmaps_new_file(maps, 1, &one);
+    g_autoptr(ExrFile) file = new_file(maps, 1, &one);
     g_return_val_if_fail(maps->layout.views.n == 1, FALSE);
     return exr_write_filled(path, file, EXR_PIZ, TRUE, fill, data, error);
 }
 
-static gboolean eigenmaps_format_error(const char *path, GError **error, const char *what) {
+static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(
         error, EXR_ERROR, EXR_ERROR_FORMAT,
         "%s: this is not a valid file of eigen-maps: %s; compress or process the session again",
@@ -86,62 +85,62 @@ static gboolean eigenmaps_format_error(const char *path, GError **error, const c
     return FALSE;
 }
 
-static gboolean eigenmaps_read_head(struct eigenmaps *maps, const struct exr_file *file,
-                                    const char *path, GError **error) {
+static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, const char *path,
+                          GError **error) {
     const struct exr_part *weights = exr_file_part(file, "weights");
     const float *plane = weights ? exr_part_plane(weights, "W") : NULL;
     const char *kind = NULL, *name = NULL;
     if (!plane || !exr_get_string(weights, "mesorig.kind", &kind, NULL) ||
         strcmp(kind, "eigenmaps") != 0)
-        return eigenmaps_format_error(path, error, "there is no part \"weights\" of that kind");
+        return format_error(path, error, "there is no part \"weights\" of that kind");
     if (!exr_get_string(weights, "mesorig.name", &name, error))
         return FALSE;
     maps->name = g_strdup(name);
     maps->n_terms = weights->height;
     const char *what = btf_layout_read(file, weights, &maps->layout);
     if (what)
-        return eigenmaps_format_error(path, error, what);
+        return format_error(path, error, what);
     if ((gsize)weights->width != maps->layout.views.n || maps->n_terms > MAX_MAPS ||
         !exr_all_finite(plane, maps->layout.views.n * (gsize)maps->n_terms))
-        return eigenmaps_format_error(path, error, "the weights do not fit the views");
+        return format_error(path, error, "the weights do not fit the views");
     maps->weights = g_memdup2(plane, maps->layout.views.n * (gsize)maps->n_terms * sizeof(float));
     return TRUE;
 }
 
-static gboolean eigenmaps_read_map(struct eigenmaps *maps, const struct exr_file *file, int term,
-                                   gsize light, const char *path, GError **error) {
+static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, int term, gsize light,
+                         const char *path, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
-    g_autofree char *name = eigenmaps_map_name(term, light);
+    g_autofree char *name = map_name(term, light);
     const struct exr_part *part = exr_file_part(file, name);
     const gsize n = btf_layout_texels(&maps->layout);
-    float *rgb = eigenmaps_map(maps, term, light);
+    float *rgb = map(maps, term, light);
     if (!part || (gsize)part->width != maps->layout.width ||
         (gsize)part->height != maps->layout.height)
-        return eigenmaps_format_error(path, error, name);
+        return format_error(path, error, name);
     for (int c = 0; c < COLOURS; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
         if (!plane || !exr_all_finite(plane, n))
-            return eigenmaps_format_error(path, error, name);
+            return format_error(path, error, name);
         for (gsize i = 0; i < n; i++)
             rgb[COLOURS * i + (gsize)c] = plane[i];
     }
     return TRUE;
 }
 
-static gboolean eigenmaps_read_maps(struct eigenmaps *maps, const struct exr_file *file,
-                                    const char *path, GError **error) {
+static gboolean read_maps(struct eigenmaps *maps, const struct exr_file *file, const char *path,
+                          GError **error) {
     const struct exr_part *first = exr_file_part(file, "E000_light_0000");
     const gsize n_maps = (gsize)maps->n_terms * maps->layout.lights.n;
     if (!first || n_maps > file->parts->len)
-        return eigenmaps_format_error(path, error, "maps are missing");
+        return format_error(path, error, "maps are missing");
     maps->layout.width = (gsize)first->width;
     maps->layout.height = (gsize)first->height;
     maps->maps = g_try_new(float, n_maps *btf_layout_texels(&maps->layout) * COLOURS);
     if (!maps->maps)
-        return eigenmaps_format_error(path, error, "they are larger than memory");
+        return format_error(path, error, "they are larger than memory");
     for (int term = 0; term < maps->n_terms; term++)
         for (gsize light = 0; light < maps->layout.lights.n; light++)
-            if (!eigenmaps_read_map(maps, file, term, light, path, error))
+            if (!read_map(maps, file, term, light, path, error))
                 return FALSE;
     return TRUE;
 }
@@ -151,8 +150,7 @@ struct eigenmaps *eigenmaps_read(const char *path, GError **error) {
     if (!file)
         return NULL;
     struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
-    if (!eigenmaps_read_head(maps, file, path, error) ||
-        !eigenmaps_read_maps(maps, file, path, error))
+    if (!read_head(maps, file, path, error) || !read_maps(maps, file, path, error))
         g_clear_pointer(&maps, eigenmaps_free);
     exr_file_free(file);
     return maps;

@@ -17,7 +17,7 @@ struct columns {
     int asked;
 };
 
-static gboolean eigenmaps_give_column(int view, float *ret_column, gpointer data, GError **error) {
+static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {
     struct columns *columns = data;
     const struct btf_matrix *btf = columns->btf;
     const gsize texels = btf_layout_texels(&btf->layout), n = 3 * btf->layout.lights.n;
@@ -48,7 +48,7 @@ struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
     maps->name = g_strdup(btf->name);
     maps->layout = btf_layout_copy(&btf->layout);
     maps->n_terms = n_terms;
-    if (!eigenmaps_compute_with(maps, options, eigenmaps_give_column, &columns, ret_error, error))
+    if (!eigenmaps_compute_with(maps, options, give_column, &columns, ret_error, error))
         g_clear_pointer(&maps, eigenmaps_free);
     return maps;
 }
@@ -73,8 +73,8 @@ static const struct option eigenmaps_codec_table[] = {
 };
 
 /* The memory for columns is the part of the limit that the maps leave. */
-static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has_target, int terms,
-                                       gsize *ret, GError **error) {
+static gboolean memory(const struct codec_job *job, gboolean has_target, int terms, gsize *ret,
+                       GError **error) {
     const struct btf_matrix *btf = job->btf;
     const gint64 column = btf_matrix_bytes(&btf->layout) / btf->layout.views.n;
     const gint64 left = job->memory - column * (has_target ? 1 : terms);
@@ -90,16 +90,15 @@ static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has
     return FALSE;
 }
 
-static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
-                                       const struct codec_job *job, struct codec_result *ret,
-                                       GError **error) {
+static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct codec_job *job,
+                       struct codec_result *ret, GError **error) {
     const struct eigenmaps_codec_options *asked = job->options;
     const int n_views = job->btf->layout.views.n;
     const int terms = asked->components  ? asked->components
                       : asked->error > 0 ? n_views
                                          : MIN(TERMS, n_views);
     struct eigenmaps_options options = {.target = asked->error};
-    if (!eigenmaps_codec_memory(job, asked->error > 0, terms, &options.memory, error))
+    if (!memory(job, asked->error > 0, terms, &options.memory, error))
         return FALSE;
     struct eigenmaps *maps =
         eigenmaps_of_matrix(job->btf, terms, &options, job->work, &ret->error, error);
@@ -113,8 +112,7 @@ static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     return TRUE;
 }
 
-static char *eigenmaps_codec_describe(const struct codec *codec G_GNUC_UNUSED,
-                                      const struct codec_result *result) {
+static char *describe(const struct codec *codec G_GNUC_UNUSED, const struct codec_result *result) {
     return g_strdup_printf("%d eigen-maps", result->components);
 }
 
@@ -127,7 +125,7 @@ static gpointer eigenmaps_codec_read(const char *path, GError **error) {
     return eigenmaps_read(path, error);
 }
 
-static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
+static char *describe_file(const struct exr_file *file) {
     const struct exr_part *weights = exr_file_part(file, "weights");
     const struct exr_part *lights = exr_file_part(file, "lights");
     const struct exr_part *map = exr_file_part(file, "E000_light_0000");
@@ -139,14 +137,14 @@ static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
 }
 
 /* Maps count as halves, weights as floats. */
-static gint64 eigenmaps_codec_bytes(gconstpointer model) {
+static gint64 bytes(gconstpointer model) {
     const struct eigenmaps *maps = model;
     const gint64 values = 3 * btf_layout_texels(&maps->layout) * maps->layout.lights.n;
     return maps->n_terms * (2 * values + (gint64)sizeof(float) * maps->layout.views.n);
 }
 
 /* B(v, l) = Σ_i W_i(v) E_i(x, l); maps: term × light × texel × RGB. */
-static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+static void reconstruct(gconstpointer model, int texel, float *ret) {
     const struct eigenmaps *maps = model;
     const gsize texels = btf_layout_texels(&maps->layout), n_lights = maps->layout.lights.n;
     memset(ret, 0, sizeof(float) * maps->layout.views.n * n_lights * 3);
@@ -164,8 +162,8 @@ static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *r
 }
 
 /* Σ_i (Σ_a g_a W_i(v_a)) Σ_b h_b E_i(x, l_b). */
-static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_query *query,
-                                     const struct codec_texels *texels, float ret[3]) {
+static void evaluate(gconstpointer model, const struct codec_query *query,
+                     const struct codec_texels *texels, float ret[3]) {
     const struct eigenmaps *maps = model;
     const gsize n = btf_layout_texels(&maps->layout), n_lights = maps->layout.lights.n;
     for (gsize term = 0; term < (gsize)maps->n_terms; term++) {
@@ -187,9 +185,8 @@ static void eigenmaps_codec_evaluate(gconstpointer model, const struct codec_que
 
 /* Reports models of 1, 2, 4, … maps. The maps are sorted by the variance that they explain, so that
  * leaving out the last ones gives the best model with fewer maps. */
-static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
-                                      const struct work *work, CodecPoint tell, gpointer data,
-                                      GError **error) {
+static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
+                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
     const int most = MIN(CURVE_MAX, btf->layout.views.n);
     const struct eigenmaps_options options = {0};
     double ignored;
@@ -201,7 +198,7 @@ static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct bt
                   &(struct codec_point){
                       .series = codec->title,
                       .label = g_strdup_printf(n > 1 ? "%d terms" : "%d term", n),
-                      .bytes = eigenmaps_codec_bytes(maps),
+                      .bytes = bytes(maps),
                       .error = -1,
                       .model = maps,
                   },
@@ -219,15 +216,15 @@ const struct codec eigenmaps_codec = {
     .options_size = sizeof(struct eigenmaps_codec_options),
     .bounded = TRUE,
     .from_process = TRUE,
-    .encode = eigenmaps_codec_encode,
-    .describe = eigenmaps_codec_describe,
+    .encode = encode,
+    .describe = describe,
     .write = eigenmaps_codec_write,
     .read = eigenmaps_codec_read,
-    .describe_file = eigenmaps_codec_describe_file,
+    .describe_file = describe_file,
     .free = (GDestroyNotify)eigenmaps_free,
     .layout = G_STRUCT_OFFSET(struct eigenmaps, layout),
-    .bytes = eigenmaps_codec_bytes,
-    .reconstruct = eigenmaps_codec_reconstruct,
-    .evaluate = eigenmaps_codec_evaluate,
-    .curve = eigenmaps_codec_curve,
+    .bytes = bytes,
+    .reconstruct = reconstruct,
+    .evaluate = evaluate,
+    .curve = curve,
 };

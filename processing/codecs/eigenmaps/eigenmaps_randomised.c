@@ -35,7 +35,7 @@ struct eigenmaps_randomised {
 };
 
 /* Mixes the bits of a counter (Steele, Lea and Flood 2014). */
-static guint64 eigenmaps_randomised_draw(guint64 counter) {
+static guint64 draw(guint64 counter) {
     guint64 z = SEED + counter * 0x9e3779b97f4a7c15u;
     z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
     z = (z ^ z >> 27) * 0x94d049bb133111ebu;
@@ -65,12 +65,12 @@ static void sketch_segment(int segment, gpointer data) {
     memset(buckets, 0, sizeof(double) * SKETCH);
     for (gsize from = (gsize)segment * SKETCH; from < r->rows; from += (gsize)SEGMENTS * SKETCH) {
         const gsize end = MIN(from + SKETCH, r->rows);
-        const gsize offset = eigenmaps_randomised_draw(2 * from + 1) % SKETCH;
+        const gsize offset = draw(2 * from + 1) % SKETCH;
         for (gsize i = from; i < end; i += WORD) {
             const int n = (int)MIN(WORD, end - i);
             const gsize bucket = (i - from + offset) % SKETCH;
             const int before = (int)MIN((gsize)n, SKETCH - bucket);
-            const guint64 signs = eigenmaps_randomised_draw(2 * i);
+            const guint64 signs = draw(2 * i);
             add_signed(r->columns + i, before, signs, buckets + bucket, squares);
             if (before < n)
                 add_signed(r->columns + i + before, n - before, signs >> before, buckets, squares);
@@ -82,7 +82,7 @@ static void sketch_segment(int segment, gpointer data) {
 }
 
 /* First pass: (S A)ᵀ, n_views × SKETCH, and ‖A‖². */
-static gboolean eigenmaps_randomised_make_sketch(struct eigenmaps_randomised *r, GError **error) {
+static gboolean make_sketch(struct eigenmaps_randomised *r, GError **error) {
     r->buckets = g_new(double, SEGMENTS *SKETCH);
     r->sketch = g_new(float, (gsize)r->n_views *SKETCH);
     for (int view = 0; view < r->n_views; view++) {
@@ -104,8 +104,7 @@ static gboolean eigenmaps_randomised_make_sketch(struct eigenmaps_randomised *r,
 }
 
 /* Finds the right singular vectors of the sketch, which are the eigenvectors of (S A)ᵀ S A. */
-static gboolean eigenmaps_randomised_find_directions(struct eigenmaps_randomised *r,
-                                                     GError **error) {
+static gboolean find_directions(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->n_views;
     g_autofree double *wide = g_new(double, (gsize)n *CHUNK), *ascending = g_new(double, n);
     g_autofree double *gram = g_new0(double, (gsize)n *n);
@@ -145,7 +144,7 @@ static void project_segment(int segment, gpointer data) {
 }
 
 /* Second pass: processes as many columns at a time as fit into memory. */
-static gboolean eigenmaps_randomised_project(struct eigenmaps_randomised *r, GError **error) {
+static gboolean project(struct eigenmaps_randomised *r, GError **error) {
     g_free(r->z);
     g_free(r->factors);
     r->factors = g_new(float, (gsize)r->found *(gsize)r->slots);
@@ -181,7 +180,7 @@ static void gram_segment(int segment, gpointer data) {
 }
 
 /* Finds the best directions within the span: the eigenvectors of ZᵀZ, in columns. */
-static gboolean eigenmaps_randomised_solve(struct eigenmaps_randomised *r, GError **error) {
+static gboolean solve(struct eigenmaps_randomised *r, GError **error) {
     const int n = r->found;
     const gsize square = (gsize)n * (gsize)n;
     g_autofree double *ascending = g_new(double, n);
@@ -216,7 +215,7 @@ static void rotate_segment(int segment, gpointer data) {
     }
 }
 
-static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
+static void take(struct eigenmaps_randomised *r) {
     struct eigenmaps *maps = r->job->maps;
     const int n = r->found, terms = maps->n_terms;
     g_autofree double *rotation = g_new0(double, (gsize)terms *n), *signs = g_new0(double, terms);
@@ -237,8 +236,7 @@ static void eigenmaps_randomised_take(struct eigenmaps_randomised *r) {
 
 /* Searches first with the singular values of the sketch, then with those of A in the directions
  * that were found. */
-static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, double *ret_error,
-                                            GError **error) {
+static gboolean search(struct eigenmaps_randomised *r, double *ret_error, GError **error) {
     struct eigenmaps *maps = r->job->maps;
     const double target = r->job->options->target;
     const int most = maps->n_terms;
@@ -248,7 +246,7 @@ static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, doub
     int wanted = eigenmaps_fewest(r->values, most, rest, target, &ignored);
     for (;; wanted = MIN(most, wanted + MAX(2, wanted / 4))) {
         r->found = MIN(r->n_views, wanted + (int)MIN(SPARE, r->job->fit / 2));
-        if (!eigenmaps_randomised_project(r, error) || !eigenmaps_randomised_solve(r, error))
+        if (!project(r, error) || !solve(r, error))
             return FALSE;
         rest = r->all;
         const int terms = MIN(most, r->found);
@@ -261,7 +259,7 @@ static gboolean eigenmaps_randomised_search(struct eigenmaps_randomised *r, doub
         if (wanted == most)
             return eigenmaps_missed(r->job, *ret_error, error);
     }
-    eigenmaps_randomised_take(r);
+    take(r);
     return TRUE;
 }
 
@@ -270,9 +268,8 @@ gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error
     const gsize spare = MIN(SPARE, job->fit / 2);
     r.slots = (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
     r.columns = eigenmaps_new_columns(job, r.slots, error);
-    const gboolean ok = r.columns && eigenmaps_randomised_make_sketch(&r, error) &&
-                        eigenmaps_randomised_find_directions(&r, error) &&
-                        eigenmaps_randomised_search(&r, ret_error, error);
+    const gboolean ok = r.columns && make_sketch(&r, error) && find_directions(&r, error) &&
+                        search(&r, ret_error, error);
     g_free(r.columns);
     g_free(r.buckets);
     g_free(r.sketch);

@@ -21,7 +21,7 @@ void hsh_free(struct hsh *hsh) {
 }
 
 /* Returns the coefficients of a texel in a view: n_terms × COLOURS. */
-static float *hsh_values_of(const struct hsh *hsh, int view, int texel) {
+static float *values_of(const struct hsh *hsh, int view, int texel) {
     const gsize texels = btf_layout_texels(&hsh->layout);
     return hsh->values +
            ((gsize)view * texels + (gsize)texel) * (gsize)hsh->n_terms * (gsize)COLOURS;
@@ -70,7 +70,7 @@ static float *hsh_design(const struct hsh *hsh) {
 }
 
 /* Computes Σ_i c_i H_i (l). values is n_terms × COLOURS, basis is n_terms. */
-static void hsh_sum(const float *values, const float *basis, int n_terms, float ret[COLOURS]) {
+static void sum(const float *values, const float *basis, int n_terms, float ret[COLOURS]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (int i = 0; i < n_terms; i++)
         for (int c = 0; c < COLOURS; c++)
@@ -81,7 +81,7 @@ void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[
                   float ret[COLOURS]) {
     float basis[HSH_MAX_TERMS];
     hsh_basis(light, hsh->n_terms, basis);
-    hsh_sum(hsh_values_of(hsh, view, texel), basis, hsh->n_terms, ret);
+    sum(values_of(hsh, view, texel), basis, hsh->n_terms, ret);
 }
 
 struct hsh_at_lights {
@@ -90,24 +90,24 @@ struct hsh_at_lights {
 };
 
 /* Reconstructs one texel. ret is n_views × n_lights × COLOURS. */
-static void hsh_reconstruct_with(gconstpointer model, int texel, float *ret) {
+static void reconstruct_with(gconstpointer model, int texel, float *ret) {
     const struct hsh_at_lights *at = model;
     const struct hsh *hsh = at->hsh;
     for (gsize v = 0; v < hsh->layout.views.n; v++) {
-        const float *values = hsh_values_of(hsh, (int)v, texel);
+        const float *values = values_of(hsh, (int)v, texel);
         for (gsize l = 0; l < hsh->layout.lights.n; l++, ret += COLOURS)
-            hsh_sum(values, at->design + l * (gsize)hsh->n_terms, hsh->n_terms, ret);
+            sum(values, at->design + l * (gsize)hsh->n_terms, hsh->n_terms, ret);
     }
 }
 
 void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret) {
     g_autofree float *design = hsh_design(hsh);
-    hsh_reconstruct_with(&(struct hsh_at_lights){hsh, design}, texel, ret);
+    reconstruct_with(&(struct hsh_at_lights){hsh, design}, texel, ret);
 }
 
 double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
     g_autofree float *design = hsh_design(hsh);
-    texel_model_errors(btf, hsh_reconstruct_with, &(struct hsh_at_lights){hsh, design}, n_threads,
+    texel_model_errors(btf, reconstruct_with, &(struct hsh_at_lights){hsh, design}, n_threads,
                        &hsh->error, &hsh->luminance_error);
     return hsh->error;
 }
@@ -123,8 +123,8 @@ struct hsh_fit {
 /* Finds the X of least norm that minimises ‖A X − B‖². Lights for which there[light] is 0 have rows
  * of zeros in A. If there is NULL, no light is left out. columns is B (n_lights × n_columns) before
  * the call and X (n_terms × n_columns) after it; it has max(n_lights, n_terms) rows. */
-static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
-                      int n_columns) {
+static void solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
+                  int n_columns) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *a = g_new(double, (gsize)n *(gsize)k);
     double singular[HSH_MAX_TERMS];
@@ -136,20 +136,20 @@ static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *
 }
 
 /* Computes A⁺ᵀ by solving for the unit matrix. */
-static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
+static float *pseudo_inverse(const struct hsh_fit *fit) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * (gsize)n);
     float *ret = g_new(float, (gsize)n *(gsize)k);
     for (int i = 0; i < n; i++)
         columns[i * n + i] = 1;
-    hsh_solve(fit, NULL, columns, n);
+    solve(fit, NULL, columns, n);
     for (int i = 0; i < n * k; i++)
         ret[i] = (float)columns[(gsize)(i % k) * (gsize)n + (gsize)(i / k)];
     return ret;
 }
 
 /* Fits one view of one texel. rgb is n_lights × COLOURS; c_i = Σ_l A⁺_il y_l. */
-static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
+static void fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
     const int k = fit->hsh->n_terms;
     float sums[COLOURS][HSH_MAX_TERMS] = {{0}};
     for (gsize l = 0; l < fit->btf->layout.lights.n; l++) {
@@ -163,20 +163,20 @@ static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *re
 }
 
 /* The same without some of the lights, solved as a separate problem. there has n_lights values. */
-static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
-                            float *ret) {
+static void fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
+                        float *ret) {
     const int n = fit->btf->layout.lights.n, k = fit->hsh->n_terms;
     g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * COLOURS);
     for (int i = 0; i < n * COLOURS; i++)
         columns[i] = there[i / COLOURS] ? (double)rgb[i] : 0;
-    hsh_solve(fit, there, columns, COLOURS);
+    solve(fit, there, columns, COLOURS);
     for (int i = 0; i < k * COLOURS; i++)
         ret[i] = (float)columns[i];
 }
 
 /* Fits BLOCK texels in all views. If some lights of a texel are NaN, it is fitted to the other
  * lights. */
-static void hsh_fit_block(int block, gpointer data) {
+static void fit_block(int block, gpointer data) {
     const struct hsh_fit *fit = data;
     const int n = fit->btf->layout.lights.n, views = fit->btf->layout.views.n;
     const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&fit->btf->layout));
@@ -186,7 +186,7 @@ static void hsh_fit_block(int block, gpointer data) {
     work_use_one_blas_thread();
     for (int texel = block * BLOCK; texel < end; texel++)
         for (int view = 0; view < views; view++, rgb += (gsize)n * COLOURS) {
-            float *to = hsh_values_of(fit->hsh, view, texel);
+            float *to = values_of(fit->hsh, view, texel);
             gboolean whole = TRUE;
             for (int l = 0; l < n; l++) {
                 const float *value = rgb + (gsize)l * COLOURS;
@@ -194,9 +194,9 @@ static void hsh_fit_block(int block, gpointer data) {
                 whole = whole && there[l];
             }
             if (whole)
-                hsh_fit_whole(fit, rgb, to);
+                fit_whole(fit, rgb, to);
             else
-                hsh_fit_partial(fit, rgb, there, to);
+                fit_partial(fit, rgb, there, to);
         }
 }
 
@@ -218,8 +218,8 @@ struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *
     hsh->values = g_new0(float, (gsize)(hsh_bytes(hsh) / 2));
     struct hsh_fit fit = {.btf = btf, .hsh = hsh};
     fit.design = hsh_design(hsh);
-    fit.inverse = hsh_pseudo_inverse(&fit);
-    if (work_parallel(&options->work, "fit", n_blocks, hsh_fit_block, &fit, error)) {
+    fit.inverse = pseudo_inverse(&fit);
+    if (work_parallel(&options->work, "fit", n_blocks, fit_block, &fit, error)) {
         hsh->exact_error = hsh_error(hsh, btf, options->work.n_threads);
         texel_model_to_halves(hsh->values, (gsize)(hsh_bytes(hsh) / 2));
         hsh_error(hsh, btf, options->work.n_threads);

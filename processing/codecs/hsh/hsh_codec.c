@@ -20,8 +20,8 @@ static const struct option hsh_codec_table[] = {
     {NULL},
 };
 
-static gboolean hsh_codec_encode(const struct codec *codec, const struct codec_job *job,
-                                 struct codec_result *ret, GError **error) {
+static gboolean encode(const struct codec *codec, const struct codec_job *job,
+                       struct codec_result *ret, GError **error) {
     const struct hsh_codec_options *asked = job->options;
     const struct hsh_options options = {.n_terms = hsh_codec_terms[asked->terms],
                                         .work = *job->work};
@@ -37,7 +37,7 @@ static gboolean hsh_codec_encode(const struct codec *codec, const struct codec_j
     return TRUE;
 }
 
-static char *hsh_codec_describe(const struct codec *codec, const struct codec_result *result) {
+static char *describe(const struct codec *codec, const struct codec_result *result) {
     return g_strdup_printf("%s of %d terms, luminance off by %.4f on average", codec->name,
                            result->components, result->luminance_error);
 }
@@ -51,7 +51,7 @@ static gpointer hsh_codec_read(const char *path, GError **error) {
     return hsh_read(path, error);
 }
 
-static char *hsh_codec_describe_file(const struct exr_file *file) {
+static char *describe_file(const struct exr_file *file) {
     g_autofree char *rest = exr_file_part(file, "term0") ? texel_model_describe_file(file) : NULL;
     int terms = 0;
     if (!rest)
@@ -60,18 +60,18 @@ static char *hsh_codec_describe_file(const struct exr_file *file) {
     return g_strdup_printf("hemispherical harmonics of %d terms: %s", terms, rest);
 }
 
-static gint64 hsh_codec_bytes(gconstpointer model) {
+static gint64 bytes(gconstpointer model) {
     return hsh_bytes(model);
 }
 
-static void hsh_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+static void reconstruct(gconstpointer model, int texel, float *ret) {
     hsh_reconstruct(model, texel, ret);
 }
 
 /* Computes Σ_a g_a max(0, f_a(x, l)). The maximum is needed because the harmonics may be negative
  * between the lights. */
-static void hsh_codec_evaluate(gconstpointer model, const struct codec_query *query,
-                               const struct codec_texels *texels, float ret[3]) {
+static void evaluate(gconstpointer model, const struct codec_query *query,
+                     const struct codec_texels *texels, float ret[3]) {
     const struct hsh *hsh = model;
     const gsize row = (gsize)hsh->n_terms * 3, n = btf_layout_texels(&hsh->layout);
     float basis[HSH_MAX_TERMS];
@@ -89,9 +89,8 @@ static void hsh_codec_evaluate(gconstpointer model, const struct codec_query *qu
         }
 }
 
-static gboolean hsh_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
-                                const struct work *work, CodecPoint tell, gpointer data,
-                                GError **error) {
+static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
+                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
     gboolean ok = TRUE;
     for (gsize i = 0; ok && i < G_N_ELEMENTS(hsh_codec_terms); i++) {
         const struct hsh_options options = {.n_terms = hsh_codec_terms[i], .work = *work};
@@ -115,16 +114,16 @@ const struct codec hsh_codec = {
     .help = "hemispherical harmonics, fitted to each texel and view (Gautron et al. 2004)",
     .options = hsh_codec_table,
     .options_size = sizeof(struct hsh_codec_options),
-    .encode = hsh_codec_encode,
-    .describe = hsh_codec_describe,
+    .encode = encode,
+    .describe = describe,
     .write = hsh_codec_write,
     .read = hsh_codec_read,
-    .describe_file = hsh_codec_describe_file,
+    .describe_file = describe_file,
     .free = (GDestroyNotify)hsh_free,
     .layout = G_STRUCT_OFFSET(struct hsh, layout),
-    .bytes = hsh_codec_bytes,
-    .reconstruct = hsh_codec_reconstruct,
-    .evaluate = hsh_codec_evaluate,
+    .bytes = bytes,
+    .reconstruct = reconstruct,
+    .evaluate = evaluate,
     .error = G_STRUCT_OFFSET(struct hsh, error),
-    .curve = hsh_codec_curve,
+    .curve = curve,
 };

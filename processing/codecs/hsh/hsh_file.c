@@ -10,22 +10,22 @@
 
 static const char *const hsh_colours[COLOURS] = {"R", "G", "B"};
 
-static char *hsh_term_name(int term) {
+static char *term_name(int term) {
     return g_strdup_printf("term%d", term);
 }
 
-static gsize hsh_pixels(const struct hsh *hsh) {
+static gsize pixels(const struct hsh *hsh) {
     return hsh->layout.views.n * btf_layout_texels(&hsh->layout);
 }
 
-static struct exr_part *hsh_term_part(const struct hsh *hsh, int term) {
+static struct exr_part *term_part(const struct hsh *hsh, int term) {
     static const char *const channels[] = {"B", "G", "R", NULL};
-    g_autofree char *name = hsh_term_name(term);
+    g_autofree char *name = term_name(term);
     struct exr_part *part = exr_part_new(
         name, hsh->layout.width, hsh->layout.views.n * hsh->layout.height, channels, EXR_HALF);
     for (int c = 0; c < COLOURS; c++) {
         float *plane = exr_part_plane(part, hsh_colours[c]);
-        for (gsize i = 0; i < hsh_pixels(hsh); i++)
+        for (gsize i = 0; i < pixels(hsh); i++)
             plane[i] = hsh->values[(i * (gsize)hsh->n_terms + (gsize)term) * COLOURS + (gsize)c];
     }
     return part;
@@ -34,7 +34,7 @@ static struct exr_part *hsh_term_part(const struct hsh *hsh, int term) {
 gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error) {
     struct exr_file *file = exr_file_new();
     for (int term = 0; term < hsh->n_terms; term++)
-        exr_file_add(file, hsh_term_part(hsh, term));
+        exr_file_add(file, term_part(hsh, term));
     const struct texel_model_head head = {
         .kind = "hsh",
         .name = hsh->name,
@@ -50,59 +50,59 @@ gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error) {
     return ok;
 }
 
-static gboolean hsh_format_error(const char *path, GError **error, const char *what) {
+static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: this is not a valid file of hemispherical harmonics: %s; compress again", path,
                 what);
     return FALSE;
 }
 
-static gboolean hsh_read_head(struct hsh *hsh, const struct exr_file *file, const char *path,
-                              GError **error) {
+static gboolean read_head(struct hsh *hsh, const struct exr_file *file, const char *path,
+                          GError **error) {
     struct texel_model_head head = {.names = {"mesorig.terms", "mesorig.views"}};
     const char *what = NULL;
     if (g_strcmp0(texel_model_kind(file), "hsh") != 0)
-        return hsh_format_error(path, error, "mesorig.kind of its first part is not hsh");
+        return format_error(path, error, "mesorig.kind of its first part is not hsh");
     if (!texel_model_read_head(file, &head, &hsh->layout, &what, error))
-        return what && hsh_format_error(path, error, what);
+        return what && format_error(path, error, what);
     hsh->name = g_strdup(head.name);
     hsh->n_terms = head.numbers[0];
     hsh->error = head.error;
     hsh->luminance_error = head.luminance_error;
     hsh->exact_error = head.exact_error;
     if (hsh->n_terms != 4 && hsh->n_terms != 9 && hsh->n_terms != 16)
-        return hsh_format_error(path, error, "mesorig.terms is not 4, 9 or 16");
+        return format_error(path, error, "mesorig.terms is not 4, 9 or 16");
     if (head.numbers[1] < 1 || (gsize)head.numbers[1] != hsh->layout.views.n)
-        return hsh_format_error(path, error, "mesorig.views is not the number of its views");
+        return format_error(path, error, "mesorig.views is not the number of its views");
     return TRUE;
 }
 
-static gboolean hsh_read_term(struct hsh *hsh, const struct exr_file *file, int term) {
-    g_autofree char *name = hsh_term_name(term);
+static gboolean read_term(struct hsh *hsh, const struct exr_file *file, int term) {
+    g_autofree char *name = term_name(term);
     const struct exr_part *part = exr_file_part(file, name);
     for (int c = 0; c < COLOURS; c++) {
         const float *plane = part ? exr_part_plane(part, hsh_colours[c]) : NULL;
         if (!plane || (gsize)part->width != hsh->layout.width ||
             (gsize)part->height != hsh->layout.views.n * hsh->layout.height ||
-            !exr_all_finite(plane, hsh_pixels(hsh)))
+            !exr_all_finite(plane, pixels(hsh)))
             return FALSE;
-        for (gsize i = 0; i < hsh_pixels(hsh); i++)
+        for (gsize i = 0; i < pixels(hsh); i++)
             hsh->values[(i * (gsize)hsh->n_terms + (gsize)term) * COLOURS + (gsize)c] = plane[i];
     }
     return TRUE;
 }
 
-static gboolean hsh_read_values(struct hsh *hsh, const struct exr_file *file, const char *path,
-                                GError **error) {
-    hsh->values = g_try_new(float, hsh_pixels(hsh) * (gsize)hsh->n_terms * COLOURS);
+static gboolean read_values(struct hsh *hsh, const struct exr_file *file, const char *path,
+                            GError **error) {
+    hsh->values = g_try_new(float, pixels(hsh) * (gsize)hsh->n_terms * COLOURS);
     if (!hsh->values)
-        return hsh_format_error(path, error, "its values are larger than memory");
+        return format_error(path, error, "its values are larger than memory");
     for (int term = 0; term < hsh->n_terms; term++)
-        if (!hsh_read_term(hsh, file, term)) {
+        if (!read_term(hsh, file, term)) {
             g_autofree char *what = g_strdup_printf(
                 "part term%d is missing, has another size, or has values that are not finite",
                 term);
-            return hsh_format_error(path, error, what);
+            return format_error(path, error, what);
         }
     return TRUE;
 }
@@ -110,7 +110,7 @@ static gboolean hsh_read_values(struct hsh *hsh, const struct exr_file *file, co
 struct hsh *hsh_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     struct hsh *hsh = g_new0(struct hsh, 1);
-    if (!file || !hsh_read_head(hsh, file, path, error) || !hsh_read_values(hsh, file, path, error))
+    if (!file || !read_head(hsh, file, path, error) || !read_values(hsh, file, path, error))
         g_clear_pointer(&hsh, hsh_free);
     exr_file_free(file);
     return hsh;

@@ -65,8 +65,8 @@ struct lobes_run {
 /* Finds the X of least norm that minimises ‖A X − B‖². A has the row (lx², ly², lx ly, lx, ly, 1)
  * for each light l, or zeros if row (may be NULL) is NaN. columns is B (n × n_columns) before the
  * call and X (POLYNOMIAL × n_columns) after it; it has max(n, POLYNOMIAL) rows. */
-static void lobes_solve_polynomial(const float *lights, int n, const float *row, double *columns,
-                                   int n_columns) {
+static void solve_polynomial(const float *lights, int n, const float *row, double *columns,
+                             int n_columns) {
     g_autofree double *a = g_new0(double, n *POLYNOMIAL);
     double singular[POLYNOMIAL];
     int rank;
@@ -81,12 +81,12 @@ static void lobes_solve_polynomial(const float *lights, int n, const float *row,
 }
 
 /* Computes A⁺ by solving for the unit matrix: POLYNOMIAL × n. */
-static float *lobes_pseudo_inverse(const float *lights, int n) {
+static float *pseudo_inverse(const float *lights, int n) {
     g_autofree double *columns = g_new0(double, MAX(n, POLYNOMIAL) * n);
     float *ret = g_new(float, POLYNOMIAL *n);
     for (int i = 0; i < n; i++)
         columns[i * n + i] = 1;
-    lobes_solve_polynomial(lights, n, NULL, columns, n);
+    solve_polynomial(lights, n, NULL, columns, n);
     for (int i = 0; i < POLYNOMIAL * n; i++)
         ret[i] = (float)columns[i];
     return ret;
@@ -94,7 +94,7 @@ static float *lobes_pseudo_inverse(const float *lights, int n) {
 
 /* Computes C = A⁺ Y of one row of luminance (n_lights). If a value is NaN, a separate problem is
  * solved. */
-static void lobes_fit_polynomial(const struct lobes_run *run, const float *row, float *ret) {
+static void fit_polynomial(const struct lobes_run *run, const float *row, float *ret) {
     const int n = run->fit.n_lights;
     gboolean whole = TRUE;
     for (int i = 0; whole && i < n; i++)
@@ -110,21 +110,21 @@ static void lobes_fit_polynomial(const struct lobes_run *run, const float *row, 
     g_autofree double *column = g_new0(double, MAX(n, POLYNOMIAL));
     for (int i = 0; i < n; i++)
         column[i] = isnan(row[i]) ? 0 : row[i];
-    lobes_solve_polynomial(run->lights, n, row, column, 1);
+    solve_polynomial(run->lights, n, row, column, 1);
     for (int k = 0; k < POLYNOMIAL; k++)
         ret[k] = (float)column[k];
 }
 
 /* Returns whether a value counts: none of its colours is NaN. */
-static gboolean lobes_is_there(const float *rgb) {
+static gboolean is_there(const float *rgb) {
     return !isnan(rgb[0]) && !isnan(rgb[1]) && !isnan(rgb[2]);
 }
 
 /* Splits a row into its luminance Y and the colour by which Y is multiplied, Σ RGB / Σ Y. */
-static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
+static void split(const float *rgb, gsize n, float *ret_row, float ret_colour[3]) {
     double sums[COLOURS] = {0}, all = 0;
     for (gsize i = 0; i < n; i++, rgb += COLOURS) {
-        const gboolean there = lobes_is_there(rgb);
+        const gboolean there = is_there(rgb);
         ret_row[i] = there ? rgb_luminance(rgb) : NAN;
         for (int c = 0; there && c < COLOURS; c++)
             sums[c] += rgb[c];
@@ -135,8 +135,7 @@ static void lobes_split(const float *rgb, gsize n, float *ret_row, float ret_col
 }
 
 /* Fits each of n rows from several starts, and keeps the result with the smallest cost. */
-static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows, int n,
-                                  float *ret) {
+static void fit_from_starts(const struct lobes_run *run, const float *rows, int n, float *ret) {
     const int parameters = lobes_fit_parameters(&run->fit);
     g_autofree float *costs = g_new(float, 2 * n), *other = g_new(float, n *parameters);
     lobes_start_rows(run->start, 0, rows, n, ret);
@@ -156,8 +155,7 @@ static void lobes_fit_from_starts(const struct lobes_run *run, const float *rows
 
 /* Converts the parameters of a fit (lobes_private.h) to the values of lobes.h. colour is R, G, B.
  * It is not read for microfacet models, whose parameters contain their colours. */
-static void lobes_store(const struct lobes *lobes, const float *colour, const float *p,
-                        float *ret) {
+static void store(const struct lobes *lobes, const float *colour, const float *p, float *ret) {
     if (lobes_traits[lobes->model].facet) {
         const float size = sqrtf(p[0] * p[0] + p[1] * p[1] + 1), c = cosf(p[2]), s = sinf(p[2]);
         const float rise = p[0] * c + p[1] * s, along = sqrtf(1 + rise * rise);
@@ -186,7 +184,7 @@ static void lobes_store(const struct lobes *lobes, const float *colour, const fl
 /* Finds the diffuse colour D and the specular colour S of a texel by linear least squares for a
  * given shape. d is the model with diffuse 1 and specular 0, s is the model with diffuse 0 and
  * specular 1. Each colour minimises Σ (D d + S s − x)². */
-static void lobes_colour_facet(const struct lobes_run *run, int texel, float *values) {
+static void colour_facet(const struct lobes_run *run, int texel, float *values) {
     const gsize n_lights = run->btf->layout.lights.n, n = run->btf->layout.views.n * n_lights;
     const float *rgb = run->btf->values + (gsize)texel * n * COLOURS;
     double m[3] = {1e-9, 0, 1e-9}, b[COLOURS][2] = {{0}};
@@ -196,7 +194,7 @@ static void lobes_colour_facet(const struct lobes_run *run, int texel, float *va
         float both[3], lambert[3];
         const float *view = run->views + 3 * (i / n_lights);
         const float *light = run->lights + 3 * (i % n_lights);
-        if (!lobes_is_there(rgb))
+        if (!is_there(rgb))
             continue;
         values[3] = 0;
         lobes_evaluate(run->lobes, 0, texel, view, light, lambert);
@@ -224,7 +222,7 @@ static void lobes_colour_facet(const struct lobes_run *run, int texel, float *va
 
 /* The rows of a block are sorted by texel, with all slices of a texel together. The values of
  * lobes.h are sorted by slice. */
-static void lobes_fit_block(int block, gpointer data) {
+static void fit_block(int block, gpointer data) {
     const struct lobes_run *run = data;
     struct lobes *lobes = run->lobes;
     const gsize texels = btf_layout_texels(&lobes->layout), first = (gsize)block * BLOCK;
@@ -239,24 +237,23 @@ static void lobes_fit_block(int block, gpointer data) {
     g_autofree float *colours = g_new0(float, n_rows *COLOURS);
     g_autofree float *found = g_new0(float, n_rows *parameters);
     for (gsize i = 0; i < n_rows; i++)
-        lobes_split(rgb + i * samples * COLOURS, samples, rows + i * samples,
-                    colours + i * COLOURS);
+        split(rgb + i * samples * COLOURS, samples, rows + i * samples, colours + i * COLOURS);
     for (gsize i = 0; lobes->model == LOBES_PTM && i < n_rows; i++)
-        lobes_fit_polynomial(run, rows + i * samples, found + i * parameters);
+        fit_polynomial(run, rows + i * samples, found + i * parameters);
     if (lobes->model != LOBES_PTM)
-        lobes_fit_from_starts(run, rows, (int)n_rows, found);
+        fit_from_starts(run, rows, (int)n_rows, found);
     for (gsize i = 0; i < n_rows; i++) {
         const gsize at = i % slices * texels + first + i / slices;
         float *values = lobes->values + at * (gsize)lobes->n_values;
-        lobes_store(lobes, colours + i * COLOURS, found + i * parameters, values);
+        store(lobes, colours + i * COLOURS, found + i * parameters, values);
         if (lobes_traits[lobes->model].facet)
-            lobes_colour_facet(run, (int)at, values);
+            colour_facet(run, (int)at, values);
     }
     g_atomic_int_set(&run->done[block], 1);
 }
 
 /* Takes the checkpoint's arrays, and registers the arrays that are to be saved. */
-static void lobes_resume(struct lobes_run *run) {
+static void resume(struct lobes_run *run) {
     Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;
     const gsize flags = sizeof(int) * (gsize)run->n_blocks;
@@ -274,7 +271,7 @@ static void lobes_resume(struct lobes_run *run) {
     checkpoint_keep(checkpoint, "values", lobes->values, values);
 }
 
-static void lobes_report_and_save(const struct work_progress *progress, gpointer data) {
+static void report_and_save(const struct work_progress *progress, gpointer data) {
     const struct lobes_options *options = data;
     if (options->work.progress)
         options->work.progress(progress, options->work.data);
@@ -282,14 +279,14 @@ static void lobes_report_and_save(const struct work_progress *progress, gpointer
         checkpoint_save_if_due(options->checkpoint);
 }
 
-static gboolean lobes_fit_blocks(struct lobes_run *run, GError **error) {
+static gboolean fit_blocks(struct lobes_run *run, GError **error) {
     Checkpoint *checkpoint = run->options->checkpoint;
     struct work work = run->options->work;
-    work.progress = lobes_report_and_save;
+    work.progress = report_and_save;
     work.data = (gpointer)run->options;
     if (checkpoint)
-        lobes_resume(run);
-    const gboolean ok = work_parallel(&work, "fit", run->n_blocks, lobes_fit_block, run, error);
+        resume(run);
+    const gboolean ok = work_parallel(&work, "fit", run->n_blocks, fit_block, run, error);
     if (checkpoint && !ok)
         checkpoint_save(checkpoint);
     if (checkpoint) {
@@ -324,7 +321,7 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
     lobes->values = g_new0(float, lobes_bytes(lobes) / 2);
     g_autofree float *views = direction_list_vectors(&layout->views);
     g_autofree float *lights = direction_list_vectors(&layout->lights);
-    g_autofree float *polynomial = lobes_pseudo_inverse(lights, (int)layout->lights.n);
+    g_autofree float *polynomial = pseudo_inverse(lights, (int)layout->lights.n);
     const int n_blocks = (int)((btf_layout_texels(layout) + BLOCK - 1) / BLOCK);
     g_autofree int *done = g_new0(int, n_blocks);
     const struct lobes_fit fit = {
@@ -332,7 +329,7 @@ struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_opt
         (int)layout->lights.n, views,          lights};
     struct lobes_run run = {btf,   options, lobes,      fit,      lobes_start_new(&fit),
                             views, lights,  polynomial, n_blocks, done};
-    if (lobes_fit_blocks(&run, error)) {
+    if (fit_blocks(&run, error)) {
         lobes->exact_error = lobes_error(lobes, btf, options->work.n_threads);
         texel_model_to_halves(lobes->values, (gsize)(lobes_bytes(lobes) / 2));
         lobes_error(lobes, btf, options->work.n_threads);

@@ -29,7 +29,7 @@ static const struct option lobes_codec_table[] = {
     {NULL},
 };
 
-static gboolean lobes_codec_check_error(const struct lobes *lobes, double target, GError **error) {
+static gboolean check_error(const struct lobes *lobes, double target, GError **error) {
     if (target <= 0 || lobes->error <= target)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
@@ -38,8 +38,8 @@ static gboolean lobes_codec_check_error(const struct lobes *lobes, double target
     return FALSE;
 }
 
-static gboolean lobes_codec_encode(const struct codec *codec, const struct codec_job *job,
-                                   struct codec_result *ret, GError **error) {
+static gboolean encode(const struct codec *codec, const struct codec_job *job,
+                       struct codec_result *ret, GError **error) {
     const struct lobes_codec_options *asked = job->options;
     const struct lobes_options options = {.model = (enum lobes_model)codec->variant,
                                           .n_lobes = asked->components,
@@ -60,10 +60,10 @@ static gboolean lobes_codec_encode(const struct codec *codec, const struct codec
     ret->exact_error = levels[0]->exact_error;
     ret->error = levels[0]->error;
     ret->luminance_error = levels[0]->luminance_error;
-    return lobes_codec_check_error(levels[0], asked->error, error);
+    return check_error(levels[0], asked->error, error);
 }
 
-static char *lobes_codec_describe(const struct codec *codec, const struct codec_result *result) {
+static char *describe(const struct codec *codec, const struct codec_result *result) {
     GString *text = g_string_new(codec->name);
     const int k = result->components;
     if (k > 0)
@@ -83,7 +83,7 @@ static gpointer lobes_codec_read(const char *path, GError **error) {
     return lobes_read(path, error);
 }
 
-static char *lobes_codec_describe_file(const struct exr_file *file) {
+static char *describe_file(const struct exr_file *file) {
     g_autofree char *rest = texel_model_describe_file(file);
     const char *kind = texel_model_kind(file);
     int lobes = 0;
@@ -96,18 +96,18 @@ static char *lobes_codec_describe_file(const struct exr_file *file) {
     return g_strdup_printf("%s%s: %s", kind ? kind : "", of, rest);
 }
 
-static gint64 lobes_codec_bytes(gconstpointer model) {
+static gint64 bytes(gconstpointer model) {
     return lobes_bytes(model);
 }
 
-static void lobes_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+static void reconstruct(gconstpointer model, int texel, float *ret) {
     lobes_reconstruct(model, texel, ret);
 }
 
 /* Evaluates the formula, at least 0. Models of separate views are mixed from the surrounding views
  * with Σ_a g_a. */
-static void lobes_codec_evaluate(gconstpointer model, const struct codec_query *query,
-                                 const struct codec_texels *texels, float ret[3]) {
+static void evaluate(gconstpointer model, const struct codec_query *query,
+                     const struct codec_texels *texels, float ret[3]) {
     const struct lobes *lobes = model;
     const gboolean sliced = lobes_traits[lobes->model].each_view;
     for (int k = 0; k < texels->n; k++)
@@ -121,7 +121,7 @@ static void lobes_codec_evaluate(gconstpointer model, const struct codec_query *
         }
 }
 
-static GPtrArray *lobes_codec_read_levels(const char *path, GError **error) {
+static GPtrArray *read_levels(const char *path, GError **error) {
     struct lobes *levels[LOBES_MAX_LEVELS] = {NULL};
     const int n = lobes_read_levels(path, levels, error);
     GPtrArray *ret = n ? g_ptr_array_new_with_free_func((GDestroyNotify)lobes_free) : NULL;
@@ -130,9 +130,8 @@ static GPtrArray *lobes_codec_read_levels(const char *path, GError **error) {
     return ret;
 }
 
-static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
-                                  const struct work *work, CodecPoint tell, gpointer data,
-                                  GError **error) {
+static gboolean curve(const struct codec *codec, const struct btf_matrix *btf,
+                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
     const enum lobes_model model = (enum lobes_model)codec->variant;
     const int most = lobes_traits[model].lobed ? LOBES_MAX_LOBES : 1;
     gboolean ok = TRUE;
@@ -163,19 +162,19 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
         .options = lobes_codec_table,                                                              \
         .options_size = sizeof(struct lobes_codec_options),                                        \
         .resumable = TRUE,                                                                         \
-        .encode = lobes_codec_encode,                                                              \
-        .describe = lobes_codec_describe,                                                          \
+        .encode = encode,                                                                          \
+        .describe = describe,                                                                      \
         .write = lobes_codec_write,                                                                \
         .read = lobes_codec_read,                                                                  \
-        .describe_file = lobes_codec_describe_file,                                                \
+        .describe_file = describe_file,                                                            \
         .free = (GDestroyNotify)lobes_free,                                                        \
         .layout = G_STRUCT_OFFSET(struct lobes, layout),                                           \
-        .bytes = lobes_codec_bytes,                                                                \
-        .reconstruct = lobes_codec_reconstruct,                                                    \
-        .evaluate = lobes_codec_evaluate,                                                          \
+        .bytes = bytes,                                                                            \
+        .reconstruct = reconstruct,                                                                \
+        .evaluate = evaluate,                                                                      \
         .error = G_STRUCT_OFFSET(struct lobes, error),                                             \
-        .read_levels = lobes_codec_read_levels,                                                    \
-        .curve = lobes_codec_curve,                                                                \
+        .read_levels = read_levels,                                                                \
+        .curve = curve,                                                                            \
     }
 
 const struct codec lobes_codecs[LOBES_MODELS] = {

@@ -8,7 +8,7 @@
 #define COLOURS  3
 #define MIN_VIEW 0.1F /* minimum of the divisor n·v, see lobes.h */
 
-static float lobes_evaluate_dot(const float a[3], const float b[3]) {
+static float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
@@ -17,7 +17,7 @@ static float lobes_evaluate_dot(const float a[3], const float b[3]) {
 static float sum_lobes(const float *values, int k, const float w[3]) {
     float sum = 0;
     for (int i = 0; i < k; i++) {
-        const float c = lobes_evaluate_dot(values + (gsize)(4 * i), w);
+        const float c = dot(values + (gsize)(4 * i), w);
         sum += c > 0 ? powf(c, values[4 * i + 3]) : 0;
     }
     return sum;
@@ -46,25 +46,23 @@ static float distribution(enum lobes_model model, float u, float v, const float 
 /* Computes RGB = diffuse ⟨n·l⟩ + specular s (v, l), with s as in lobes.h. values are diffuse RGB,
  * specular RGB, n, t, U, V. If n·v is below MIN_VIEW, MIN_VIEW is used. The result is 0 for a
  * light below the surface. */
-static void lobes_evaluate_facet(enum lobes_model model, const float *values, const float v[3],
-                                 const float l[3], float ret[3]) {
+static void facet(enum lobes_model model, const float *values, const float v[3], const float l[3],
+                  float ret[3]) {
     const float *n = values + 6, *t = values + 9, rough_u = values[12], rough_v = values[13];
     const float b[3] = {n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2],
                         n[0] * t[1] - n[1] * t[0]};
     float h[3] = {l[0] + v[0], l[1] + v[1], l[2] + v[2]};
-    const float nl = lobes_evaluate_dot(n, l), nv = MAX(lobes_evaluate_dot(n, v), MIN_VIEW);
+    const float nl = dot(n, l), nv = MAX(dot(n, v), MIN_VIEW);
     memset(ret, 0, sizeof(float) * COLOURS);
     if (!(nl > 1e-4F))
         return;
-    const float size = MAX(sqrtf(lobes_evaluate_dot(h, h)), 1e-3F);
+    const float size = MAX(sqrtf(dot(h, h)), 1e-3F);
     for (int i = 0; i < 3; i++)
         h[i] /= size;
-    const float local[3] = {lobes_evaluate_dot(h, t), lobes_evaluate_dot(h, b),
-                            lobes_evaluate_dot(h, n)};
-    const float scale = model == LOBES_WARD
-                            ? sqrtf(nl / nv) / (4 * rough_u * rough_v)
-                            : sqrtf((rough_u + 1) * (rough_v + 1)) / 8 * nl /
-                                  (MAX(lobes_evaluate_dot(h, l), 1e-3F) * MAX(nl, nv));
+    const float local[3] = {dot(h, t), dot(h, b), dot(h, n)};
+    const float scale = model == LOBES_WARD ? sqrtf(nl / nv) / (4 * rough_u * rough_v)
+                                            : sqrtf((rough_u + 1) * (rough_v + 1)) / 8 * nl /
+                                                  (MAX(dot(h, l), 1e-3F) * MAX(nl, nv));
     const float shine = scale * distribution(model, rough_u, rough_v, local);
     for (int c = 0; c < COLOURS; c++)
         ret[c] = values[c] * nl + values[COLOURS + c] * shine;
@@ -72,8 +70,8 @@ static void lobes_evaluate_facet(enum lobes_model model, const float *values, co
 
 /* values are those of one texel of one slice. The values of microfacet models contain their
  * colours. Other models give Y, which is multiplied by the colour. */
-static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *values,
-                                    const float v[3], const float l[3], float ret[3]) {
+static void evaluate(const struct lobes *lobes, const float *values, const float v[3],
+                     const float l[3], float ret[3]) {
     const float w[3] = {v[0] * l[0], v[1] * l[1], v[2] * l[2]};
     float y;
     switch (lobes->model) {
@@ -87,7 +85,7 @@ static void lobes_evaluate_evaluate(const struct lobes *lobes, const float *valu
         y = l[2] * (values[COLOURS] + sum_lobes(values + COLOURS + 1, lobes->n_lobes, w));
         break;
     default:
-        lobes_evaluate_facet(lobes->model, values, v, l, ret);
+        facet(lobes->model, values, v, l, ret);
         return;
     }
     for (int c = 0; c < COLOURS; c++)
@@ -102,7 +100,7 @@ static const float *values_of(const struct lobes *lobes, int slice, int texel) {
 
 void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float view[3],
                     const float light[3], float ret[3]) {
-    lobes_evaluate_evaluate(lobes, values_of(lobes, slice, texel), view, light, ret);
+    evaluate(lobes, values_of(lobes, slice, texel), view, light, ret);
 }
 
 struct measured {
@@ -121,26 +119,25 @@ static void lobes_evaluate_measured_clear(struct measured *measured) {
 }
 
 /* Reconstructs one texel at the measured directions. ret is n_views × n_lights × COLOURS. */
-static void lobes_evaluate_reconstruct(gconstpointer model, int texel, float *ret) {
+static void reconstruct(gconstpointer model, int texel, float *ret) {
     const struct measured *at = model;
     const struct lobes *lobes = at->lobes;
     for (gsize v = 0; v < lobes->layout.views.n; v++) {
         const float *values = values_of(lobes, lobes->n_slices > 1 ? (int)v : 0, texel);
         for (gsize l = 0; l < lobes->layout.lights.n; l++, ret += COLOURS)
-            lobes_evaluate_evaluate(lobes, values, at->views + 3 * v, at->lights + 3 * l, ret);
+            evaluate(lobes, values, at->views + 3 * v, at->lights + 3 * l, ret);
     }
 }
 
 void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret) {
     struct measured at = measured_directions(lobes);
-    lobes_evaluate_reconstruct(&at, texel, ret);
+    reconstruct(&at, texel, ret);
     lobes_evaluate_measured_clear(&at);
 }
 
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads) {
     struct measured at = measured_directions(lobes);
-    texel_model_errors(btf, lobes_evaluate_reconstruct, &at, n_threads, &lobes->error,
-                       &lobes->luminance_error);
+    texel_model_errors(btf, reconstruct, &at, n_threads, &lobes->error, &lobes->luminance_error);
     lobes_evaluate_measured_clear(&at);
     return lobes->error;
 }

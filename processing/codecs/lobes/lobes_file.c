@@ -35,13 +35,13 @@ char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_ch
     return g_strdup_printf("lobe%d", value / 4 + 1);
 }
 
-static int lobes_file_by_name(gconstpointer a, gconstpointer b) {
+static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
 /* Returns the part that begins with the value first. ret_end is the first value of the next
  * part. */
-static struct exr_part *lobes_file_values_part(const struct lobes *lobes, int first, int *ret_end) {
+static struct exr_part *values_part(const struct lobes *lobes, int first, int *ret_end) {
     g_autoptr(GPtrArray) channels = g_ptr_array_new();
     const char *channel;
     g_autofree char *name = lobes_value_part(lobes, first, &channel);
@@ -53,7 +53,7 @@ static struct exr_part *lobes_file_values_part(const struct lobes *lobes, int fi
             break;
         g_ptr_array_add(channels, (gpointer)channel);
     }
-    g_ptr_array_sort(channels, lobes_file_by_name);
+    g_ptr_array_sort(channels, by_name);
     g_ptr_array_add(channels, NULL);
     struct exr_part *part =
         exr_part_new(name, lobes->layout.width, lobes->n_slices * lobes->layout.height,
@@ -71,7 +71,7 @@ static struct exr_part *lobes_file_values_part(const struct lobes *lobes, int fi
 struct exr_file *lobes_to_exr(const struct lobes *lobes) {
     struct exr_file *file = exr_file_new();
     for (int value = 0; value < lobes->n_values;) {
-        struct exr_part *part = lobes_file_values_part(lobes, value, &value);
+        struct exr_part *part = values_part(lobes, value, &value);
         exr_file_add(file, part);
     }
     const struct texel_model_head head = {
@@ -94,28 +94,27 @@ gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error
     return ok;
 }
 
-static gboolean lobes_file_format_error(const char *path, GError **error, const char *what) {
+static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: this is not a valid file of a lobe model: %s; compress again", path, what);
     return FALSE;
 }
 
-static gboolean lobes_file_all_finite(const float *values, gsize n) {
+static gboolean all_finite(const float *values, gsize n) {
     for (gsize i = 0; i < n; i++)
         if (!(fabsf(values[i]) <= LARGEST))
             return FALSE;
     return TRUE;
 }
 
-static gboolean lobes_file_read_head(struct lobes *lobes, const struct exr_file *file,
-                                     const char *path, GError **error) {
+static gboolean read_head(struct lobes *lobes, const struct exr_file *file, const char *path,
+                          GError **error) {
     struct texel_model_head head = {.names = {"mesorig.lobes", "mesorig.slices"}};
     const char *what = NULL;
     if (!lobes_model_parse(texel_model_kind(file), &lobes->model))
-        return lobes_file_format_error(path, error,
-                                       "mesorig.kind of its first part is not a model of lobes");
+        return format_error(path, error, "mesorig.kind of its first part is not a model of lobes");
     if (!texel_model_read_head(file, &head, &lobes->layout, &what, error))
-        return what && lobes_file_format_error(path, error, what);
+        return what && format_error(path, error, what);
     const struct lobes_traits *traits = &lobes_traits[lobes->model];
     const int least = traits->lobed ? 1 : 0, most = traits->lobed ? LOBES_MAX_LOBES : 0;
     lobes->name = g_strdup(head.name);
@@ -125,21 +124,21 @@ static gboolean lobes_file_read_head(struct lobes *lobes, const struct exr_file 
     lobes->luminance_error = head.luminance_error;
     lobes->exact_error = head.exact_error;
     if (lobes->n_lobes < least || lobes->n_lobes > most)
-        return lobes_file_format_error(
-            path, error, "mesorig.lobes is not 1 to 3, or not 0 in a model without lobes");
+        return format_error(path, error,
+                            "mesorig.lobes is not 1 to 3, or not 0 in a model without lobes");
     if (lobes->n_slices < 1 ||
         (gsize)lobes->n_slices != (traits->each_view ? lobes->layout.views.n : 1))
-        return lobes_file_format_error(path, error, "mesorig.slices does not fit the views");
+        return format_error(path, error, "mesorig.slices does not fit the views");
     lobes->n_values = traits->n_values + 4 * lobes->n_lobes;
     return TRUE;
 }
 
-static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_file *file,
-                                       const char *path, GError **error) {
+static gboolean read_values(struct lobes *lobes, const struct exr_file *file, const char *path,
+                            GError **error) {
     const gsize pixels = (gsize)lobes->n_slices * btf_layout_texels(&lobes->layout);
     lobes->values = g_try_new(float, pixels *(gsize)lobes->n_values);
     if (!lobes->values)
-        return lobes_file_format_error(path, error, "it is larger than memory");
+        return format_error(path, error, "it is larger than memory");
     for (int value = 0; value < lobes->n_values; value++) {
         const char *channel;
         g_autofree char *name = lobes_value_part(lobes, value, &channel);
@@ -147,10 +146,10 @@ static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_fil
         const float *plane = part ? exr_part_plane(part, channel) : NULL;
         if (!plane || (gsize)part->width != lobes->layout.width ||
             (gsize)part->height != (gsize)lobes->n_slices * lobes->layout.height ||
-            !lobes_file_all_finite(plane, pixels)) {
+            !all_finite(plane, pixels)) {
             g_autofree char *what =
                 g_strdup_printf("part %s, channel %s, is missing or damaged", name, channel);
-            return lobes_file_format_error(path, error, what);
+            return format_error(path, error, what);
         }
         for (gsize i = 0; i < pixels; i++)
             lobes->values[i * (gsize)lobes->n_values + (gsize)value] = plane[i];
@@ -160,8 +159,7 @@ static gboolean lobes_file_read_values(struct lobes *lobes, const struct exr_fil
 
 struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lobes *lobes = g_new0(struct lobes, 1);
-    if (!lobes_file_read_head(lobes, file, path, error) ||
-        !lobes_file_read_values(lobes, file, path, error))
+    if (!read_head(lobes, file, path, error) || !read_values(lobes, file, path, error))
         g_clear_pointer(&lobes, lobes_free);
     return lobes;
 }

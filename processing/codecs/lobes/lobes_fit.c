@@ -410,7 +410,7 @@ struct state {
 };
 
 /* Gives a lane the next problem, whose first point is accepted unconditionally. */
-static void lobes_fit_load(struct state *state, int lane) {
+static void load(struct state *state, int lane) {
     const int problem = state->next < state->n_problems ? state->next++ : -1;
     const float *row = state->rows + (gsize)MAX(problem, 0) * (gsize)state->samples;
     float *values = (float *)state->values + lane, brightest = 0;
@@ -429,7 +429,7 @@ static void lobes_fit_load(struct state *state, int lane) {
             problem < 0 ? 0 : state->parameters[(gsize)problem * (gsize)state->n + (gsize)i];
 }
 
-static void lobes_fit_store(struct state *state, int lane) {
+static void store(struct state *state, int lane) {
     const int problem = state->problem[lane];
     if (problem < 0)
         return;
@@ -459,12 +459,12 @@ LANES_INLINE lane_bits accept(struct state *state) {
 }
 
 /* Vectors are passed by address, because processors differ in how they are passed by value. */
-static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
+static gboolean refill(struct state *state, const gint32 *ended) {
     gboolean busy = FALSE;
     for (int lane = 0; lane < LANES; lane++) {
         if (state->problem[lane] >= 0 && (ended[lane] || ++state->steps[lane] >= MAX_STEPS)) {
-            lobes_fit_store(state, lane);
-            lobes_fit_load(state, lane);
+            store(state, lane);
+            load(state, lane);
         }
         busy |= state->problem[lane] >= 0;
     }
@@ -474,7 +474,7 @@ static gboolean lobes_fit_refill(struct state *state, const gint32 *ended) {
 LANES_INLINE void run(enum lobes_model model, int k, int n, struct state *state) {
     state->n = n;
     for (int lane = 0; lane < LANES; lane++)
-        lobes_fit_load(state, lane);
+        load(state, lane);
     gboolean busy = TRUE;
     gint32 ended_lanes[LANES];
     while (busy) {
@@ -483,7 +483,7 @@ LANES_INLINE void run(enum lobes_model model, int k, int n, struct state *state)
         const lane_bits ended = accept(state);
         step(model, k, n, &state->at, state->p, state->damping, state->peak, state->trial);
         memcpy(ended_lanes, &ended, sizeof ended_lanes);
-        busy = lobes_fit_refill(state, ended_lanes);
+        busy = refill(state, ended_lanes);
     }
 }
 

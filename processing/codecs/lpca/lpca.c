@@ -145,7 +145,7 @@ void lpca_reconstruct(const struct lpca *lpca, int texel, float *ret) {
         lpca_from_log(ret, (gsize)d / COLOURS);
 }
 
-static void lpca_to_halves(float *values, gsize n) {
+static void to_halves(float *values, gsize n) {
     g_autofree guint16 *halves = g_new(guint16, n);
     exr_half_from_floats(halves, values, n);
     exr_half_to_floats(values, halves, n);
@@ -154,8 +154,8 @@ static void lpca_to_halves(float *values, gsize n) {
 /* Rounds one table E_i (views × lights × 3) to whole steps of S_i S_i,l. S_i = max |E_i| / 127, and
  * S_i,l = max_v |E_i(v, l)| / max |E_i|, at least MIN_LIGHT. light_scales gets S_i,l; NULL means
  * that all are 1. */
-static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
-                          float *light_scales) {
+static void to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
+                     float *light_scales) {
     const int n = n_views * n_lights * COLOURS;
     float largest = 0;
     for (int i = 0; i < n; i++)
@@ -168,7 +168,7 @@ static void lpca_to_steps(float *brdf, int n_views, int n_lights, float *ret_sca
         *most = MAX(*most, fabsf(brdf[i]) / largest);
     }
     if (light_scales)
-        lpca_to_halves(light_scales, (gsize)n_lights);
+        to_halves(light_scales, (gsize)n_lights);
     for (int i = 0; i < n; i++) {
         const float step = *ret_scale * (light_scales ? light_scales[i / COLOURS % n_lights] : 1);
         brdf[i] = roundf(brdf[i] / step) * step;
@@ -207,15 +207,15 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
     if (quantise == LPCA_8BIT_WEIGHTS)
         weights_to_steps(lpca);
     else
-        lpca_to_halves(lpca->weights, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
+        to_halves(lpca->weights, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
     for (int i = 0; i < lpca->n_clusters * tables; i++)
         if (quantise >= LPCA_8BIT && i % tables > 0)
-            lpca_to_steps(lpca->brdfs + (gsize)i * d, lpca->layout.views.n, lpca->layout.lights.n,
-                          &lpca->scales[i],
-                          lpca->light_scales ? lpca->light_scales + (gsize)i * lpca->layout.lights.n
-                                             : NULL);
+            to_steps(lpca->brdfs + (gsize)i * d, lpca->layout.views.n, lpca->layout.lights.n,
+                     &lpca->scales[i],
+                     lpca->light_scales ? lpca->light_scales + (gsize)i * lpca->layout.lights.n
+                                        : NULL);
         else
-            lpca_to_halves(lpca->brdfs + (gsize)i * d, d);
+            to_halves(lpca->brdfs + (gsize)i * d, d);
 }
 
 gint64 lpca_bytes(const struct lpca *lpca) {

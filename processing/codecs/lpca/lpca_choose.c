@@ -26,8 +26,8 @@ struct choosing {
 
 /* Returns the bytes of a local PCA with these numbers of clusters and components, quantised as the
  * target says. */
-static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_target *target,
-                                  int clusters, int components) {
+static gint64 size_of(const struct btf_matrix *btf, const struct lpca_target *target, int clusters,
+                      int components) {
     const struct lpca like = {
         .layout.width = btf->layout.width,
         .layout.height = btf->layout.height,
@@ -56,11 +56,10 @@ static gint64 most_bytes(const struct choosing *choosing) {
     if (target->error <= 0)
         return most;
     if (best->n_clusters > 0)
-        return MIN(most,
-                   lpca_choose_size_of(btf, target, best->n_clusters, best->n_components) - 1);
+        return MIN(most, size_of(btf, target, best->n_clusters, best->n_components) - 1);
     const gint64 texels = btf_layout_texels(&btf->layout);
     const int all = (int)MIN(texels, LPCA_MAX_COMPONENTS);
-    return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, target, 1, all)));
+    return MIN(most, MAX(raw_bytes(btf), size_of(btf, target, 1, all)));
 }
 
 /* Returns 0 if not even one component fits. */
@@ -69,16 +68,15 @@ static int max_components(const struct choosing *choosing, int clusters) {
     const gint64 bytes = most_bytes(choosing);
     int c = MIN(choosing->target->n_components, LPCA_MAX_COMPONENTS);
     c = MIN(c, btf_layout_values(&btf->layout));
-    while (c > 0 && lpca_choose_size_of(btf, choosing->target, clusters, c) > bytes)
+    while (c > 0 && size_of(btf, choosing->target, clusters, c) > bytes)
         c--;
     return c;
 }
 
-static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GError **error) {
+static struct lpca *not_reached(const struct choosing *choosing, GError **error) {
     const struct lpca_nearest *nearest = &choosing->choice.nearest;
     const struct lpca_target *target = choosing->target;
-    const gint64 takes =
-        lpca_choose_size_of(choosing->btf, target, nearest->n_clusters, nearest->n_components);
+    const gint64 takes = size_of(choosing->btf, target, nearest->n_clusters, nearest->n_components);
     g_autofree char *size = g_format_size((guint64)takes);
     g_autofree char *limit =
         g_format_size((guint64)(target->bytes > 0 ? target->bytes : raw_bytes(choosing->btf)));
@@ -134,7 +132,7 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
 }
 
 /* Continues from the file, or starts from the beginning. */
-static void lpca_choose_resume(struct choosing *choosing) {
+static void resume(struct choosing *choosing) {
     Checkpoint *checkpoint = choosing->options->checkpoint;
     const struct lpca_target *target = choosing->target;
     choosing->choice = (struct choice){.target = *target, .clusters = 1};
@@ -161,7 +159,7 @@ static void lpca_choose_resume(struct choosing *choosing) {
 }
 
 /* Returns whether the eigen-BRDF of a component is not 0 in some cluster. */
-static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
+static gboolean is_used(const struct lpca *lpca, int component) {
     const gsize d = btf_layout_values(&lpca->layout);
     for (int k = 0; k < lpca->n_clusters; k++) {
         const float *brdf = lpca_brdf(lpca, k, component);
@@ -175,7 +173,7 @@ static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
 /* Removes components that are 0. A target size may allow more components than a material needs. */
 static struct lpca *without_unused(struct lpca *lpca) {
     int c = lpca->n_components;
-    while (c > 1 && !lpca_choose_is_used(lpca, c))
+    while (c > 1 && !is_used(lpca, c))
         c--;
     if (c == lpca->n_components)
         return lpca;
@@ -192,12 +190,12 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
     gboolean ok = TRUE;
     if (target->bytes > 0 && max_components(&choosing, 1) == 0) {
         g_autofree char *wanted = g_format_size((guint64)target->bytes);
-        g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, target, 1, 1));
+        g_autofree char *least = g_format_size((guint64)size_of(btf, target, 1, 1));
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s is too little: one cluster of one component takes %s", wanted, least);
         return NULL;
     }
-    lpca_choose_resume(&choosing);
+    resume(&choosing);
     while (ok && choosing.choice.clusters <= most && choosing.choice.worse < PATIENCE)
         ok = try_clusters(&choosing, error);
     if (options->checkpoint) {
@@ -207,6 +205,6 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
     if (!ok)
         g_clear_pointer(&choosing.best, lpca_free);
     else if (!choosing.best)
-        return lpca_choose_not_reached(&choosing, error);
+        return not_reached(&choosing, error);
     return ok ? without_unused(choosing.best) : NULL;
 }

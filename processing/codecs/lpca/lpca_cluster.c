@@ -20,7 +20,7 @@ void lpca_reduced_clear(struct lpca_reduced *reduced) {
 }
 
 /* Draws an index with a probability proportional to its share of all = Σ shares. */
-static int lpca_cluster_draw(GRand *random, const double *shares, int n, double all) {
+static int draw(GRand *random, const double *shares, int n, double all) {
     double left = g_rand_double(random) * all;
     int last = 0;
     for (int i = 0; i < n; i++) {
@@ -110,7 +110,7 @@ static void seed_means(struct lpca_reduced *reduced) {
             first = all;
         if (all <= 1e-12 * first)
             break;
-        next = lpca_cluster_draw(random, nearest, reduced->n, all);
+        next = draw(random, nearest, reduced->n, all);
     }
     reduced->k = seeds;
     g_rand_free(random);
@@ -163,7 +163,7 @@ static void assign_block(int block, gpointer data) {
 }
 
 /* Assigns all rows; returns the sum of squared errors. */
-static double lpca_cluster_assign(struct lpca_reduced *reduced, int c, float *errors) {
+static double assign(struct lpca_reduced *reduced, int c, float *errors) {
     const struct team *team = reduced->options->team;
     const gsize n_factors = (gsize)reduced->k * (gsize)(c + 1), r = (gsize)reduced->r;
     g_autofree float *factors = g_new(float, n_factors *r), *offsets = g_new(float, n_factors);
@@ -188,7 +188,7 @@ static double lpca_cluster_assign(struct lpca_reduced *reduced, int c, float *er
     return sum;
 }
 
-static void lpca_cluster_collect(struct lpca_reduced *reduced) {
+static void collect(struct lpca_reduced *reduced) {
     for (int k = 0; k < reduced->k; k++)
         g_array_set_size(g_ptr_array_index(reduced->members, k), 0);
     for (int i = 0; i < reduced->n; i++)
@@ -197,7 +197,7 @@ static void lpca_cluster_collect(struct lpca_reduced *reduced) {
 
 /* A cluster that lost all its rows takes the row with the largest error, if that reduces the
  * error. */
-static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
+static void refill(struct lpca_reduced *reduced, float *errors) {
     for (int k = 0; k < reduced->k; k++) {
         int worst = 0;
         if (((GArray *)g_ptr_array_index(reduced->members, k))->len > 0)
@@ -210,7 +210,7 @@ static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
         errors[worst] = 0;
         reduced->labels[worst] = k;
     }
-    lpca_cluster_collect(reduced);
+    collect(reduced);
 }
 
 /* Subtracts from the rows of a cluster their mean, which becomes the cluster's mean. */
@@ -321,7 +321,7 @@ static void drop_empty(struct lpca_reduced *reduced) {
 }
 
 /* Saves the state between two iterations. */
-static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration, double before) {
+static void keep(const struct lpca_reduced *reduced, int iteration, double before) {
     struct lpca_run *run = reduced->run;
     if (!run)
         return;
@@ -331,8 +331,8 @@ static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration,
 }
 
 /* Returns FALSE when cancelled. */
-static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, int done,
-                                           gint64 begun, GError **error) {
+static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint64 begun,
+                              GError **error) {
     const struct work *work = &reduced->options->work;
     const int total = MEANS_ITERATIONS + MAX_ITERATIONS;
     const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
@@ -354,12 +354,12 @@ static gboolean iterate(struct lpca_reduced *reduced, int from, double before, G
     const gint64 begun = g_get_monotonic_time();
     for (int i = from; reduced->k > 1 && i < MEANS_ITERATIONS + MAX_ITERATIONS; i++) {
         const gboolean means = i < MEANS_ITERATIONS;
-        lpca_cluster_keep(reduced, i, before);
-        if (!lpca_cluster_tell_and_save(reduced, i, begun, error))
+        keep(reduced, i, before);
+        if (!tell_and_save(reduced, i, begun, error))
             return FALSE;
-        const double sum = lpca_cluster_assign(reduced, means ? 0 : reduced->c, errors);
-        lpca_cluster_collect(reduced);
-        lpca_cluster_refill(reduced, errors);
+        const double sum = assign(reduced, means ? 0 : reduced->c, errors);
+        collect(reduced);
+        refill(reduced, errors);
         update(reduced, i + 1 < MEANS_ITERATIONS    ? NO_AXES
                         : i + 1 == MEANS_ITERATIONS ? EXACT_AXES
                                                     : BETTER_AXES);
@@ -368,14 +368,14 @@ static gboolean iterate(struct lpca_reduced *reduced, int from, double before, G
         before = i < MEANS_ITERATIONS ? G_MAXDOUBLE : sum;
     }
     if (reduced->k == 1)
-        lpca_cluster_collect(reduced);
+        collect(reduced);
     update(reduced, EXACT_AXES);
     drop_empty(reduced);
     if (reduced->run) {
         reduced->run->state.k = reduced->k;
         lpca_enter(reduced->run, LPCA_REFINING);
     }
-    return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MAX_ITERATIONS, begun, error);
+    return tell_and_save(reduced, MEANS_ITERATIONS + MAX_ITERATIONS, begun, error);
 }
 
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
@@ -391,7 +391,7 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
     if (stage < LPCA_CLUSTERING)
         seed_means(reduced);
     if (run && stage < LPCA_CLUSTERING) {
-        lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
+        keep(reduced, 0, G_MAXDOUBLE);
         lpca_enter(run, LPCA_CLUSTERING);
     }
     if (run) { /* restored from the run's file if it has them; seeds are saved from now on */
@@ -404,7 +404,7 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
     }
     g_ptr_array_set_size(reduced->members, reduced->k);
     if (stage >= LPCA_CLUSTERING)
-        lpca_cluster_collect(reduced);
+        collect(reduced);
     if (stage > LPCA_CLUSTERING)
         return TRUE;
     return iterate(reduced, run ? run->state.iteration : 0, run ? run->state.before : G_MAXDOUBLE,

@@ -85,7 +85,7 @@ static const struct option lpca_codec_table[] = {
 };
 
 /* Returns how options contradict each other. */
-static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
+static const char *check(gconstpointer options, gint64 memory) {
     const struct lpca_codec_options *asked = options;
     if (asked->size > 0 && asked->clusters > 0)
         return "--size chooses the clusters: leave out -k";
@@ -112,10 +112,9 @@ struct rounding {
 /* Computes a local PCA with the clusters and components of the options, or as many as the requested
  * error or size needs. Resamples it to a grid if requested, and rounds it. ret gets its errors
  * before and after rounding. */
-static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
-                                       const struct btf_matrix *btf,
-                                       const struct lpca_options *options, struct codec_result *ret,
-                                       GError **error) {
+static struct lpca *rounded(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
+                            const struct lpca_options *options, struct codec_result *ret,
+                            GError **error) {
     const struct lpca_target target = {options->target, asked->size, options->n_components,
                                        (enum lpca_quantise)asked->quantise, asked->grid};
     const gboolean choose = asked->clusters == 0 && (asked->size > 0 || asked->error > 0);
@@ -138,9 +137,9 @@ static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
 /* Errors add in squares. The error that rounding adds is subtracted from the target of the next
  * attempt: e² = target² − (e_rounded² − e_exact²). Continues from the checkpoint, which borrows
  * rounding. */
-static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
-                                       const struct btf_matrix *btf, struct lpca_options *options,
-                                       struct codec_result *ret, GError **error) {
+static struct lpca *compute(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
+                            struct lpca_options *options, struct codec_result *ret,
+                            GError **error) {
     Checkpoint *checkpoint = options->checkpoint;
     struct rounding rounding = {0, options->target};
     const struct rounding *found =
@@ -153,7 +152,7 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
         checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
     while (rounding.times < MAX_ROUNDING) {
         options->target = rounding.target;
-        lpca = lpca_codec_rounded(asked, btf, options, ret, error);
+        lpca = rounded(asked, btf, options, ret, error);
         ok = lpca != NULL;
         reached = ok && (asked->error <= 0 || ret->error <= asked->error);
         if (!ok || reached)
@@ -179,9 +178,8 @@ static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
 }
 
 /* Packs with as many components as the target needs, but at most the requested number. */
-static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
-                                    const struct btf_matrix *btf, struct lpca_options *options,
-                                    struct codec_result *ret, GError **error) {
+static struct lpca *pack(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
+                         struct lpca_options *options, struct codec_result *ret, GError **error) {
     const struct lpca_target target = {
         .error = asked->error, .bytes = asked->size, .n_components = asked->components};
     struct lpca *lpca = lpca_pack(btf, options, &target, error);
@@ -192,10 +190,9 @@ static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
 
 /* Adds levels 1 and on. They have as many clusters and components as level 0 if they have enough
  * texels. They have no checkpoint, which would save at most a third of the work. */
-static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
-                                      const struct btf_matrix *btf,
-                                      const struct lpca_options *options, struct codec_result *ret,
-                                      GError **error) {
+static gboolean add_levels(const struct lpca_codec_options *asked, const struct btf_matrix *btf,
+                           const struct lpca_options *options, struct codec_result *ret,
+                           GError **error) {
     struct btf_matrix *half = btf_matrix_halved(btf);
     while (half && ret->levels->len < LPCA_MAX_LEVELS) {
         struct lpca_codec_options fixed = *asked;
@@ -205,7 +202,7 @@ static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
         now.n_components = ret->components;
         fixed.error = now.target = 0;
         now.checkpoint = NULL;
-        struct lpca *lpca = lpca_codec_rounded(&fixed, half, &now, &ignored, error);
+        struct lpca *lpca = rounded(&fixed, half, &now, &ignored, error);
         struct btf_matrix *next = lpca ? btf_matrix_halved(half) : NULL;
         btf_matrix_free(half);
         if (!lpca)
@@ -223,9 +220,8 @@ static void lpca_codec_free(gpointer model) {
 
 /* Computes, packs or chooses a local PCA according to the options. Without a target error or size,
  * it has COMPONENTS components. The limit of memory includes the BTF's values. */
-static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
-                                  const struct codec_job *job, struct codec_result *ret,
-                                  GError **error) {
+static gboolean encode(const struct codec *codec G_GNUC_UNUSED, const struct codec_job *job,
+                       struct codec_result *ret, GError **error) {
     const struct lpca_codec_options *asked = job->options;
     const struct btf_matrix *btf = job->btf;
     const int values = 3 * btf->layout.views.n * btf->layout.lights.n;
@@ -245,8 +241,7 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     }
     ret->packed = asked->quantise == LPCA_PACKED;
     ret->luminance_error = -1;
-    struct lpca *lpca =
-        (ret->packed ? lpca_codec_pack : lpca_codec_compute)(asked, btf, &options, ret, error);
+    struct lpca *lpca = (ret->packed ? pack : compute)(asked, btf, &options, ret, error);
     if (!lpca)
         return FALSE;
     ret->levels = g_ptr_array_new_with_free_func(lpca_codec_free);
@@ -254,12 +249,11 @@ static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
     ret->clusters = lpca->n_clusters;
     ret->components = lpca->n_components;
     ret->grid = asked->grid;
-    return !asked->mips || lpca_codec_add_levels(asked, btf, &options, ret, error);
+    return !asked->mips || add_levels(asked, btf, &options, ret, error);
 }
 
 /* Returns a text such as "32 clusters of 8 components on a grid of 12, 6 mip levels". */
-static char *lpca_codec_describe(const struct codec *codec G_GNUC_UNUSED,
-                                 const struct codec_result *result) {
+static char *describe(const struct codec *codec G_GNUC_UNUSED, const struct codec_result *result) {
     const int k = result->clusters, c = result->components;
     GString *text = g_string_new(NULL);
     g_string_append_printf(text, "%d %s of %d %s", k, k == 1 ? "cluster" : "clusters", c,
@@ -282,7 +276,7 @@ static gpointer lpca_codec_read(const char *path, GError **error) {
 
 /* Describes a file of which only the headers were read: size, clusters × components, directions and
  * error. */
-static char *lpca_codec_describe_file(const struct exr_file *file) {
+static char *describe_file(const struct exr_file *file) {
     const struct exr_part *clusters = exr_file_part(file, "clusters");
     const struct exr_part *scales = exr_file_part(file, "scales");
     const struct exr_part *views = exr_file_part(file, "views");
@@ -315,11 +309,11 @@ static char *lpca_codec_describe_file(const struct exr_file *file) {
     return g_string_free(text, FALSE);
 }
 
-static gint64 lpca_codec_bytes(gconstpointer model) {
+static gint64 bytes(gconstpointer model) {
     return lpca_bytes(model);
 }
 
-static void lpca_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+static void reconstruct(gconstpointer model, int texel, float *ret) {
     lpca_reconstruct(model, texel, ret);
 }
 
@@ -327,7 +321,7 @@ static int lpca_codec_grid(gconstpointer model) {
     return ((const struct lpca *)model)->n_grid;
 }
 
-static GPtrArray *lpca_codec_read_levels(const char *path, GError **error) {
+static GPtrArray *read_levels(const char *path, GError **error) {
     struct lpca *levels[LPCA_MAX_LEVELS] = {NULL};
     const int n = lpca_read_levels(path, levels, error);
     GPtrArray *ret = n ? g_ptr_array_new_with_free_func(lpca_codec_free) : NULL;
@@ -337,9 +331,9 @@ static GPtrArray *lpca_codec_read_levels(const char *path, GError **error) {
 }
 
 /* Reports one point of the curve for each way to round the local PCA. */
-static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
-                                          const struct btf_matrix *btf, CodecPoint tell,
-                                          gpointer data, GError **error) {
+static gboolean tell_quantised(const struct lpca *lpca, int components,
+                               const struct btf_matrix *btf, CodecPoint tell, gpointer data,
+                               GError **error) {
     static const enum lpca_quantise kinds[] = {LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS};
     static const char *const series[] = {"local PCA, halves", "local PCA, 8 bits",
                                          "local PCA, 8-bit weights"};
@@ -360,8 +354,8 @@ static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int component
 }
 
 /* Rounds one local PCA to coarser and finer steps. */
-static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const struct work *work,
-                                        CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve_packed(const struct btf_matrix *btf, const struct work *work, CodecPoint tell,
+                             gpointer data, GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);
     const gint64 values = 3 * (gint64)btf->layout.views.n * btf->layout.lights.n;
     const struct lpca_options options = {
@@ -397,9 +391,8 @@ static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const stru
 
 /* Encodes with 1, 4, 16 and 64 clusters of 1, 2, 4, 8 and 16 components each, quantised in each
  * way. Then encodes packed models. */
-static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
-                                 const struct btf_matrix *btf, const struct work *work,
-                                 CodecPoint tell, gpointer data, GError **error) {
+static gboolean curve(const struct codec *codec G_GNUC_UNUSED, const struct btf_matrix *btf,
+                      const struct work *work, CodecPoint tell, gpointer data, GError **error) {
     const int most = btf_layout_texels(&btf->layout) / TEXELS_A_CLUSTER;
     const int values = 3 * btf->layout.views.n * btf->layout.lights.n;
     gboolean ok = TRUE;
@@ -409,9 +402,9 @@ static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
         g_autoptr(Lpca) lpca = lpca_compute(btf, &options, error);
         ok = lpca != NULL;
         for (int c = 1; ok && c <= lpca->n_components; c *= 2)
-            ok = lpca_codec_tell_quantised(lpca, c, btf, tell, data, error);
+            ok = tell_quantised(lpca, c, btf, tell, data, error);
     }
-    return ok && lpca_codec_curve_packed(btf, work, tell, data, error);
+    return ok && curve_packed(btf, work, tell, data, error);
 }
 
 const struct codec lpca_codec = {
@@ -420,21 +413,21 @@ const struct codec lpca_codec = {
     .help = "local PCA of the BRDFs of all texels (Schneider 2004)",
     .options = lpca_codec_table,
     .options_size = sizeof(struct lpca_codec_options),
-    .check = lpca_codec_check,
+    .check = check,
     .bounded = TRUE,
     .resumable = TRUE,
-    .encode = lpca_codec_encode,
-    .describe = lpca_codec_describe,
+    .encode = encode,
+    .describe = describe,
     .write = lpca_codec_write,
     .read = lpca_codec_read,
-    .describe_file = lpca_codec_describe_file,
+    .describe_file = describe_file,
     .free = lpca_codec_free,
     .layout = G_STRUCT_OFFSET(struct lpca, layout),
-    .bytes = lpca_codec_bytes,
-    .reconstruct = lpca_codec_reconstruct,
+    .bytes = bytes,
+    .reconstruct = reconstruct,
     .evaluate = lpca_evaluate,
     .grid = lpca_codec_grid,
     .error = G_STRUCT_OFFSET(struct lpca, error),
-    .read_levels = lpca_codec_read_levels,
-    .curve = lpca_codec_curve,
+    .read_levels = read_levels,
+    .curve = curve,
 };

@@ -92,7 +92,7 @@ static void stage_block(int block, gpointer data) {
     g_mutex_unlock(&run->lock);
 }
 
-static void lpca_compute_tell_and_save(const struct work_progress *progress, gpointer data) {
+static void tell_and_save(const struct work_progress *progress, gpointer data) {
     const struct lpca_options *options = data;
     if (options->work.progress)
         options->work.progress(progress, options->work.data);
@@ -103,7 +103,7 @@ static void lpca_compute_tell_and_save(const struct work_progress *progress, gpo
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error) {
     struct work work = run->options->work;
-    work.progress = lpca_compute_tell_and_save;
+    work.progress = tell_and_save;
     work.data = (gpointer)run->options;
     struct stage all = {run, func, data};
     const gboolean ended = work_parallel(&work, stage, n, stage_block, &all, error);
@@ -142,7 +142,7 @@ static int *draw_texels(const struct lpca_run *run, int n) {
     return texels;
 }
 
-static void lpca_compute_read_sample(const struct sample *sample, const int *texels) {
+static void read_sample(const struct sample *sample, const int *texels) {
     struct lpca_run *run = sample->run;
     const gsize columns = (gsize)run->columns, d = (gsize)run->d;
     g_autofree float *buffer = g_new(float, columns);
@@ -207,27 +207,27 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
 
 /* Returns the number of reduced dimensions. It is larger than the number of components, because the
  * axes of a sample do not contain all of them. The sample has at least three times as many texels
- * (lpca_compute_samples_of()). */
+ * (samples_of()). */
 static int reduced_to(int d, int n_components) {
     return MIN(d, MAX(REDUCED, n_components + n_components / 4));
 }
 
-static int lpca_compute_samples_of(int texels, int r) {
+static int samples_of(int texels, int r) {
     return MIN(texels, MAX(SAMPLES, 3 * r));
 }
 
 /* Computes mean and axes (r × d) of a sample of the texels, in run. */
-static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
+static gboolean draw_axes(struct lpca_run *run, GError **error) {
     const struct team *team = run->options->team;
     const int threads = run->options->work.n_threads;
-    struct sample sample = {run, lpca_compute_samples_of(run->n, run->r)};
+    struct sample sample = {run, samples_of(run->n, run->r)};
     const int n = sample.n, tiles = (n + TILE - 1) / TILE;
     const gsize d = (gsize)run->d;
     g_autofree int *texels = draw_texels(run, n);
     g_autofree double *sums = g_new0(double, d);
     sample.rows = g_new0(float, (gsize)n *d);
     sample.gram = g_new0(float, (gsize)n *(gsize)n);
-    lpca_compute_read_sample(&sample, texels);
+    read_sample(&sample, texels);
     if (team)
         team->sum_floats(team, sample.rows, (gsize)n * d);
     for (int i = 0; i < n; i++)
@@ -278,7 +278,7 @@ static gboolean reduce(struct lpca_run *run, GError **error) {
     run->rows = g_new(float, (gsize)run->n *(gsize)run->r);
     run->offsets = g_new0(float, run->r);
     if (run->state.stage < LPCA_REDUCING) {
-        if (!lpca_compute_draw_axes(run, error))
+        if (!draw_axes(run, error))
             return FALSE;
         lpca_enter(run, LPCA_REDUCING);
     }
@@ -300,7 +300,7 @@ static gboolean reduce(struct lpca_run *run, GError **error) {
 }
 
 /* Clusters in the reduced space, then computes eigen-BRDFs and weights in all dimensions. */
-static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GError **error) {
+static struct lpca *make(struct lpca_run *run, int n_components, GError **error) {
     struct lpca_reduced reduced = {.n = run->n,
                                    .r = run->r,
                                    .rows = run->rows,
@@ -345,10 +345,10 @@ static struct lpca *fewest(const struct lpca *lpca, struct lpca_run *run, GError
 }
 
 /* Doubles the number of components until the target is reached. */
-static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
+static struct lpca *search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
     for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
-        g_autoptr(Lpca) lpca = lpca_compute_make(run, c, error);
+        g_autoptr(Lpca) lpca = make(run, c, error);
         if (!lpca)
             return NULL;
         if (lpca->error <= options->target)
@@ -370,7 +370,7 @@ static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options) {
     const gint64 n = btf_layout_texels(&btf->layout), k = options->n_clusters;
     const gint64 d = (int)btf_layout_values(&btf->layout), c = options->n_components;
-    const gint64 r = reduced_to((int)d, (int)c), samples = lpca_compute_samples_of((int)n, (int)r);
+    const gint64 r = reduced_to((int)d, (int)c), samples = samples_of((int)n, (int)r);
     const gint64 threads =
         options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
@@ -396,8 +396,8 @@ static char *format_need(gint64 bytes) {
 }
 
 /* Returns FALSE with an error that gives the necessary memory. */
-static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
-                                          const struct lpca_options *options, GError **error) {
+static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_options *options,
+                             GError **error) {
     const gint64 least = lpca_memory(btf, options);
     if (options->memory <= 0 || least <= options->memory)
         return TRUE;
@@ -414,8 +414,8 @@ static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
     return FALSE;
 }
 
-static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
-                                         const struct lpca_options *options, GError **error) {
+static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_options *options,
+                            GError **error) {
     const gint64 texels = btf_layout_texels(&btf->layout);
     const gint64 values = btf_layout_values(&btf->layout);
     const int most = options->to_pack ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
@@ -434,11 +434,11 @@ static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
             "%d clusters of %d components for %zu × %zu texels, %zu views and %zu lights: %s",
             options->n_clusters, options->n_components, btf->layout.width, btf->layout.height,
             btf->layout.views.n, btf->layout.lights.n, what);
-    return what == NULL && lpca_compute_check_memory(btf, options, error);
+    return what == NULL && check_memory(btf, options, error);
 }
 
 /* Values from a file are checked when they are read. */
-static gboolean lpca_compute_check_values(const struct lpca_run *run, GError **error) {
+static gboolean check_values(const struct lpca_run *run, GError **error) {
     const gsize d = (gsize)run->d, n = (gsize)(run->end - run->first) * d;
     for (gsize i = 0; run->btf->values && i < n; i++)
         if (!isfinite(run->btf->values[i])) {
@@ -456,7 +456,7 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
                           GError **error) {
     struct lpca *lpca = NULL;
     g_return_val_if_fail(!options->team || !options->checkpoint, NULL);
-    if (!lpca_compute_check_sizes(btf, options, error))
+    if (!check_sizes(btf, options, error))
         return NULL;
     struct lpca_run run = {.btf = btf, .options = options, .n = btf_layout_texels(&btf->layout)};
     run.d = (int)btf_layout_values(&btf->layout);
@@ -464,7 +464,7 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     run.r = reduced_to(run.d, options->n_components);
     team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
               &run.end);
-    if (!lpca_compute_check_values(&run, error))
+    if (!check_values(&run, error))
         return NULL;
     g_mutex_init(&run.lock);
     /* Otherwise the order of sums, and with it the last bits, would depend on the number of
@@ -473,8 +473,7 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     openblas_set_num_threads(1);
     lpca_resume(&run);
     if (reduce(&run, error))
-        lpca = options->target > 0 ? lpca_compute_search(&run, error)
-                                   : lpca_compute_make(&run, options->n_components, error);
+        lpca = options->target > 0 ? search(&run, error) : make(&run, options->n_components, error);
     openblas_set_num_threads(threads);
     lpca_leave(&run);
     g_mutex_clear(&run.lock);

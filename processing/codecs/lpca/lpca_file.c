@@ -140,7 +140,7 @@ gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
     return ok;
 }
 
-static gboolean lpca_file_format_error(const char *path, GError **error, const char *what) {
+static gboolean format_error(const char *path, GError **error, const char *what) {
     g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
                 "%s: this is not a valid file of a local PCA: %s; compress again", path, what);
     return FALSE;
@@ -160,19 +160,19 @@ static const float *plane(const struct exr_file *file, const char *name, const c
     return values;
 }
 
-static gboolean lpca_file_read_colours(struct lpca *lpca, const struct exr_part *part) {
+static gboolean read_colours(struct lpca *lpca, const struct exr_part *part) {
     const char *name = "rgb";
     exr_get_string(part, "mesorig.colours", &name, NULL);
     lpca->colours = strcmp(name, "log") == 0 ? LPCA_LOG : LPCA_RGB;
     return lpca->colours == LPCA_LOG || strcmp(name, "rgb") == 0;
 }
 
-static gboolean lpca_file_read_head(struct lpca *lpca, const struct exr_file *file,
-                                    const char *path, GError **error) {
+static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const char *path,
+                          GError **error) {
     const struct exr_part *part = exr_file_part(file, "clusters");
     const char *kind = NULL, *name = NULL, *quantise = NULL;
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
-        return lpca_file_format_error(path, error, "there is no part \"clusters\" of that kind");
+        return format_error(path, error, "there is no part \"clusters\" of that kind");
     if (!exr_get_string(part, "mesorig.name", &name, error) ||
         !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
         !exr_get_double(part, "mesorig.error", &lpca->error, error))
@@ -181,22 +181,22 @@ static gboolean lpca_file_read_head(struct lpca *lpca, const struct exr_file *fi
     lpca->layout.width = (gsize)part->width;
     lpca->layout.height = (gsize)part->height;
     if (!lpca_quantise_parse(quantise, &lpca->quantise))
-        return lpca_file_format_error(
-            path, error, "mesorig.quantise is not float, half, 8bit, 8bit-weights or packed");
-    if (!lpca_file_read_colours(lpca, part))
-        return lpca_file_format_error(path, error, "mesorig.colours is not rgb or log");
+        return format_error(path, error,
+                            "mesorig.quantise is not float, half, 8bit, 8bit-weights or packed");
+    if (!read_colours(lpca, part))
+        return format_error(path, error, "mesorig.colours is not rgb or log");
     const char *what = btf_layout_read(file, part, &lpca->layout);
     if (what)
-        return lpca_file_format_error(path, error, what);
+        return format_error(path, error, what);
     if (exr_get_int(part, "mesorig.grid", &lpca->n_grid, NULL) &&
         (lpca->n_grid < 2 || lpca->n_grid > 1024 ||
          lpca->layout.views.n != (gsize)lpca->n_grid * (gsize)lpca->n_grid ||
          lpca->layout.lights.n != lpca->layout.views.n))
-        return lpca_file_format_error(path, error, "its views and lights are not those of a grid");
+        return format_error(path, error, "its views and lights are not those of a grid");
     part = exr_file_part(file, "scales");
     const int most = lpca->quantise == LPCA_PACKED ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
     if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 || part->height > most + 1)
-        return lpca_file_format_error(path, error, "scales are missing or damaged");
+        return format_error(path, error, "scales are missing or damaged");
     lpca->n_clusters = part->width;
     lpca->n_components = part->height - 1;
     return TRUE;
@@ -239,30 +239,29 @@ static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, co
     const int n = btf_layout_texels(&lpca->layout);
     const float *clusters = plane(file, "clusters", "K", lpca->layout.width, lpca->layout.height);
     if (!clusters)
-        return lpca_file_format_error(path, error, "clusters are missing or damaged");
+        return format_error(path, error, "clusters are missing or damaged");
     lpca->clusters = g_new(int, n);
     for (int i = 0; i < n; i++) {
         if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
             clusters[i] != floorf(clusters[i]))
-            return lpca_file_format_error(path, error,
-                                          "a texel names a cluster that does not exist");
+            return format_error(path, error, "a texel names a cluster that does not exist");
         lpca->clusters[i] = (int)clusters[i];
     }
     return TRUE;
 }
 
-static gboolean lpca_file_read_texels(struct lpca *lpca, const struct exr_file *file,
-                                      const char *path, GError **error) {
+static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
     const int c = lpca->n_components, n = btf_layout_texels(&lpca->layout);
     if (!read_weight_scales(lpca, file))
-        return lpca_file_format_error(path, error, "weight_scales are missing or damaged");
+        return format_error(path, error, "weight_scales are missing or damaged");
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     for (int i = 0; i < c; i++) {
         g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
         const float *weights =
             plane(file, "weights", channel, lpca->layout.width, lpca->layout.height);
         if (!weights || !lpca->weights)
-            return lpca_file_format_error(path, error, "weights are missing or damaged");
+            return format_error(path, error, "weights are missing or damaged");
         for (int texel = 0; texel < n; texel++)
             lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
                 weights[texel] * weight_scale(lpca, texel, i);
@@ -293,8 +292,8 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
     return TRUE;
 }
 
-static gboolean lpca_file_read_tables(struct lpca *lpca, const struct exr_file *file,
-                                      const char *path, GError **error) {
+static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
     lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
@@ -302,17 +301,17 @@ static gboolean lpca_file_read_tables(struct lpca *lpca, const struct exr_file *
      * values. */
     if (!lpca->scales || !means || (gsize)means->width != lpca->layout.lights.n ||
         (gsize)means->height != (gsize)lpca->n_clusters * lpca->layout.views.n)
-        return lpca_file_format_error(path, error, "scales or means are missing or damaged");
+        return format_error(path, error, "scales or means are missing or damaged");
     if (!read_light_scales(lpca, file))
-        return lpca_file_format_error(path, error, "light_scales are damaged");
+        return format_error(path, error, "light_scales are damaged");
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
-        return lpca_file_format_error(path, error, "it is larger than memory");
+        return format_error(path, error, "it is larger than memory");
     for (int i = 0; i < tables; i++)
         if (!read_table(lpca, file, i)) {
             g_autofree char *name = table_name(i);
             g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
-            return lpca_file_format_error(path, error, what);
+            return format_error(path, error, what);
         }
     return TRUE;
 }
@@ -325,30 +324,29 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
     if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
         !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
         !(packed->step > 0) || !isfinite(packed->step))
-        return lpca_file_format_error(path, error,
-                                      "the attributes or parts of its packing are invalid");
+        return format_error(path, error, "the attributes or parts of its packing are invalid");
     packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     for (gsize i = 0; packed->scales && i < n; i++)
         if (!(packed->scales[i] > 0))
-            return lpca_file_format_error(path, error, "a scale is not above 0");
+            return format_error(path, error, "a scale is not above 0");
     if (!packed->scales || !lpca_packed_read_parts(lpca, file))
-        return lpca_file_format_error(path, error, "the packed data is missing or damaged");
+        return format_error(path, error, "the packed data is missing or damaged");
     lpca->scales = lpca_ones(n);
     lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
     lpca->weights = g_try_new(float, btf_layout_texels(&lpca->layout) * (gsize)lpca->n_components);
     lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
     if (!lpca->weights || !lpca->brdfs)
-        return lpca_file_format_error(path, error, "it is larger than memory");
+        return format_error(path, error, "it is larger than memory");
     lpca_unpack(lpca, 0);
     return TRUE;
 }
 
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lpca *lpca = g_new0(struct lpca, 1);
-    if (!lpca_file_read_head(lpca, file, path, error) || !read_clusters(lpca, file, path, error) ||
-        !(lpca->quantise == LPCA_PACKED ? read_packed(lpca, file, path, error)
-                                        : lpca_file_read_texels(lpca, file, path, error) &&
-                                              lpca_file_read_tables(lpca, file, path, error)))
+    if (!read_head(lpca, file, path, error) || !read_clusters(lpca, file, path, error) ||
+        !(lpca->quantise == LPCA_PACKED
+              ? read_packed(lpca, file, path, error)
+              : read_texels(lpca, file, path, error) && read_tables(lpca, file, path, error)))
         g_clear_pointer(&lpca, lpca_free);
     return lpca;
 }

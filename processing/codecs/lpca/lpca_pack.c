@@ -29,7 +29,7 @@ struct lpca_packed *lpca_packed_new(void) {
     return g_new0(struct lpca_packed, 1);
 }
 
-static void lpca_pack_clear(struct lpca_packed *packed) {
+static void clear(struct lpca_packed *packed) {
     g_free(packed->views);
     g_free(packed->lights);
     g_free(packed->scales);
@@ -40,7 +40,7 @@ static void lpca_pack_clear(struct lpca_packed *packed) {
 void lpca_packed_free(struct lpca_packed *packed) {
     if (!packed)
         return;
-    lpca_pack_clear(packed);
+    clear(packed);
     g_free(packed);
 }
 
@@ -63,7 +63,7 @@ static gsize dimensions(const struct lpca *lpca) {
 
 /* Finds S of each table, the weight of its errors: the root of Σ_x w_i(x)², and for a mean the root
  * of Σ_x 1. */
-static float *lpca_pack_find_scales(const struct lpca *lpca) {
+static float *find_scales(const struct lpca *lpca) {
     const int c = lpca->n_components, tables = c + 1, texels = btf_layout_texels(&lpca->layout);
     g_autofree double *sums = g_new0(double, n_tables(lpca));
     float *scales = g_new(float, n_tables(lpca));
@@ -81,8 +81,7 @@ static float *lpca_pack_find_scales(const struct lpca *lpca) {
 
 /* With split, a line for each view, which contains lights and colours, is divided into lines for
  * each view and colour, which contain lights. Otherwise the reverse. */
-static void lpca_pack_move_colours(const float *from, int views, int lights, gboolean split,
-                                   float *to) {
+static void move_colours(const float *from, int views, int lights, gboolean split, float *to) {
     for (int v = 0; v < views; v++)
         for (int l = 0; l < lights; l++)
             for (int c = 0; c < COLOURS; c++) {
@@ -104,7 +103,7 @@ static void add_table(const struct lpca *lpca, const float *scales, int table, s
     const float *values = lpca->brdfs + (gsize)table * dimensions(lpca);
     const float scale = scales[table] * scales[table];
     g_autofree float *split = g_new(float, dimensions(lpca));
-    lpca_pack_move_colours(values, v, l, TRUE, split);
+    move_colours(values, v, l, TRUE, split);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, v, l * COLOURS, scale, values, l * COLOURS,
                 1, to->views, v);
     cblas_ssyrk(CblasRowMajor, CblasUpper, CblasTrans, l, v * COLOURS, scale, split, l, 1,
@@ -132,7 +131,7 @@ static void principal(const float *sums, int n, float *ret) {
 }
 
 /* Makes the rows orthonormal (Gram–Schmidt), changing each as little as possible. */
-static void lpca_pack_orthonormalise(float *rows, int n, int length) {
+static void orthonormalise(float *rows, int n, int length) {
     for (int i = 0; i < n; i++) {
         float *row = rows + (gsize)i * (gsize)length;
         for (int j = 0; j < i; j++) {
@@ -158,9 +157,9 @@ static struct rotations make_rotations(const struct lpca_packed *packed, int n_v
     rotations.lights =
         g_memdup2(packed->lights, sizeof(float) * (gsize)(packed->n_lights * n_lights));
     memcpy(rotations.colours, packed->colours, sizeof rotations.colours);
-    lpca_pack_orthonormalise(rotations.views, packed->n_views, n_views);
-    lpca_pack_orthonormalise(rotations.lights, packed->n_lights, n_lights);
-    lpca_pack_orthonormalise(rotations.colours, COLOURS, COLOURS);
+    orthonormalise(rotations.views, packed->n_views, n_views);
+    orthonormalise(rotations.lights, packed->n_lights, n_lights);
+    orthonormalise(rotations.colours, COLOURS, COLOURS);
     return rotations;
 }
 
@@ -169,7 +168,7 @@ static void clear_rotations(struct rotations *rotations) {
     g_free(rotations->lights);
 }
 
-static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
+static void find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
     const int v = lpca->layout.views.n, l = lpca->layout.lights.n;
     struct scatter scatter = {g_new0(float, v *v), g_new0(float, l *l), {0}};
     float colours[9];
@@ -216,7 +215,7 @@ static void rotate_table(int table, gpointer data) {
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, v, l * COLOURS, v,
                 packer->axes.scales[table], packer->rotations.views, v,
                 lpca->brdfs + (gsize)table * d, l * COLOURS, 0, rotated, l * COLOURS);
-    lpca_pack_move_colours(rotated, v, l, TRUE, split);
+    move_colours(rotated, v, l, TRUE, split);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, v * COLOURS, l, l, 1, split, l,
                 packer->rotations.lights, l, 0, to, l);
     rotate_colours(packer->rotations.colours, FALSE, v, l, to);
@@ -269,10 +268,10 @@ struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
     struct lpca_packer *packer = g_new0(struct lpca_packer, 1);
     packer->lpca = lpca_truncated(lpca, lpca->n_components);
     packer->n_threads = n_threads;
-    packer->axes.scales = lpca_pack_find_scales(lpca);
+    packer->axes.scales = find_scales(lpca);
     packer->tables = g_new(float, (gsize)n_tables(lpca) * dimensions(lpca));
     packer->maps = g_new(float, (gsize)lpca->n_components *btf_layout_texels(&lpca->layout));
-    lpca_pack_find_axes(lpca, &packer->axes);
+    find_axes(lpca, &packer->axes);
     packer->rotations = make_rotations(&packer->axes, lpca->layout.views.n, lpca->layout.lights.n);
     work_for_each(n_threads, n_tables(lpca), rotate_table, packer);
     map_all(packer->lpca, packer->maps, TRUE, n_threads);
@@ -282,7 +281,7 @@ struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
 void lpca_packer_free(struct lpca_packer *packer) {
     if (!packer)
         return;
-    lpca_pack_clear(&packer->axes);
+    clear(&packer->axes);
     clear_rotations(&packer->rotations);
     lpca_free(packer->lpca);
     g_free(packer->tables);
@@ -291,14 +290,14 @@ void lpca_packer_free(struct lpca_packer *packer) {
 }
 
 /* Quantisation with a dead zone: sign (v) ⌊|v| / step + ROUND⌋. */
-static gint32 lpca_pack_steps(float value, double step) {
+static gint32 steps(float value, double step) {
     const double n = floor(fabs((double)value) / step + ROUND);
     return (gint32)copysign(MIN(n, 1e9), (double)value);
 }
 
-static gboolean lpca_pack_is_used(const float *values, gsize n, double step) {
+static gboolean is_used(const float *values, gsize n, double step) {
     for (gsize i = 0; i < n; i++)
-        if (lpca_pack_steps(values[i], step) != 0)
+        if (steps(values[i], step) != 0)
             return TRUE;
     return FALSE;
 }
@@ -308,11 +307,9 @@ static int used_components(const struct lpca_packer *packer, double step) {
     const struct lpca *lpca = packer->lpca;
     const gsize n = btf_layout_texels(&lpca->layout), d = dimensions(lpca);
     for (int i = lpca->n_components; i > 1; i--)
-        for (int k = 0;
-             lpca_pack_is_used(packer->maps + (gsize)(i - 1) * n, n, step) && k < lpca->n_clusters;
+        for (int k = 0; is_used(packer->maps + (gsize)(i - 1) * n, n, step) && k < lpca->n_clusters;
              k++)
-            if (lpca_pack_is_used(packer->tables + (gsize)(k * (lpca->n_components + 1) + i) * d, d,
-                                  step))
+            if (is_used(packer->tables + (gsize)(k * (lpca->n_components + 1) + i) * d, d, step))
                 return i;
     return 1;
 }
@@ -326,7 +323,7 @@ static void used_axes(const struct lpca_packer *packer, int components, double s
     for (int i = 0; i < n_tables(lpca); i++) {
         const float *table = packer->tables + (gsize)i * dimensions(lpca);
         for (int j = 0; i % tables <= components && j < (int)dimensions(lpca); j++)
-            if (lpca_pack_steps(table[j], step) != 0) {
+            if (steps(table[j], step) != 0) {
                 *ret_views = MAX(*ret_views, j / (COLOURS * lpca->layout.lights.n) + 1);
                 *ret_lights = MAX(*ret_lights, j % lpca->layout.lights.n + 1);
             }
@@ -344,7 +341,7 @@ static void round_tables(const struct lpca_packer *packer, const struct lpca *to
         packed->scales[i] = packer->axes.scales[from];
         for (int line = 0; line < lines; line++)
             for (int l = 0; l < packed->n_lights; l++)
-                *at++ = lpca_pack_steps(table[line * lpca->layout.lights.n + l], step);
+                *at++ = steps(table[line * lpca->layout.lights.n + l], step);
     }
 }
 
@@ -367,7 +364,7 @@ struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step) {
     packed->maps = g_new0(gint32, n);
     round_tables(packer, ret, step);
     for (gsize i = 0; i < n; i++)
-        packed->maps[i] = lpca_pack_steps(packer->maps[i], step);
+        packed->maps[i] = steps(packer->maps[i], step);
     lpca_unpack(ret, packer->n_threads);
     return ret;
 }
@@ -394,7 +391,7 @@ static void unpack_table(int table, gpointer data) {
     rotate_colours(rotations->colours, TRUE, kept, packed->n_lights, core);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, kept * COLOURS, l, packed->n_lights, 1,
                 core, packed->n_lights, rotations->lights, l, 0, split, l);
-    lpca_pack_move_colours(split, kept, l, FALSE, joined);
+    move_colours(split, kept, l, FALSE, joined);
     cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, v, l * COLOURS, kept, 1, rotations->views,
                 v, joined, l * COLOURS, 0, to, l * COLOURS);
 }

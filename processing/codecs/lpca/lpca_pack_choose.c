@@ -69,9 +69,8 @@ static double guess_step(const struct search *search, double step, double found)
 
 /* Finds the coarsest step that reaches the error. Guesses are bracketed by the steps fine and
  * coarse. */
-static struct lpca *lpca_pack_choose_by_error(struct search *search,
-                                              const struct lpca_packer *packer, double mean,
-                                              GError **error) {
+static struct lpca *by_error(struct search *search, const struct lpca_packer *packer, double mean,
+                             GError **error) {
     double fine = mean * FINE, coarse = mean * COARSE;
     double step = 4 * search->target->error * mean;
     g_autoptr(Lpca) best = NULL;
@@ -99,9 +98,8 @@ static struct lpca *lpca_pack_choose_by_error(struct search *search,
 }
 
 /* Finds the finest step whose file is small enough, by bisection of its logarithm. */
-static struct lpca *lpca_pack_choose_by_size(struct search *search,
-                                             const struct lpca_packer *packer, double mean,
-                                             GError **error) {
+static struct lpca *by_size(struct search *search, const struct lpca_packer *packer, double mean,
+                            GError **error) {
     double fine = log(mean * FINE), coarse = log(mean * COARSE);
     struct lpca *best = NULL;
     gboolean ok = TRUE;
@@ -167,14 +165,13 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     if (mean <= 0) /* a black material: any step can be used */
         ret = lpca_packer_round(packer, 1);
     else
-        ret = (search->target->error > 0 ? lpca_pack_choose_by_error
-                                         : lpca_pack_choose_by_size)(search, packer, mean, error);
+        ret = (search->target->error > 0 ? by_error : by_size)(search, packer, mean, error);
     lpca_packer_free(packer);
     return ret;
 }
 
 /* Returns the number of components with which to begin. */
-static int lpca_pack_choose_resume(struct search *search) {
+static int resume(struct search *search) {
     struct packing *packing = &search->packing;
     Checkpoint *checkpoint = search->options->checkpoint;
     const struct lpca_target *target = search->target;
@@ -194,9 +191,9 @@ static int lpca_pack_choose_resume(struct search *search) {
 }
 
 /* Doubles the number of components until more would not improve the result. */
-static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
+static struct lpca *find(struct search *search, GError **error) {
     const struct lpca_target *target = search->target;
-    for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
+    for (int n = resume(search);; n = MIN(2 * n, search->most)) {
         g_autoptr(GError) failed = NULL;
         g_autoptr(Lpca) exact = NULL;
         g_autoptr(Lpca) lpca = try_components(search, n, &exact, &failed);
@@ -239,7 +236,7 @@ struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *
     struct search search = {btf, options, target, (int)MIN(MIN(texels, values), asked),
                             0,   INFINITY};
     g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
-    struct lpca *lpca = lpca_pack_choose_find(&search, error);
+    struct lpca *lpca = find(&search, error);
     if (options->checkpoint)
         checkpoint_drop(options->checkpoint, "packing");
     return lpca;

@@ -80,7 +80,7 @@ struct axis_pair {
     int key, view, light;
 };
 
-static int lpca_pack_code_by_key(gconstpointer a, gconstpointer b) {
+static int by_key(gconstpointer a, gconstpointer b) {
     const struct axis_pair *p = a, *q = b;
     return p->key != q->key ? p->key - q->key : p->view - q->view;
 }
@@ -92,7 +92,7 @@ static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *r
     gsize *ret = g_new(gsize, (gsize)(v * l) * COLOURS * (gsize)tables), n = 0;
     for (int i = 0; i < v * l; i++)
         pairs[i] = (struct axis_pair){(i / l + 3) * (i % l + 3), i / l, i % l};
-    qsort(pairs, (gsize)v * (gsize)l, sizeof *pairs, lpca_pack_code_by_key);
+    qsort(pairs, (gsize)v * (gsize)l, sizeof *pairs, by_key);
     for (int i = 0; i < v * l; i++)
         for (int c = 0; c < COLOURS; c++)
             for (int table = 0; table < tables; table++)
@@ -206,8 +206,7 @@ static gint32 *read_bits(const struct exr_file *file, const char *name, const gs
     return ret;
 }
 
-static gboolean lpca_pack_code_read_colours(struct lpca_packed *packed,
-                                            const struct exr_file *file) {
+static gboolean read_colours(struct lpca_packed *packed, const struct exr_file *file) {
     int n = 0;
     g_autofree float *axes = read_axes(file, "colour_axes", COLOURS, &n);
     if (n == COLOURS)
@@ -215,14 +214,14 @@ static gboolean lpca_pack_code_read_colours(struct lpca_packed *packed,
     return n == COLOURS;
 }
 
-static gboolean lpca_pack_code_read_tables(const struct lpca *lpca, const struct exr_file *file) {
+static gboolean read_tables(const struct lpca *lpca, const struct exr_file *file) {
     gsize n = 0;
     g_autofree gsize *order = tables_of(lpca, &n);
     lpca->packed->tables = read_bits(file, "tables", order, n, n);
     return lpca->packed->tables != NULL;
 }
 
-static gboolean lpca_pack_code_read_maps(const struct lpca *lpca, const struct exr_file *file) {
+static gboolean read_maps(const struct lpca *lpca, const struct exr_file *file) {
     gsize size = 0;
     g_autofree gsize *order = map_order(lpca->layout.width, lpca->layout.height, &size);
     const gsize c = (gsize)lpca->n_components;
@@ -234,8 +233,8 @@ gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file) 
     struct lpca_packed *packed = lpca->packed;
     packed->views = read_axes(file, "view_axes", lpca->layout.views.n, &packed->n_views);
     packed->lights = read_axes(file, "light_axes", lpca->layout.lights.n, &packed->n_lights);
-    return packed->views && packed->lights && lpca_pack_code_read_colours(packed, file) &&
+    return packed->views && packed->lights && read_colours(packed, file) &&
            (gint64)packed->n_views * packed->n_lights * COLOURS * lpca->n_clusters <=
                MAX_TABLES / (lpca->n_components + 1) &&
-           lpca_pack_code_read_tables(lpca, file) && lpca_pack_code_read_maps(lpca, file);
+           read_tables(lpca, file) && read_maps(lpca, file);
 }

@@ -54,8 +54,8 @@ static int blocks(const struct lpca_run *run) {
 /* Gathers the rows of the block's texels in a view, in the order of the groups, minus the
  * subtrahend of their cluster. The subtrahends of two clusters are stride floats apart. With stride
  * 0 all clusters have the same subtrahend. */
-static void lpca_refine_gather(const struct refine *refine, const struct groups *groups, int view,
-                               const float *subtrahend, gsize stride, float *ret) {
+static void gather(const struct refine *refine, const struct groups *groups, int view,
+                   const float *subtrahend, gsize stride, float *ret) {
     struct lpca_run *run = refine->run;
     const gsize columns = (gsize)run->columns;
     lpca_run_place_rows(run, view, groups->from, groups->n, groups->indices, ret);
@@ -112,7 +112,7 @@ static void sum_view(int view, gpointer data) {
     for (int block = 0; block < blocks(run); block++) {
         struct groups groups;
         group(refine, block, &groups);
-        lpca_refine_gather(refine, &groups, view, run->mean, 0, rows);
+        gather(refine, &groups, view, run->mean, 0, rows);
         for (int i = 0; i < groups.n; i++)
             memcpy(factors + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
                    sizeof(float) * (gsize)c);
@@ -222,7 +222,7 @@ static void weigh_block(int block, gpointer data) {
     g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
     g_autofree float *weights = g_new0(float, groups.n *c);
     for (gsize view = 0; view < run->btf->layout.views.n; view++) {
-        lpca_refine_gather(refine, &groups, view, lpca->brdfs, stride, rows);
+        gather(refine, &groups, view, lpca->brdfs, stride, rows);
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
             if (n > 0)
@@ -281,7 +281,7 @@ static void rotate_axes(int k, gpointer data) {
 }
 
 /* w ← T w with the c × c matrix T of the texel's cluster. */
-static void lpca_refine_rotate_weights(int block, gpointer data) {
+static void rotate_weights(int block, gpointer data) {
     const struct refine *refine = data;
     const struct lpca_run *run = refine->run;
     struct lpca *lpca = refine->lpca;
@@ -339,7 +339,7 @@ static void sum_error(struct refine *refine) {
 }
 
 /* Computes E and W from P. Skips the stages that are complete in the checkpoint. */
-static gboolean lpca_refine_make(struct refine *refine, GError **error) {
+static gboolean make(struct refine *refine, GError **error) {
     struct lpca_run *run = refine->run;
     struct lpca *lpca = refine->lpca;
     const int threads = run->options->work.n_threads;
@@ -348,7 +348,7 @@ static gboolean lpca_refine_make(struct refine *refine, GError **error) {
         return FALSE;
     if (run->state.stage < LPCA_MADE) {
         if (!refine->weigh) {
-            work_for_each(threads, blocks(run), lpca_refine_rotate_weights, refine);
+            work_for_each(threads, blocks(run), rotate_weights, refine);
             sum_error(refine);
             /* blocks of weights that are done are saved, because they read everything once more */
         } else {
@@ -362,7 +362,7 @@ static gboolean lpca_refine_make(struct refine *refine, GError **error) {
         g_free(refine->rotations);
         refine->rotations = covariances(refine);
         work_for_each(threads, lpca->n_clusters, rotate_axes, refine);
-        work_for_each(threads, blocks(run), lpca_refine_rotate_weights, refine);
+        work_for_each(threads, blocks(run), rotate_weights, refine);
         lpca_share(run->options->team, lpca->weights, run->n, TEAM_ROWS,
                    sizeof(float) * (gsize)lpca->n_components);
         run->state.error = lpca->error;
@@ -383,7 +383,7 @@ struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduce
     lpca_keep(run, LPCA_KEPT_LABELS, refine.lpca->clusters);
     refine.squares = g_new0(double, reduced->k * run->btf->layout.views.n);
     refine.residual = g_new0(double, 2 * reduced->k);
-    if (!lpca_refine_make(&refine, error))
+    if (!make(&refine, error))
         g_clear_pointer(&refine.lpca, lpca_free);
     g_free(refine.squares);
     g_free(refine.residual);
@@ -392,7 +392,7 @@ struct lpca *lpca_refine(struct lpca_run *run, const struct lpca_reduced *reduce
 }
 
 /* ‖X − X̂‖² and ‖X‖² of a block's texels, with X̂ = E_0 + W E cluster by cluster. */
-static void lpca_refine_compare_block(int block, gpointer data) {
+static void compare_block(int block, gpointer data) {
     const struct refine *refine = data;
     struct lpca_run *run = refine->run;
     const struct lpca *lpca = refine->lpca;
@@ -443,8 +443,7 @@ gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error)
     refine.sums = g_new0(double, 2 * blocks(run) + 1);
     plain.colours = LPCA_RGB;
     run->options = &plain;
-    const gboolean ok =
-        lpca_run_blocks(run, "check", blocks(run), lpca_refine_compare_block, &refine, error);
+    const gboolean ok = lpca_run_blocks(run, "check", blocks(run), compare_block, &refine, error);
     run->options = options;
     for (int i = 0; i < 2 * blocks(run); i++)
         sums[i % 2] += refine.sums[i];

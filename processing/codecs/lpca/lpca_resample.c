@@ -84,8 +84,8 @@ struct comparison {
 };
 
 /* Gives the four samples around each of n directions and their weights, n × 4 each. */
-static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const float *phi_deg,
-                                       int n, int **ret_index, float **ret_weight) {
+static void fill_weights(int n_grid, const float *theta_deg, const float *phi_deg, int n,
+                         int **ret_index, float **ret_weight) {
     *ret_index = g_new(int, 4 * n);
     *ret_weight = g_new(float, 4 * n);
     for (int i = 0; i < n; i++) {
@@ -127,7 +127,7 @@ static void compare_view(const struct comparison *to, const float *grid, const f
     }
 }
 
-static void lpca_resample_compare_block(int block, gpointer data) {
+static void compare_block(int block, gpointer data) {
     const struct comparison *to = data;
     const struct btf_matrix *btf = to->btf;
     const int end = MIN((block + 1) * BLOCK, btf_layout_texels(&btf->layout));
@@ -155,13 +155,11 @@ double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf,
     g_return_val_if_fail(resampled->n_grid > 0 && resampled->layout.width == btf->layout.width &&
                              resampled->layout.height == btf->layout.height,
                          NAN);
-    lpca_resample_fill_weights(resampled->n_grid, btf->layout.views.theta_deg,
-                               btf->layout.views.phi_deg, btf->layout.views.n, &to.view_index,
-                               &to.view_weight);
-    lpca_resample_fill_weights(resampled->n_grid, btf->layout.lights.theta_deg,
-                               btf->layout.lights.phi_deg, btf->layout.lights.n, &to.light_index,
-                               &to.light_weight);
-    work_parallel(&work, "", blocks, lpca_resample_compare_block, &to, NULL);
+    fill_weights(resampled->n_grid, btf->layout.views.theta_deg, btf->layout.views.phi_deg,
+                 btf->layout.views.n, &to.view_index, &to.view_weight);
+    fill_weights(resampled->n_grid, btf->layout.lights.theta_deg, btf->layout.lights.phi_deg,
+                 btf->layout.lights.n, &to.light_index, &to.light_weight);
+    work_parallel(&work, "", blocks, compare_block, &to, NULL);
     for (int i = 0; i < blocks; i++) {
         rest += to.sums[2 * i];
         all += to.sums[2 * i + 1];

@@ -29,7 +29,7 @@ gsize mdf_blocks_bytes(int width, int height) {
 
 /* Assigns to each depth the index of the nearest of the eight values. block->error becomes the sum
  * of squared differences. */
-static void mdf_blocks_assign(struct block *block, const double *values) {
+static void assign(struct block *block, const double *values) {
     const double from = block->ends[0], along = block->ends[1] - from;
     block->error = 0;
     for (int i = 0; i < TEXELS; i++) {
@@ -65,7 +65,7 @@ static gboolean fit_ends(struct block *block, const double *values) {
 }
 
 /* Lloyd's alternation from the maximum and the minimum depth, as long as the error decreases. */
-static void mdf_blocks_fit(struct block *best, const double *values) {
+static void fit(struct block *best, const double *values) {
     double least = values[0], most = values[0];
     for (int i = 1; i < TEXELS; i++) {
         least = MIN(least, values[i]);
@@ -78,12 +78,12 @@ static void mdf_blocks_fit(struct block *best, const double *values) {
         best->ends[0] = whole_end(ceil(most));
         best->ends[1] = whole_end(floor(least));
     }
-    mdf_blocks_assign(best, values);
+    assign(best, values);
     for (int round = 0; round < ROUNDS; round++) {
         struct block next = *best;
         if (!fit_ends(&next, values))
             return;
-        mdf_blocks_assign(&next, values);
+        assign(&next, values);
         if (next.error >= best->error)
             return;
         *best = next;
@@ -102,7 +102,7 @@ void mdf_blocks_encode(const float *depth, int width, int height, double least, 
                 values[k] =
                     CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
             }
-            mdf_blocks_fit(&block, values);
+            fit(&block, values);
             /* The first end must be larger, because the card otherwise interpolates only six
              * values. This also holds for equal ends; index 0 is then the common value. */
             const gboolean swap = block.ends[0] < block.ends[1];

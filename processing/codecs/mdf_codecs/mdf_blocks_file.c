@@ -92,8 +92,7 @@ gboolean mdf_blocks_write(const char *path, const struct mdf_blocks *blocks, GEr
 
 /* Returns a description of the defect of the attributes of the first part, or NULL if there is
  * none. */
-static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
-                                             const struct exr_file *file) {
+static const char *read_head(struct mdf_blocks *blocks, const struct exr_file *file) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     const char *kind = NULL;
     if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, KIND) != 0)
@@ -121,8 +120,7 @@ static const char *mdf_blocks_file_read_head(struct mdf_blocks *blocks,
 }
 
 /* The same for a view: its directions, and its blocks as channels B0 … B7. */
-static const char *mdf_blocks_file_read_view(struct mdf_blocks *blocks, int view,
-                                             const struct exr_part *part) {
+static const char *read_view(struct mdf_blocks *blocks, int view, const struct exr_part *part) {
     guint8 *to = view_of(blocks, view);
     double theta, phi;
     if (mdf_blocks_across(blocks->width) != part->width ||
@@ -152,7 +150,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
     if (!file)
         return NULL;
     g_autoptr(MdfBlocks) blocks = g_new0(struct mdf_blocks, 1);
-    const char *what = mdf_blocks_file_read_head(blocks, file);
+    const char *what = read_head(blocks, file);
     if (!what) {
         const gsize n = file->parts->len;
         blocks->n_views = (int)n;
@@ -161,7 +159,7 @@ struct mdf_blocks *mdf_blocks_read(const char *path, GError **error) {
         blocks->blocks = g_new0(guint8, n * mdf_blocks_bytes(blocks->width, blocks->height));
     }
     for (int view = 0; !what && view < blocks->n_views; view++)
-        what = mdf_blocks_file_read_view(blocks, view, file->parts->pdata[view]);
+        what = read_view(blocks, view, file->parts->pdata[view]);
     exr_file_free(file);
     if (!what)
         return g_steal_pointer(&blocks);

@@ -28,8 +28,8 @@ static const struct option mdf_codec_maps_table[] = {
 
 /* Adds views at grazing angles, factors all views and writes the maps. --error is in texels. The
  * error of the result is that of the measured views in mm. */
-static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
-                                      GError **error) {
+static gboolean maps_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
+                            GError **error) {
     const struct mdf_codec_maps_options *asked = job->options;
     const int most = asked->components > 0 ? asked->components
                      : asked->error > 0    ? MDF_FACTORS_MAX_TERMS
@@ -52,13 +52,12 @@ static gboolean mdf_codec_maps_encode(const struct mdf_codec_job *job, struct md
            mdf_factors_write(job->to, factors, error);
 }
 
-static char *mdf_codec_maps_describe(const struct mdf_codec_job *job,
-                                     const struct mdf_codec_result *result) {
+static char *maps_describe(const struct mdf_codec_job *job, const struct mdf_codec_result *result) {
     return g_strdup_printf("%d maps for %d %s, and %d traced ones along the surface",
                            result->n_terms, PLURAL(job->n_measured, "view"), result->n_traced);
 }
 
-static char *mdf_codec_maps_describe_file(const struct exr_file *file) {
+static char *maps_describe_file(const struct exr_file *file) {
     const struct exr_part *maps = exr_file_part(file, "maps");
     const struct exr_part *views = exr_file_part(file, "views");
     double error_mm = 0, texel_mm = 0;
@@ -95,8 +94,8 @@ static const struct option mdf_codec_views_table[] = {
 
 /* Encodes each view separately: as blocks of 4 bits, or as distances of 8 or 16 bits. The error is
  * that of the values when read back from the file. */
-static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
-                                       struct mdf_codec_result *ret, GError **error) {
+static gboolean views_encode(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
+                             GError **error) {
     const struct mdf_codec_views_options *asked = job->options;
     const struct mdf_table *table = job->table;
     g_autoptr(MdfTable) is = NULL;
@@ -117,15 +116,15 @@ static gboolean mdf_codec_views_encode(const struct mdf_codec_job *job,
     return ok && is != NULL;
 }
 
-static char *mdf_codec_views_describe(const struct mdf_codec_job *job,
-                                      const struct mdf_codec_result *result G_GNUC_UNUSED) {
+static char *views_describe(const struct mdf_codec_job *job,
+                            const struct mdf_codec_result *result G_GNUC_UNUSED) {
     const struct mdf_codec_views_options *asked = job->options;
     return g_strdup_printf("%d views in %s", job->n_measured,
                            mdf_codec_bits_names[asked->quantise]);
 }
 
 /* The size is the number of texels, not of blocks, which are the pixels of the file. */
-static char *mdf_codec_blocks_describe_file(const struct exr_file *file) {
+static char *blocks_describe_file(const struct exr_file *file) {
     const struct exr_part *first = file->parts->pdata[0];
     double error_mm = 0, texel_mm = 0;
     int width = 0, height = 0;
@@ -144,9 +143,9 @@ static const struct mdf_codec mdf_codec_maps = {
     .kind = MDF_FACTORS_KIND,
     .options = mdf_codec_maps_table,
     .options_size = sizeof(struct mdf_codec_maps_options),
-    .encode = mdf_codec_maps_encode,
-    .describe = mdf_codec_maps_describe,
-    .describe_file = mdf_codec_maps_describe_file,
+    .encode = maps_encode,
+    .describe = maps_describe,
+    .describe_file = maps_describe_file,
 };
 
 static const struct mdf_codec mdf_codec_views = {
@@ -155,9 +154,9 @@ static const struct mdf_codec mdf_codec_views = {
     .kind = "mdf-blocks",
     .options = mdf_codec_views_table,
     .options_size = sizeof(struct mdf_codec_views_options),
-    .encode = mdf_codec_views_encode,
-    .describe = mdf_codec_views_describe,
-    .describe_file = mdf_codec_blocks_describe_file,
+    .encode = views_encode,
+    .describe = views_describe,
+    .describe_file = blocks_describe_file,
 };
 
 const struct mdf_codec *const mdf_codecs[] = {&mdf_codec_maps, &mdf_codec_views, NULL};

@@ -35,7 +35,7 @@ struct factoring {
 };
 
 /* Eigenvalues and eigenvectors of the Gram matrix. */
-static gboolean mdf_factors_solve(struct factoring *f, GError **error) {
+static gboolean solve(struct factoring *f, GError **error) {
     const int v = f->n_views;
     g_autofree float *gram = g_new0(float, (gsize)v *(gsize)v);
     g_autofree double *wide = g_new(double, (gsize)v *(gsize)v);
@@ -67,7 +67,7 @@ static int useful(const struct factoring *f, int n) {
 }
 
 /* n × n_texels: products of the texels' columns with the first eigenvectors. */
-static float *mdf_factors_project(const struct factoring *f, int n) {
+static float *project(const struct factoring *f, int n) {
     float *maps = g_new(float, (gsize)n *(gsize)f->n_texels);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n, f->n_texels, f->n_views, 1,
                 f->vectors, f->n_views, f->rows, f->n_texels, 0, maps, f->n_texels);
@@ -77,7 +77,7 @@ static float *mdf_factors_project(const struct factoring *f, int n) {
 /* Gives unseen texels the values of the first n factors: d(x, v) = Σ_i V_i(v) M_i(x). */
 static void impute(struct factoring *f, int n) {
     const gsize texels = (gsize)f->n_texels;
-    g_autofree float *maps = mdf_factors_project(f, n);
+    g_autofree float *maps = project(f, n);
     for (int v = 0; v < f->n_measured; v++)
         for (gsize x = 0; x < texels; x++) {
             double sum = 0;
@@ -91,8 +91,8 @@ static void impute(struct factoring *f, int n) {
 
 /* Centres the rows and finds their principal views. If some texels are unseen, this is done ROUNDS
  * times, and each round uses the values of these texels from the previous round. */
-static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
-                                    GError **error) {
+static gboolean prepare(struct factoring *f, int n_terms, GCancellable *cancellable,
+                        GError **error) {
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
     const guint8 *seen = f->table->seen;
     const gboolean holes = seen && memchr(seen, 0, (gsize)f->n_measured * texels) != NULL;
@@ -113,8 +113,7 @@ static gboolean mdf_factors_prepare(struct factoring *f, int n_terms, GCancellab
             for (gsize x = 0; x < texels; x++)
                 row[x] -= (float)mean;
         }
-        if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
-            !mdf_factors_solve(f, error))
+        if (g_cancellable_set_error_if_cancelled(cancellable, error) || !solve(f, error))
             return FALSE;
     }
     return TRUE;
@@ -163,8 +162,7 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct factoring 
 }
 
 /* Makes the first n_terms maps, each rounded to whole steps between its minimum and its maximum. */
-static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int n_terms,
-                                                  GError **error) {
+static struct mdf_factors *factors_of(const struct factoring *f, int n_terms, GError **error) {
     const struct mdf_table *table = f->table;
     const gsize views = (gsize)f->n_views, texels = (gsize)f->n_texels;
     g_autoptr(MdfFactors) factors = g_new0(struct mdf_factors, 1);
@@ -181,7 +179,7 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
         .weights = g_new0(float, views *(gsize)(n_terms + 1)),
         .maps = g_new0(guint8, texels * (gsize)n_terms),
     };
-    g_autofree float *maps = mdf_factors_project(f, n_terms);
+    g_autofree float *maps = project(f, n_terms);
     for (gsize i = 0; i < (gsize)n_terms; i++) {
         const float *from = maps + i * texels;
         float least = from[0], most = from[0];
@@ -203,8 +201,8 @@ static struct mdf_factors *mdf_factors_factors_of(const struct factoring *f, int
 /* Finds the smallest number of maps that reaches the target. Begins with the number that the
  * eigenvalues predict: rest = Σ λ_i of the maps that are left out is the sum of squared errors.
  * Rounding adds to it, so that more maps may be needed. */
-static struct mdf_factors *mdf_factors_search(const struct factoring *f, int most, double target_mm,
-                                              GCancellable *cancellable, GError **error) {
+static struct mdf_factors *search(const struct factoring *f, int most, double target_mm,
+                                  GCancellable *cancellable, GError **error) {
     const double all = (double)f->n_views * f->n_texels;
     double rest = 0;
     int n = most;
@@ -213,7 +211,7 @@ static struct mdf_factors *mdf_factors_search(const struct factoring *f, int mos
     while (n > 1 && rest + f->values[n - 1] <= target_mm * target_mm * all)
         rest += f->values[--n];
     for (;; n = MIN(most, (int)(n * WIDER) + 1)) {
-        g_autoptr(MdfFactors) factors = mdf_factors_factors_of(f, n, error);
+        g_autoptr(MdfFactors) factors = factors_of(f, n, error);
         if (!factors || g_cancellable_set_error_if_cancelled(cancellable, error))
             return NULL;
         if (factors->error_mm <= target_mm)
@@ -249,10 +247,10 @@ struct mdf_factors *mdf_factors_compute(const struct mdf_table *table, int n_mea
                           .n_measured = n_measured,
                           .n_views = table->n_views,
                           .n_texels = table->width * table->height};
-    if (mdf_factors_prepare(&f, n_terms, cancellable, error)) {
+    if (prepare(&f, n_terms, cancellable, error)) {
         const int most = useful(&f, MIN(n_terms, f.n_views));
-        factors = target_mm > 0 ? mdf_factors_search(&f, most, target_mm, cancellable, error)
-                                : mdf_factors_factors_of(&f, most, error);
+        factors = target_mm > 0 ? search(&f, most, target_mm, cancellable, error)
+                                : factors_of(&f, most, error);
     }
     g_free(f.rows);
     g_free(f.means);

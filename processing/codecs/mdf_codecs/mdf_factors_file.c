@@ -46,8 +46,7 @@ gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, 
 }
 
 /* Returns a description of the defect of sizes and attributes, or NULL if there is none. */
-static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
-                                              const struct exr_file *file) {
+static const char *read_head(struct mdf_factors *factors, const struct exr_file *file) {
     const struct exr_part *maps = exr_file_part(file, "maps"),
                           *views = exr_file_part(file, "views");
     const struct exr_part *weights = exr_file_part(file, "weights");
@@ -81,8 +80,7 @@ static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
 }
 
 /* The same for directions, weights and maps. */
-static const char *mdf_factors_file_read_values(struct mdf_factors *factors,
-                                                const struct exr_file *file) {
+static const char *read_values(struct mdf_factors *factors, const struct exr_file *file) {
     const gsize texels = (gsize)factors->width * (gsize)factors->height;
     const float *theta = exr_part_plane(exr_file_part(file, "views"), "theta_deg");
     const float *phi = exr_part_plane(exr_file_part(file, "views"), "phi_deg");
@@ -121,9 +119,9 @@ struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
     if (!file)
         return NULL;
     g_autoptr(MdfFactors) factors = g_new0(struct mdf_factors, 1);
-    const char *what = mdf_factors_file_read_head(factors, file);
+    const char *what = read_head(factors, file);
     if (!what)
-        what = mdf_factors_file_read_values(factors, file);
+        what = read_values(factors, file);
     exr_file_free(file);
     if (!what)
         return g_steal_pointer(&factors);

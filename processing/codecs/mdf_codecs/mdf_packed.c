@@ -10,8 +10,8 @@
 
 /* Packs one view as halves, or as n = round (d / s) of distances d with the scale s = max d /
  * 255. */
-static struct exr_part *mdf_packed_pack(const struct exr_part *from, enum mdf_packed kind,
-                                        const char *path, GError **error) {
+static struct exr_part *pack(const struct exr_part *from, enum mdf_packed kind, const char *path,
+                             GError **error) {
     static const char *const channel[] = {"D", NULL};
     const float *distance = exr_part_plane(from, "D");
     const gsize n = (gsize)from->width * (gsize)from->height;
@@ -62,7 +62,7 @@ gboolean mdf_pack(const char *from, const char *to, enum mdf_packed kind, gint64
     *ret_bytes = 0;
     for (guint i = 0; ok && i < file->parts->len; i++) {
         const struct exr_part *view = file->parts->pdata[i];
-        struct exr_part *part = mdf_packed_pack(view, kind, from, error);
+        struct exr_part *part = pack(view, kind, from, error);
         ok = part != NULL;
         if (ok)
             exr_file_add(packed, part);

@@ -43,14 +43,14 @@ const struct bonn_header *bonn_header(const BonnFile *file) {
     return &file->header;
 }
 
-static gsize bonn_read_abrdf_bytes(const struct bonn_header *header) {
+static gsize abrdf_bytes(const struct bonn_header *header) {
     return (gsize)header->n_views * (gsize)header->n_lights * BONN_CHANNELS * sizeof(guint16);
 }
 
 /* Checks that every chunk exists and has the right length, so that all positions can be
  * computed. */
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
-    const gsize each = bonn_read_abrdf_bytes(&file->header);
+    const gsize each = abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
     for (gsize left = (gsize)file->index.n_stored; left > 0;) {
         const gsize n = MIN(left, file->per_chunk);
@@ -136,7 +136,7 @@ static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **er
     return TRUE;
 }
 
-static gboolean bonn_read_parse(BonnFile *file, gsize size, GError **error) {
+static gboolean parse(BonnFile *file, gsize size, GError **error) {
     struct bonn_bytes bytes = {file->fd, size, 0, file->path};
     const struct bonn_header *header = &file->header;
     guint32 components;
@@ -176,7 +176,7 @@ BonnFile *bonn_open(const char *path, GError **error) {
         input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
         return NULL;
     }
-    return bonn_read_parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
+    return parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
 /* Reads a block of texels: to[(light · n + texel) · 3 + channel], NaN if nothing is stored. In the
@@ -193,7 +193,7 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
         if (stored >= 0) {
             const gsize chunk = (gsize)stored / file->per_chunk;
             const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
-                             (gsize)stored * bonn_read_abrdf_bytes(&file->header) +
+                             (gsize)stored * abrdf_bytes(&file->header) +
                              (gsize)view * n_values * sizeof(guint16);
             struct bonn_bytes bytes = {file->fd, G_MAXSIZE, at, file->path};
             if (!bonn_take(&bytes, n_values * sizeof(guint16), "chunk", halves, error))
@@ -208,7 +208,7 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
 }
 
 /* Copies a block to its place, with R, G, B in order. Returns the number of holes. */
-static int bonn_read_store(const BonnFile *file, const float *from, gsize n, float *to) {
+static int store(const BonnFile *file, const float *from, gsize n, float *to) {
     int holes = 0;
     for (gsize i = 0; i < n; i++, from += BONN_CHANNELS, to += BONN_CHANNELS) {
         gboolean good = TRUE;
@@ -244,9 +244,8 @@ gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret
         else if (!read_bdi(file, view, first, n, block, error))
             return FALSE;
         for (gsize light = 0; light < n_lights; light++)
-            ret_holes[light] +=
-                bonn_read_store(file, block + light * n * BONN_CHANNELS, n,
-                                ret_rgb + (light * n_texels + first) * BONN_CHANNELS);
+            ret_holes[light] += store(file, block + light * n * BONN_CHANNELS, n,
+                                      ret_rgb + (light * n_texels + first) * BONN_CHANNELS);
     }
     return TRUE;
 }

@@ -24,7 +24,7 @@ struct BonnWriter {
     gsize per_chunk, chunks_at;
 };
 
-static gboolean bonn_write_fail_errno(const char *path, GError **error) {
+static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     g_set_error(error, BONN_ERROR,
                 saved == ENOSPC || saved == EDQUOT ? BONN_ERROR_FULL : BONN_ERROR_IO, "%s: %s",
@@ -35,7 +35,7 @@ static gboolean bonn_write_fail_errno(const char *path, GError **error) {
 static gboolean open_output(struct output *output, const char *path, GError **error) {
     g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
     output->path = g_strdup(path);
-    return new_file_begin(&output->file, folder, name) || bonn_write_fail_errno(path, error);
+    return new_file_begin(&output->file, folder, name) || fail_errno(path, error);
 }
 
 static void clear_output(struct output *output) {
@@ -44,25 +44,25 @@ static void clear_output(struct output *output) {
     g_free(output->path);
 }
 
-static gboolean bonn_write_put(const struct output *output, const void *data, gsize n, gsize at,
-                               GError **error) {
+static gboolean put(const struct output *output, const void *data, gsize n, gsize at,
+                    GError **error) {
     const guint8 *from = data;
     while (n > 0) {
         const gssize done = pwrite(output->file.fd, from, n, (off_t)at);
         if (done < 0 && errno == EINTR)
             continue;
         if (done <= 0)
-            return bonn_write_fail_errno(output->path, error);
+            return fail_errno(output->path, error);
         from += done, at += (gsize)done, n -= (gsize)done;
     }
     return TRUE;
 }
 
 static gboolean finish_output(struct output *output, GError **error) {
-    return new_file_commit(&output->file, TRUE) || bonn_write_fail_errno(output->path, error);
+    return new_file_commit(&output->file, TRUE) || fail_errno(output->path, error);
 }
 
-static gsize bonn_write_abrdf_bytes(const BonnWriter *writer) {
+static gsize abrdf_bytes(const BonnWriter *writer) {
     return (gsize)writer->n_views * (gsize)writer->n_lights * BONN_CHANNELS * sizeof(guint16);
 }
 
@@ -79,23 +79,22 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
     }
     bonn_put_u32(front, 0);
     writer->chunks_at = front->len;
-    return bonn_write_put(&writer->output, front->data, front->len, 0, error);
+    return put(&writer->output, front->data, front->len, 0, error);
 }
 
 /* Writes the lengths of all chunks and reserves their space, so that a full disk is detected
  * immediately. */
 static gboolean put_chunks(BonnWriter *writer, GError **error) {
-    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
+    const gsize each = abrdf_bytes(writer), stored = (gsize)writer->index.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
     const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
     if (!new_file_reserve(&writer->output.file, size))
-        return bonn_write_fail_errno(writer->output.path, error);
+        return fail_errno(writer->output.path, error);
     for (gsize i = 0; i < n_chunks; i++) {
         const gsize n = MIN(writer->per_chunk, stored - i * writer->per_chunk);
         const guint32 bytes = GUINT32_TO_LE((guint32)(n * each));
-        if (!bonn_write_put(&writer->output, &bytes, sizeof bytes,
-                            writer->chunks_at + i * (sizeof bytes + writer->per_chunk * each),
-                            error))
+        if (!put(&writer->output, &bytes, sizeof bytes,
+                 writer->chunks_at + i * (sizeof bytes + writer->per_chunk * each), error))
             return FALSE;
     }
     return TRUE;
@@ -114,7 +113,7 @@ BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, 
             header->kind == BONN_BDI_SPARSE && mask && !mask[i] ? -1 : writer->index.n_stored++;
     if (!open_output(&writer->output, path, error))
         return NULL;
-    const gsize line = (gsize)header->width * bonn_write_abrdf_bytes(writer);
+    const gsize line = (gsize)header->width * abrdf_bytes(writer);
     if (line > G_MAXUINT32) {
         g_set_error(
             error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
@@ -153,11 +152,10 @@ gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError
                    sizeof *rgb * BONN_CHANNELS);
         exr_half_from_floats(halves, abrdf, n);
         const gsize chunk = (gsize)stored / writer->per_chunk;
-        if (!bonn_write_put(&writer->output, halves, n * sizeof *halves,
-                            writer->chunks_at + (chunk + 1) * sizeof(guint32) +
-                                (gsize)stored * bonn_write_abrdf_bytes(writer) +
-                                (gsize)view * n * sizeof *halves,
-                            error))
+        if (!put(&writer->output, halves, n * sizeof *halves,
+                 writer->chunks_at + (chunk + 1) * sizeof(guint32) +
+                     (gsize)stored * abrdf_bytes(writer) + (gsize)view * n * sizeof *halves,
+                 error))
             return FALSE;
     }
     return TRUE;
@@ -173,7 +171,7 @@ static gboolean put_halves(const struct output *output, const float *values, gsi
     for (gsize i = 0; i < n; i += G_N_ELEMENTS(halves)) {
         const gsize some = MIN(G_N_ELEMENTS(halves), n - i);
         exr_half_from_floats(halves, values + i, some);
-        if (!bonn_write_put(output, halves, some * sizeof *halves, *at, error))
+        if (!put(output, halves, some * sizeof *halves, *at, error))
             return FALSE;
         *at += some * sizeof *halves;
     }
@@ -189,7 +187,7 @@ static gboolean put_matrix(const struct output *output, const struct bonn_factor
     bonn_put_u32(front, (guint32)factors->n_components);
     bonn_put_u32(front, (guint32)factors->n_rows);
     bonn_put_u32(front, (guint32)factors->n_columns);
-    if (!bonn_write_put(output, front->data, front->len, *at, error))
+    if (!put(output, front->data, front->len, *at, error))
         return FALSE;
     *at += front->len;
     return put_halves(output, factors->s, k, at, error) &&
@@ -222,8 +220,8 @@ gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
     }
     struct output output = {0};
     gsize at = front->len;
-    gboolean ok = open_output(&output, path, error) &&
-                  bonn_write_put(&output, front->data, front->len, 0, error);
+    gboolean ok =
+        open_output(&output, path, error) && put(&output, front->data, front->len, 0, error);
     for (int i = 0; ok && i < n; i++)
         ok = put_matrix(&output, &factors[i], &at, error);
     ok = ok && finish_output(&output, error);

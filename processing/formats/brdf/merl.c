@@ -22,7 +22,7 @@ struct merl {
 
 /* Converts the numbers of one colour before it reads the next, so that memory holds the doubles of
  * only one colour. */
-static gboolean merl_read_colours(struct merl *merl, int fd, const char *path, GError **error) {
+static gboolean read_colours(struct merl *merl, int fd, const char *path, GError **error) {
     const gsize n = (gsize)THETA_H * THETA_D * (gsize)merl->n_phi;
     g_autofree double *row = g_new(double, n);
     gsize bad = 0;
@@ -69,7 +69,7 @@ struct merl *merl_read(const char *path, GError **error) {
                              length, expected);
     if (ok) {
         merl->n_phi = sizes[2];
-        ok = merl_read_colours(merl, fd, path, error);
+        ok = read_colours(merl, fd, path, error);
     }
     close(fd);
     if (!ok)
@@ -125,7 +125,7 @@ struct writing {
 };
 
 /* Gives the directions at the centre of a bin for φ_h = 0. */
-static void merl_directions(int i, int j, int k, double light[3], double view[3]) {
+static void directions(int i, int j, int k, double light[3], double view[3]) {
     const double root = (i + 0.5) / THETA_H, theta_h = root * root * G_PI / 2;
     const double theta_d = (j + 0.5) / THETA_D * G_PI / 2, phi_d = (k + 0.5) / PHI_D * G_PI;
     const double x = sin(theta_d) * cos(phi_d), y = sin(theta_d) * sin(phi_d), z = cos(theta_d);
@@ -141,8 +141,8 @@ static void merl_turn(const double from[3], double angle, float ret[3]) {
     ret[2] = (float)from[2];
 }
 
-static void merl_fill_bin(struct writing *writing, int i, gsize at, const double light[3],
-                          const double view[3]) {
+static void fill_bin(struct writing *writing, int i, gsize at, const double light[3],
+                     const double view[3]) {
     const gsize n = (gsize)THETA_H * THETA_D * PHI_D;
     const int count = 2 * writing->n_turns;
     double sum[3] = {0}, squares = 0;
@@ -168,16 +168,16 @@ static void merl_fill_bin(struct writing *writing, int i, gsize at, const double
     writing->squares[i][0] += MAX(squares, 0);
 }
 
-static void merl_fill(int i, gpointer data) {
+static void fill(int i, gpointer data) {
     struct writing *writing = data;
     const gsize n = (gsize)THETA_H * THETA_D * PHI_D;
     for (int j = 0; j < THETA_D; j++)
         for (int k = 0; k < PHI_D; k++) {
             const gsize at = ((gsize)i * THETA_D + (gsize)j) * PHI_D + (gsize)k;
             double light[3], view[3];
-            merl_directions(i, j, k, light, view);
+            directions(i, j, k, light, view);
             if (light[2] > 0 && view[2] > 0)
-                merl_fill_bin(writing, i, at, light, view);
+                fill_bin(writing, i, at, light, view);
             else
                 for (gsize c = 0; c < 3; c++)
                     writing->values[c * n + at] = BELOW;
@@ -192,7 +192,7 @@ gboolean merl_write(const char *path, BrdfFunction f, gpointer data, int n_turns
     g_autofree double *values = g_new(double, n);
     struct writing writing = {.f = f, .data = data, .n_turns = MAX(n_turns, 1), .values = values};
     double differences = 0, squares = 0;
-    if (!work_parallel(work, "export", THETA_H, merl_fill, &writing, error))
+    if (!work_parallel(work, "export", THETA_H, fill, &writing, error))
         return FALSE;
     for (int i = 0; i < THETA_H; i++) {
         differences += writing.squares[i][0];

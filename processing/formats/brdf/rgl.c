@@ -56,8 +56,8 @@ static const struct tensor_field *rgl_field(const struct rgl *rgl, const char *p
     return NULL;
 }
 
-static gboolean rgl_read_nodes(const struct rgl *rgl, const char *path, const char *name,
-                               const float **ret, int *ret_n, GError **error) {
+static gboolean read_nodes(const struct rgl *rgl, const char *path, const char *name,
+                           const float **ret, int *ret_n, GError **error) {
     const struct tensor_field *field = rgl_field(rgl, path, name, 1, error);
     if (!field)
         return FALSE;
@@ -70,8 +70,8 @@ static gboolean rgl_read_nodes(const struct rgl *rgl, const char *path, const ch
     return TRUE;
 }
 
-static gboolean rgl_read_table(const struct rgl *rgl, const char *path, const char *name,
-                               struct warp_table *ret, GError **error) {
+static gboolean read_table(const struct rgl *rgl, const char *path, const char *name,
+                           struct warp_table *ret, GError **error) {
     const struct tensor_field *field = rgl_field(rgl, path, name, 2, error);
     if (!field)
         return FALSE;
@@ -82,8 +82,8 @@ static gboolean rgl_read_table(const struct rgl *rgl, const char *path, const ch
     return TRUE;
 }
 
-static gboolean rgl_fits(const struct rgl *rgl, const char *path, const struct tensor_field *field,
-                         GError **error) {
+static gboolean fits(const struct rgl *rgl, const char *path, const struct tensor_field *field,
+                     GError **error) {
     return (field->shape[0] == (gsize)rgl->n_phi && field->shape[1] == (gsize)rgl->n_theta) ||
            data_error_fail(path, 0, error,
                            "its field “%s” has %zu × %zu directions of incidence, phi_i and "
@@ -91,8 +91,8 @@ static gboolean rgl_fits(const struct rgl *rgl, const char *path, const struct t
                            field->name, field->shape[0], field->shape[1], rgl->n_phi, rgl->n_theta);
 }
 
-static gboolean rgl_read_colours(struct rgl *rgl, const char *path,
-                                 const struct tensor_field *field, GError **error) {
+static gboolean read_colours(struct rgl *rgl, const char *path, const struct tensor_field *field,
+                             GError **error) {
     rgl->n_channels = (int)field->shape[2];
     rgl->colours = g_new0(double, 3 * (gsize)rgl->n_channels);
     if (strcmp(field->name, "rgb") == 0) {
@@ -104,7 +104,7 @@ static gboolean rgl_read_colours(struct rgl *rgl, const char *path,
     }
     const float *wavelengths;
     int n;
-    if (!rgl_read_nodes(rgl, path, "wavelengths", &wavelengths, &n, error))
+    if (!read_nodes(rgl, path, "wavelengths", &wavelengths, &n, error))
         return FALSE;
     if (n != rgl->n_channels)
         return data_error_fail(
@@ -115,11 +115,11 @@ static gboolean rgl_read_colours(struct rgl *rgl, const char *path,
     return TRUE;
 }
 
-static gboolean rgl_read_values(struct rgl *rgl, const char *path, GError **error) {
+static gboolean read_values(struct rgl *rgl, const char *path, GError **error) {
     const char *name = tensor_file_field(rgl->file, "rgb") ? "rgb" : "spectra";
     const struct tensor_field *field = rgl_field(rgl, path, name, 5, error);
     const struct tensor_field *vndf = rgl_field(rgl, path, "vndf", 4, field ? error : NULL);
-    if (!field || !vndf || !rgl_fits(rgl, path, field, error) || !rgl_fits(rgl, path, vndf, error))
+    if (!field || !vndf || !fits(rgl, path, field, error) || !fits(rgl, path, vndf, error))
         return FALSE;
     const gsize slices = (gsize)rgl->n_phi * (gsize)rgl->n_theta;
     rgl->values = (struct warp_table){.width = (int)field->shape[4],
@@ -132,17 +132,17 @@ static gboolean rgl_read_values(struct rgl *rgl, const char *path, GError **erro
         return data_error_fail(path, 0, error,
                                "its field “vndf” is no density: it needs 2 × 2 numbers or more for "
                                "each direction of incidence, none negative and not all zero");
-    return rgl_read_colours(rgl, path, field, error);
+    return read_colours(rgl, path, field, error);
 }
 
-static gboolean rgl_read_fields(struct rgl *rgl, const char *path, GError **error) {
-    if (!rgl_read_nodes(rgl, path, "phi_i", &rgl->phi, &rgl->n_phi, error) ||
-        !rgl_read_nodes(rgl, path, "theta_i", &rgl->theta, &rgl->n_theta, error) ||
-        !rgl_read_table(rgl, path, "ndf", &rgl->ndf, error) ||
-        !rgl_read_table(rgl, path, "sigma", &rgl->sigma, error))
+static gboolean read_fields(struct rgl *rgl, const char *path, GError **error) {
+    if (!read_nodes(rgl, path, "phi_i", &rgl->phi, &rgl->n_phi, error) ||
+        !read_nodes(rgl, path, "theta_i", &rgl->theta, &rgl->n_theta, error) ||
+        !read_table(rgl, path, "ndf", &rgl->ndf, error) ||
+        !read_table(rgl, path, "sigma", &rgl->sigma, error))
         return FALSE;
     const struct tensor_field *jacobian = rgl_field(rgl, path, "jacobian", 1, error);
-    if (!jacobian || !rgl_read_values(rgl, path, error))
+    if (!jacobian || !read_values(rgl, path, error))
         return FALSE;
     rgl->jacobian = *(const guint8 *)jacobian->values != 0;
     rgl->isotropic = rgl->n_phi <= 2;
@@ -166,7 +166,7 @@ static gboolean rgl_read_fields(struct rgl *rgl, const char *path, GError **erro
 struct rgl *rgl_read(const char *path, GError **error) {
     struct rgl *rgl = g_new0(struct rgl, 1);
     rgl->file = tensor_file_read(path, error);
-    if (!rgl->file || !rgl_read_fields(rgl, path, error))
+    if (!rgl->file || !read_fields(rgl, path, error))
         g_clear_pointer(&rgl, rgl_free);
     return rgl;
 }
@@ -180,12 +180,12 @@ const char *rgl_description(const struct rgl *rgl) {
 }
 
 /* Returns the angle from the normal without the loss of digits that acos() has near it. */
-static double rgl_elevation(const double d[3]) {
+static double elevation(const double d[3]) {
     return 2 * asin(MIN(0.5 * sqrt(d[0] * d[0] + d[1] * d[1] + (d[2] - 1) * (d[2] - 1)), 1));
 }
 
 /* Mirrors directions into the azimuths of the file: those of y ≤ 0, or of x ≤ 0 and y ≤ 0. */
-static void rgl_mirror(const struct rgl *rgl, double in[3], double out[3]) {
+static void mirror(const struct rgl *rgl, double in[3], double out[3]) {
     if (rgl->reduction < 2)
         return;
     const double sy = in[1] > 0 ? -1 : 1;
@@ -216,16 +216,16 @@ void rgl_evaluate(const struct rgl *rgl, const float light[3], const float view[
     double in[3], out[3], m[3], length = 0, sample[2];
     for (int k = 0; k < 3; k++)
         in[k] = (double)light[k], out[k] = (double)view[k];
-    rgl_mirror(rgl, in, out);
+    mirror(rgl, in, out);
     for (int k = 0; k < 3; k++) {
         m[k] = in[k] + out[k];
         length += m[k] * m[k];
     }
     for (int k = 0; k < 3; k++)
         m[k] /= sqrt(length);
-    const double theta_i = rgl_elevation(in), phi_i = atan2(in[1], in[0]);
+    const double theta_i = elevation(in), phi_i = atan2(in[1], in[0]);
     const double phi_m = atan2(m[1], m[0]) - (rgl->isotropic ? phi_i : 0);
-    const double u = rgl_u_of_theta(rgl_elevation(m)), u_phi = rgl_u_of_phi(phi_m);
+    const double u = rgl_u_of_theta(elevation(m)), u_phi = rgl_u_of_phi(phi_m);
     const struct warp_slices slices = rgl_slices(rgl, phi_i, theta_i);
     double factor = 1, rgb[3] = {0};
     warp_invert(rgl->vndf, &slices, u, u_phi, sample);

@@ -7,17 +7,17 @@
 const float rgl_wavelengths_nm[RGL_WAVELENGTHS] = {360, 475, 505, 575, 605, 830};
 
 /* Wyman et al. 2013: a Gaussian with different widths on the two sides of its peak. */
-static double rgl_lobe(double nm, double peak, double below, double above) {
+static double lobe(double nm, double peak, double below, double above) {
     const double x = (nm - peak) / (nm < peak ? below : above);
     return exp(-0.5 * x * x);
 }
 
 /* Wyman et al. 2013 eq. 4. */
 static void rgl_observer(double nm, double ret[3]) {
-    ret[0] = 1.056 * rgl_lobe(nm, 599.8, 37.9, 31.0) + 0.362 * rgl_lobe(nm, 442.0, 16.0, 26.7) -
-             0.065 * rgl_lobe(nm, 501.1, 20.4, 26.2);
-    ret[1] = 0.821 * rgl_lobe(nm, 568.8, 46.9, 40.5) + 0.286 * rgl_lobe(nm, 530.9, 16.3, 31.1);
-    ret[2] = 1.217 * rgl_lobe(nm, 437.0, 11.8, 36.0) + 0.681 * rgl_lobe(nm, 459.0, 26.0, 13.8);
+    ret[0] = 1.056 * lobe(nm, 599.8, 37.9, 31.0) + 0.362 * lobe(nm, 442.0, 16.0, 26.7) -
+             0.065 * lobe(nm, 501.1, 20.4, 26.2);
+    ret[1] = 0.821 * lobe(nm, 568.8, 46.9, 40.5) + 0.286 * lobe(nm, 530.9, 16.3, 31.1);
+    ret[2] = 1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8);
 }
 
 /* IEC 61966-2-1; its rows, times the white of D65, sum to 1. */

@@ -36,19 +36,19 @@ struct rgl_writing {
     float *vndf, *luminance, *rgb, *values;            /* values: spectra */
 };
 
-static void rgl_direction(double theta, double phi, double ret[3]) {
+static void direction(double theta, double phi, double ret[3]) {
     ret[0] = sin(theta) * cos(phi);
     ret[1] = sin(theta) * sin(phi);
     ret[2] = cos(theta);
 }
 
-static double rgl_dot(const double a[3], const double b[3]) {
+static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /* Evaluates f, or its mean over rotations about the normal. */
-static void rgl_function(const struct rgl_writing *writing, const double in[3], const double out[3],
-                         double ret[3]) {
+static void function(const struct rgl_writing *writing, const double in[3], const double out[3],
+                     double ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (int turn = 0; turn < writing->n_turns; turn++) {
         const double angle = 2 * G_PI * turn / writing->n_turns, c = cos(angle), s = sin(angle);
@@ -68,18 +68,18 @@ static double rgl_luminance(const double rgb[3]) {
 }
 
 /* dm = sin θ dθ dφ with dθ = π u du, by the trapezoidal rule in u. */
-static void rgl_place_nodes(struct rgl_writing *writing) {
+static void place_nodes(struct rgl_writing *writing) {
     for (int b = 0; b < N_B; b++)
         for (int a = 0; a < N_A; a++) {
             const double u = a / (N_A - 1.0), theta = rgl_theta_of_u(u);
             const double step = (a == 0 || a == N_A - 1 ? 0.5 : 1) / (N_A - 1.0);
-            rgl_direction(theta, rgl_phi_of_u((double)b / N_B), writing->directions[b * N_A + a]);
+            direction(theta, rgl_phi_of_u((double)b / N_B), writing->directions[b * N_A + a]);
             writing->solid[b * N_A + a] = sin(theta) * G_PI * u * step * 2 * G_PI / N_B;
         }
 }
 
 /* Computes σ of the directions of a row. The rows of an isotropic D are equal. */
-static void rgl_project(int b, gpointer data) {
+static void project(int b, gpointer data) {
     struct rgl_writing *writing = data;
     const int row = writing->options->isotropic ? 0 : b;
     if (row != b)
@@ -87,19 +87,19 @@ static void rgl_project(int b, gpointer data) {
     for (int a = 0; a < N_A; a++) {
         double sum = 0;
         for (int k = 0; k < N_B * N_A; k++)
-            sum += MAX(rgl_dot(writing->directions[b * N_A + a], writing->directions[k]), 0) *
+            sum += MAX(dot(writing->directions[b * N_A + a], writing->directions[k]), 0) *
                    writing->d[k] * writing->solid[k];
         writing->projected[b * N_A + a] = sum;
     }
 }
 
-static void rgl_project_all(struct rgl_writing *writing, const struct work *work) {
-    work_for_each(work->n_threads, N_B, rgl_project, writing);
+static void project_all(struct rgl_writing *writing, const struct work *work) {
+    work_for_each(work->n_threads, N_B, project, writing);
     for (int k = N_A; k < N_B * N_A && writing->options->isotropic; k++)
         writing->projected[k] = writing->projected[k % N_A];
 }
 
-static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
+static void find_d(struct rgl_writing *writing, const struct work *work) {
     g_autofree double *back = g_new(double, N_B *N_A); /* 4 f (ω, ω) cos θ */
     for (int k = 0; k < N_B * N_A; k++) {
         const double *w = writing->directions[k];
@@ -108,14 +108,14 @@ static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
         if (writing->options->isotropic && k >= N_A)
             back[k] = back[k % N_A];
         else if (w[2] > HORIZON) {
-            rgl_function(writing, w, w, rgb);
+            function(writing, w, w, rgb);
             back[k] = 4 * MAX(rgl_luminance(rgb), 0) * w[2];
         } else
             back[k] = 0;
     }
     for (int i = 0; i < ITERATIONS; i++) {
         double whole = 0;
-        rgl_project_all(writing, work);
+        project_all(writing, work);
         for (int k = 0; k < N_B * N_A; k++) {
             writing->d[k] = back[k] * writing->projected[k];
             whole += writing->d[k] * MAX(writing->directions[k][2], 0) * writing->solid[k];
@@ -125,7 +125,7 @@ static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
     }
     for (int k = 0; k < N_B * N_A; k++)
         writing->d[k] = MAX(writing->d[k], MIN_D / G_PI);
-    rgl_project_all(writing, work);
+    project_all(writing, work);
     for (int k = 0; k < ROWS * N_A; k++) {
         writing->ndf[k] = (float)writing->d[k % (N_B * N_A)];
         writing->sigma[k] = (float)writing->projected[k % (N_B * N_A)];
@@ -133,17 +133,17 @@ static void rgl_find_d(struct rgl_writing *writing, const struct work *work) {
 }
 
 /* Computes the density of visible normals over the square; dm/du is 2π² u sin θ. */
-static void rgl_fill_vndf(const struct rgl_writing *writing, const double in[3], double phi_i,
-                          double area, float *ret) {
+static void fill_vndf(const struct rgl_writing *writing, const double in[3], double phi_i,
+                      double area, float *ret) {
     const struct warp_table ndf = {N_A, ROWS, 1, writing->ndf};
     for (int b = 0; b < ROWS; b++)
         for (int a = 0; a < N_A; a++) {
             const double u = a / (N_A - 1.0), u_phi = (double)b / N_B, theta = rgl_theta_of_u(u);
             const double phi = rgl_phi_of_u(u_phi) + (writing->options->isotropic ? phi_i : 0);
             double m[3];
-            rgl_direction(theta, phi, m);
+            direction(theta, phi, m);
             const double d = warp_table_value(&ndf, &only, u, u_phi);
-            const double visible = d * MAX(rgl_dot(in, m), 0) / area;
+            const double visible = d * MAX(dot(in, m), 0) / area;
             ret[b * N_A + a] =
                 (float)((1 - UNIFORM) * visible * 2 * G_PI * G_PI * u * sin(theta) + UNIFORM);
         }
@@ -151,20 +151,20 @@ static void rgl_fill_vndf(const struct rgl_writing *writing, const double in[3],
 
 /* Returns the direction into which the microfacet m reflects light from in, clamped to be above the
  * surface. */
-static void rgl_reflect(const double in[3], const double m[3], double ret[3]) {
-    const double twice = 2 * rgl_dot(in, m);
+static void reflect(const double in[3], const double m[3], double ret[3]) {
+    const double twice = 2 * dot(in, m);
     for (int k = 0; k < 3; k++)
         ret[k] = twice * m[k] - in[k];
     if (ret[2] >= HORIZON)
         return;
     ret[2] = HORIZON;
-    const double length = sqrt(rgl_dot(ret, ret));
+    const double length = sqrt(dot(ret, ret));
     for (int k = 0; k < 3; k++)
         ret[k] /= length;
 }
 
 /* Fills the tables of one direction of incidence. */
-static void rgl_fill(int slice, gpointer data) {
+static void fill(int slice, gpointer data) {
     struct rgl_writing *writing = data;
     const double phi_i = (double)writing->phi[slice / N_THETA];
     const double theta_i = (double)writing->theta[slice % N_THETA];
@@ -175,19 +175,19 @@ static void rgl_fill(int slice, gpointer data) {
     float *rgb = writing->rgb + (gsize)slice * 3 * SIDE * SIDE;
     float *values = writing->values + (gsize)slice * RGL_WAVELENGTHS * SIDE * SIDE;
     double in[3], mean = 0;
-    rgl_direction(theta_i, phi_i, in);
+    direction(theta_i, phi_i, in);
     const double area =
         warp_table_value(&sigma, &only, rgl_u_of_theta(theta_i), (phi_i + G_PI) / (2 * G_PI));
-    rgl_fill_vndf(writing, in, phi_i, area, vndf);
+    fill_vndf(writing, in, phi_i, area, vndf);
     g_autoptr(Warp) warp = warp_new(N_A, ROWS, 1, vndf);
     for (int i = 0; i < SIDE * SIDE; i++) {
         const int row = i / SIDE, column = i % SIDE;
         double u[2], m[3], out[3], f[3];
         warp_sample(warp, &only, column / (SIDE - 1.0), row / (SIDE - 1.0), u);
-        rgl_direction(rgl_theta_of_u(u[0]),
-                      rgl_phi_of_u(u[1]) + (writing->options->isotropic ? phi_i : 0), m);
-        rgl_reflect(in, m, out);
-        rgl_function(writing, in, out, f);
+        direction(rgl_theta_of_u(u[0]),
+                  rgl_phi_of_u(u[1]) + (writing->options->isotropic ? phi_i : 0), m);
+        reflect(in, m, out);
+        function(writing, in, out, f);
         const double factor = 4 * area / warp_table_value(&ndf, &only, u[0], u[1]);
         for (int c = 0; c < 3; c++)
             rgb[c * SIDE * SIDE + i] = (float)(f[c] * factor);
@@ -203,8 +203,8 @@ static void rgl_fill(int slice, gpointer data) {
         luminance[i] = MAX(luminance[i], (float)(mean > 0 ? MIN_SHARE * mean : 1));
 }
 
-static gboolean rgl_write_fields(const char *path, const struct rgl_writing *writing,
-                                 const struct rgl_options *options, GError **error) {
+static gboolean fields(const char *path, const struct rgl_writing *writing,
+                       const struct rgl_options *options, GError **error) {
     const gsize phis = (gsize)writing->n_phi, rows = options->isotropic ? 2 : ROWS;
     const char *text = options->description ? options->description : "";
     const guint8 jacobian = 1;
@@ -247,9 +247,9 @@ gboolean rgl_write(const char *path, BrdfFunction f, gpointer data,
     g_autofree float *rgb = writing->rgb = g_new(float, 3 * samples);
     g_autofree float *values = writing->values = g_new(float, RGL_WAVELENGTHS *samples);
     rgl_colour_spectra(writing->spectra);
-    rgl_place_nodes(writing);
-    rgl_find_d(writing, work);
+    place_nodes(writing);
+    find_d(writing, work);
     *ret = (struct rgl_result){writing->n_phi, N_THETA, SIDE};
-    return work_parallel(work, "export", (int)slices, rgl_fill, writing, error) &&
-           rgl_write_fields(path, writing, options, error);
+    return work_parallel(work, "export", (int)slices, fill, writing, error) &&
+           fields(path, writing, options, error);
 }

@@ -16,12 +16,12 @@
 
 G_STATIC_ASSERT(G_BYTE_ORDER == G_LITTLE_ENDIAN); /* numbers are copied as they are */
 
-static gsize tensor_type_bytes(enum tensor_type type) {
+static gsize type_bytes(enum tensor_type type) {
     static const guint8 bytes[] = {0, 1, 1, 2, 2, 4, 4, 8, 8, 2, 4, 8};
     return bytes[type];
 }
 
-static void tensor_field_free(gpointer data) {
+static void field_free(gpointer data) {
     struct tensor_field *field = data;
     g_free(field->name);
     g_free(field->values);
@@ -30,7 +30,7 @@ static void tensor_field_free(gpointer data) {
 
 struct tensor_file *tensor_file_new(void) {
     struct tensor_file *file = g_new0(struct tensor_file, 1);
-    file->fields = g_ptr_array_new_with_free_func(tensor_field_free);
+    file->fields = g_ptr_array_new_with_free_func(field_free);
     return file;
 }
 
@@ -56,7 +56,7 @@ struct reader {
     guint64 length, at, left; /* left is the number of bytes that further fields may take */
 };
 
-static gboolean tensor_take(struct reader *reader, void *to, gsize n, GError **error) {
+static gboolean take(struct reader *reader, void *to, gsize n, GError **error) {
     GError *found = NULL;
     if (n > reader->length - reader->at)
         return data_error_fail(reader->path, 0, error, "it ends within its list of fields");
@@ -68,9 +68,9 @@ static gboolean tensor_take(struct reader *reader, void *to, gsize n, GError **e
     return TRUE;
 }
 
-static gboolean tensor_read_values(struct reader *reader, struct tensor_field *field,
-                                   guint64 offset, GError **error) {
-    guint64 bytes = tensor_type_bytes(field->type);
+static gboolean read_values(struct reader *reader, struct tensor_field *field, guint64 offset,
+                            GError **error) {
+    guint64 bytes = type_bytes(field->type);
     GError *found = NULL;
     for (int i = 0; i < field->n_dimensions; i++)
         if (!g_uint64_checked_mul(&bytes, bytes, field->shape[i]))
@@ -81,7 +81,7 @@ static gboolean tensor_read_values(struct reader *reader, struct tensor_field *f
                                field->name);
     reader->left -= bytes;
     field->bytes = (gsize)bytes;
-    field->n_values = field->bytes / tensor_type_bytes(field->type);
+    field->n_values = field->bytes / type_bytes(field->type);
     field->values = g_malloc(field->bytes + 1);
     if (input_file_read_at(reader->fd, reader->path, field->values, field->bytes, offset, &found))
         return TRUE;
@@ -89,21 +89,20 @@ static gboolean tensor_read_values(struct reader *reader, struct tensor_field *f
     return FALSE;
 }
 
-static gboolean tensor_read_field(struct reader *reader, struct tensor_file *file, GError **error) {
+static gboolean read_field(struct reader *reader, struct tensor_file *file, GError **error) {
     guint16 length, n_dimensions;
     guint64 offset, sizes[TENSOR_FILE_DIMENSIONS];
     guint8 type;
     char name[MAX_NAME + 1] = {0};
-    if (!tensor_take(reader, &length, sizeof length, error))
+    if (!take(reader, &length, sizeof length, error))
         return FALSE;
     if (length > MAX_NAME)
         return data_error_fail(reader->path, 0, error,
                                "the name of field %u has %u bytes; at most %d are read",
                                file->fields->len + 1, length, MAX_NAME);
-    if (!tensor_take(reader, name, length, error) ||
-        !tensor_take(reader, &n_dimensions, sizeof n_dimensions, error) ||
-        !tensor_take(reader, &type, sizeof type, error) ||
-        !tensor_take(reader, &offset, sizeof offset, error))
+    if (!take(reader, name, length, error) ||
+        !take(reader, &n_dimensions, sizeof n_dimensions, error) ||
+        !take(reader, &type, sizeof type, error) || !take(reader, &offset, sizeof offset, error))
         return FALSE;
     if (strlen(name) != length || !g_utf8_validate(name, -1, NULL))
         return data_error_fail(reader->path, 0, error, "the name of field %u is not UTF-8",
@@ -114,7 +113,7 @@ static gboolean tensor_read_field(struct reader *reader, struct tensor_file *fil
                                name, type, n_dimensions);
     if (tensor_file_field(file, name))
         return data_error_fail(reader->path, 0, error, "it has two fields “%s”", name);
-    if (!tensor_take(reader, sizes, n_dimensions * sizeof sizes[0], error))
+    if (!take(reader, sizes, n_dimensions * sizeof sizes[0], error))
         return FALSE;
     struct tensor_field *field = g_new0(struct tensor_field, 1);
     g_ptr_array_add(file->fields, field);
@@ -123,16 +122,15 @@ static gboolean tensor_read_field(struct reader *reader, struct tensor_file *fil
     field->n_dimensions = n_dimensions;
     for (int i = 0; i < n_dimensions; i++)
         field->shape[i] = (gsize)sizes[i];
-    return tensor_read_values(reader, field, offset, error);
+    return read_values(reader, field, offset, error);
 }
 
-static gboolean tensor_read_fields(struct reader *reader, struct tensor_file *file,
-                                   GError **error) {
+static gboolean read_fields(struct reader *reader, struct tensor_file *file, GError **error) {
     guint8 head[HEAD_BYTES];
     guint32 n;
     if (reader->length < HEAD_BYTES)
         return data_error_fail(reader->path, 0, error, "it is too short for a tensor file (.bsdf)");
-    if (!tensor_take(reader, head, sizeof head, error))
+    if (!take(reader, head, sizeof head, error))
         return FALSE;
     memcpy(&n, head + 14, sizeof n);
     if (memcmp(head, MAGIC, sizeof MAGIC) != 0)
@@ -143,7 +141,7 @@ static gboolean tensor_read_fields(struct reader *reader, struct tensor_file *fi
                                "most %d is read",
                                head[12], head[13], n, MAX_FIELDS);
     for (guint32 i = 0; i < n; i++)
-        if (!tensor_read_field(reader, file, error))
+        if (!read_field(reader, file, error))
             return FALSE;
     return TRUE;
 }
@@ -158,7 +156,7 @@ struct tensor_file *tensor_file_read(const char *path, GError **error) {
     }
     reader.left = reader.length;
     g_autoptr(TensorFile) file = tensor_file_new();
-    const gboolean ok = tensor_read_fields(&reader, file, error);
+    const gboolean ok = read_fields(&reader, file, error);
     close(reader.fd);
     return ok ? g_steal_pointer(&file) : NULL;
 }
@@ -174,7 +172,7 @@ void tensor_file_add(struct tensor_file *file, const char *name, enum tensor_typ
         field->shape[i] = shape[i];
         field->n_values *= shape[i];
     }
-    field->bytes = field->n_values * tensor_type_bytes(type);
+    field->bytes = field->n_values * type_bytes(type);
     field->values = g_malloc(field->bytes + 1);
     if (field->bytes > 0)
         memcpy(field->values, values, field->bytes);
@@ -185,7 +183,7 @@ static gsize tensor_aligned(gsize at) {
     return (at + ALIGN_BYTES - 1) / ALIGN_BYTES * ALIGN_BYTES;
 }
 
-static gsize tensor_head_bytes(const struct tensor_field *field) {
+static gsize head_bytes(const struct tensor_field *field) {
     return 2 + strlen(field->name) + 2 + 1 + 8 + 8 * (gsize)field->n_dimensions;
 }
 
@@ -198,7 +196,7 @@ gboolean tensor_file_write(const char *path, const struct tensor_file *file, GEr
     g_byte_array_append(out, version, sizeof version);
     g_byte_array_append(out, (const guint8 *)&n, sizeof n);
     for (guint i = 0; i < n; i++)
-        at += tensor_head_bytes(file->fields->pdata[i]);
+        at += head_bytes(file->fields->pdata[i]);
     for (guint i = 0; i < n; i++) {
         const struct tensor_field *field = file->fields->pdata[i];
         const guint16 length = (guint16)strlen(field->name);

@@ -19,27 +19,27 @@ struct utia {
 
 #define BYTES (3 * PIXELS * sizeof(double))
 
-static gboolean utia_fail_size(const char *path, gsize is, GError **error) {
+static gboolean fail_size(const char *path, gsize is, GError **error) {
     return data_error_fail(path, 0, error,
                            "it has %zu bytes; a BRDF in UTIA's format has %zu: 3 × 288 × 288 "
                            "numbers of 8 bytes (288 × 288 pairs of directions in three colours)",
                            is, BYTES);
 }
 
-static gboolean utia_read_bin(struct utia *utia, const char *path, GError **error) {
+static gboolean read_bin(struct utia *utia, const char *path, GError **error) {
     const gsize bytes = BYTES;
     gsize length;
     GError *found = NULL;
     GStatBuf status;
     if (g_stat(path, &status) == 0 && S_ISREG(status.st_mode) && status.st_size > (goffset)bytes)
-        return utia_fail_size(path, (gsize)status.st_size, error);
+        return fail_size(path, (gsize)status.st_size, error);
     g_autofree char *data = input_file_read(path, bytes, &length, &found);
     if (!data) {
         input_file_propagate(found, DATA_ERROR, DATA_ERROR_IO, DATA_ERROR_INVALID, error);
         return FALSE;
     }
     if (length != bytes)
-        return utia_fail_size(path, length, error);
+        return fail_size(path, length, error);
     for (gsize c = 0; c < 3; c++)
         for (gsize i = 0; i < PIXELS; i++) {
             double value;
@@ -50,7 +50,7 @@ static gboolean utia_read_bin(struct utia *utia, const char *path, GError **erro
 }
 
 /* Measures the difference of neighbouring rows among the 48 rows from first on. */
-static double utia_unlike(const struct utia *utia, gsize first) {
+static double unlike(const struct utia *utia, gsize first) {
     double sum = 0;
     for (gsize c = 0; c < 3; c++)
         for (gsize i = first * UTIA_SIDE; i < (first + UTIA_PHIS - 1) * UTIA_SIDE; i++)
@@ -58,7 +58,7 @@ static double utia_unlike(const struct utia *utia, gsize first) {
     return sum;
 }
 
-static void utia_flip(struct utia *utia) {
+static void flip(struct utia *utia) {
     for (gsize c = 0; c < 3; c++)
         for (gsize y = 0; y < UTIA_SIDE / 2; y++)
             for (gsize x = 0; x < UTIA_SIDE; x++) {
@@ -70,7 +70,7 @@ static void utia_flip(struct utia *utia) {
             }
 }
 
-static gboolean utia_read_exr(struct utia *utia, const char *path, GError **error) {
+static gboolean read_exr(struct utia *utia, const char *path, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     g_autoptr(ExrFile) headers = exr_read_headers(path, error);
     if (!headers)
@@ -91,12 +91,12 @@ static gboolean utia_read_exr(struct utia *utia, const char *path, GError **erro
             return data_error_fail(path, 0, error, "channel %s is missing", channels[c]);
         memcpy(utia->values[c], plane, PIXELS * sizeof *plane);
     }
-    if (utia_unlike(utia, UTIA_SIDE - UTIA_PHIS) < utia_unlike(utia, 0))
-        utia_flip(utia);
+    if (unlike(utia, UTIA_SIDE - UTIA_PHIS) < unlike(utia, 0))
+        flip(utia);
     return TRUE;
 }
 
-static float utia_decode(float number, const struct brdf_coding *coding) {
+static float decode(float number, const struct brdf_coding *coding) {
     const double divide = coding && coding->divide > 0 ? coding->divide : 1;
     const double scale = coding && coding->scale > 0 ? coding->scale : 1;
     double value = MAX((double)number, 0) / divide;
@@ -107,7 +107,7 @@ static float utia_decode(float number, const struct brdf_coding *coding) {
 
 /* Replaces the 48 directions of θ = 0 by their mean: rows if step is UTIA_SIDE, otherwise
  * columns. */
-static void utia_join_zenith(float *values, gsize step, gsize other) {
+static void join_zenith(float *values, gsize step, gsize other) {
     for (gsize k = 0; k < UTIA_SIDE; k++) {
         double sum = 0;
         for (gsize i = 0; i < UTIA_PHIS; i++)
@@ -120,16 +120,16 @@ static void utia_join_zenith(float *values, gsize step, gsize other) {
 struct utia *utia_read(const char *path, const struct brdf_coding *coding, GError **error) {
     struct utia *utia = g_new(struct utia, 1);
     g_autofree char *lower = g_ascii_strdown(path, -1);
-    gboolean ok = g_str_has_suffix(lower, ".exr") ? utia_read_exr(utia, path, error)
-                                                  : utia_read_bin(utia, path, error);
+    gboolean ok =
+        g_str_has_suffix(lower, ".exr") ? read_exr(utia, path, error) : read_bin(utia, path, error);
     gsize bad = 0;
     for (gsize c = 0; ok && c < 3; c++) {
         for (gsize i = 0; i < PIXELS; i++) {
             bad += !isfinite(utia->values[c][i]);
-            utia->values[c][i] = utia_decode(utia->values[c][i], coding);
+            utia->values[c][i] = decode(utia->values[c][i], coding);
         }
-        utia_join_zenith(utia->values[c], UTIA_SIDE, 1);
-        utia_join_zenith(utia->values[c], 1, UTIA_SIDE);
+        join_zenith(utia->values[c], UTIA_SIDE, 1);
+        join_zenith(utia->values[c], 1, UTIA_SIDE);
     }
     if (ok && bad > 0)
         ok = data_error_fail(path, 0, error, "%zu of its %zu numbers are not finite", bad,
@@ -144,7 +144,7 @@ void utia_free(struct utia *utia) {
 }
 
 /* Gives the four measured directions around a direction, and their weights. */
-static void utia_weights(const float direction[3], gsize ret_index[4], double ret_weight[4]) {
+static void weights(const float direction[3], gsize ret_index[4], double ret_weight[4]) {
     const double flat = hypot((double)direction[0], (double)direction[1]);
     const double theta =
         MIN(atan2(flat, (double)direction[2]) * 180 / G_PI / STEP_THETA_DEG, UTIA_THETAS - 1.0);
@@ -163,8 +163,8 @@ void utia_evaluate(const struct utia *utia, const float light[3], const float vi
                    float ret[3]) {
     gsize lights[4], views[4];
     double light_weights[4], view_weights[4];
-    utia_weights(light, lights, light_weights);
-    utia_weights(view, views, view_weights);
+    weights(light, lights, light_weights);
+    weights(view, views, view_weights);
     for (gsize c = 0; c < 3; c++) {
         double sum = 0;
         for (int k = 0; k < 16; k++)

@@ -30,8 +30,7 @@ void warp_interval(const float *nodes, int n, double value, int *ret_index, doub
 
 /* Returns the weighted sum of one number of each slice. stride is the number of numbers in a
  * slice. */
-static double warp_mix(const float *values, gsize stride, gsize at,
-                       const struct warp_slices *slices) {
+static double mix(const float *values, gsize stride, gsize at, const struct warp_slices *slices) {
     double sum = 0;
     for (int k = 0; k < slices->n; k++)
         sum += slices->weight[k] * (double)values[(gsize)slices->index[k] * stride + at];
@@ -53,15 +52,15 @@ double warp_table_value(const struct warp_table *table, const struct warp_slices
     const gsize i = (gsize)warp_cell(x, table->width, &fx);
     const gsize j = (gsize)warp_cell(y, table->height, &fy);
     const gsize right = table->width > 1, up = table->height > 1 ? width : 0, at = j * width + i;
-    const double low = (1 - fx) * warp_mix(table->values, stride, at, slices) +
-                       fx * warp_mix(table->values, stride, at + right, slices);
-    const double high = (1 - fx) * warp_mix(table->values, stride, at + up, slices) +
-                        fx * warp_mix(table->values, stride, at + up + right, slices);
+    const double low = (1 - fx) * mix(table->values, stride, at, slices) +
+                       fx * mix(table->values, stride, at + right, slices);
+    const double high = (1 - fx) * mix(table->values, stride, at + up, slices) +
+                        fx * mix(table->values, stride, at + up + right, slices);
     return (1 - fy) * low + fy * high;
 }
 
 /* Computes the sums of one slice. Returns FALSE if its density is 0 everywhere. */
-static gboolean warp_add_up(struct warp *warp, gsize slice) {
+static gboolean add_up(struct warp *warp, gsize slice) {
     const gsize width = (gsize)warp->width, height = (gsize)warp->height, n = width * height;
     float *values = warp->values + slice * n, *conditional = warp->conditional + slice * n;
     float *marginal = warp->marginal + slice * height;
@@ -109,7 +108,7 @@ Warp *warp_new(int width, int height, int n_slices, const float *values) {
     warp->conditional = g_new(float, n);
     warp->marginal = g_new(float, (gsize)height *(gsize)n_slices);
     for (gsize slice = 0; slice < (gsize)n_slices; slice++)
-        if (!warp_add_up(warp, slice))
+        if (!add_up(warp, slice))
             return NULL;
     return g_steal_pointer(&warp);
 }
@@ -130,25 +129,24 @@ double warp_invert(const Warp *warp, const struct warp_slices *slices, double x,
     const gsize i = (gsize)warp_cell(x, warp->width, &fx);
     const gsize j = (gsize)warp_cell(y, warp->height, &fy);
     const gsize at = j * width + i, end = j * width + width - 1;
-    const double v00 = warp_mix(warp->values, stride, at, slices);
-    const double v10 = warp_mix(warp->values, stride, at + 1, slices);
-    const double v01 = warp_mix(warp->values, stride, at + width, slices);
-    const double v11 = warp_mix(warp->values, stride, at + width + 1, slices);
+    const double v00 = mix(warp->values, stride, at, slices);
+    const double v10 = mix(warp->values, stride, at + 1, slices);
+    const double v01 = mix(warp->values, stride, at + width, slices);
+    const double v11 = mix(warp->values, stride, at + width + 1, slices);
     const double left = (1 - fy) * v00 + fy * v01, right = (1 - fy) * v10 + fy * v11;
-    const double r0 = warp_mix(warp->conditional, stride, end, slices);
-    const double r1 = warp_mix(warp->conditional, stride, end + width, slices);
+    const double r0 = mix(warp->conditional, stride, end, slices);
+    const double r1 = mix(warp->conditional, stride, end + width, slices);
     const double row = (1 - fy) * r0 + fy * r1;
-    const double before = (1 - fy) * warp_mix(warp->conditional, stride, at, slices) +
-                          fy * warp_mix(warp->conditional, stride, at + width, slices);
+    const double before = (1 - fy) * mix(warp->conditional, stride, at, slices) +
+                          fy * mix(warp->conditional, stride, at + width, slices);
     const double along = before + fx * (left + 0.5 * fx * (right - left));
     ret[0] = row > 0 ? CLAMP(along / row, 0, 1) : x;
-    ret[1] =
-        CLAMP(warp_mix(warp->marginal, height, j, slices) + fy * (r0 + 0.5 * fy * (r1 - r0)), 0, 1);
+    ret[1] = CLAMP(mix(warp->marginal, height, j, slices) + fy * (r0 + 0.5 * fy * (r1 - r0)), 0, 1);
     return ((1 - fx) * left + fx * right) * (double)((width - 1) * (height - 1));
 }
 
 /* Returns f of 0 … 1 with f (a + ½ f (b − a)) = area, for a, b ≥ 0. */
-static double warp_solve(double a, double b, double area) {
+static double solve(double a, double b, double area) {
     if (!(a + b > 0))
         return 0.5;
     /* This form of the root does not lose digits if a is close to b. */
@@ -157,14 +155,14 @@ static double warp_solve(double a, double b, double area) {
 }
 
 /* Returns the last of n ascending sums, at first + i step, that is below area, at most n − 2. */
-static gsize warp_find(const float *sums, gsize stride, gsize first, gsize n, gsize next,
-                       double part, const struct warp_slices *slices, double area) {
+static gsize find(const float *sums, gsize stride, gsize first, gsize n, gsize next, double part,
+                  const struct warp_slices *slices, double area) {
     gsize low = 0, high = n - 1;
     while (high - low > 1) {
         const gsize middle = (low + high) / 2;
-        double sum = warp_mix(sums, stride, first + middle, slices);
+        double sum = mix(sums, stride, first + middle, slices);
         if (next > 0)
-            sum = (1 - part) * sum + part * warp_mix(sums, stride, first + next + middle, slices);
+            sum = (1 - part) * sum + part * mix(sums, stride, first + next + middle, slices);
         if (sum < area)
             low = middle;
         else
@@ -176,24 +174,24 @@ static gsize warp_find(const float *sums, gsize stride, gsize first, gsize n, gs
 void warp_sample(const Warp *warp, const struct warp_slices *slices, double x, double y,
                  double ret[2]) {
     const gsize width = (gsize)warp->width, height = (gsize)warp->height, stride = width * height;
-    const double total = warp_mix(warp->marginal, height, height - 1, slices);
+    const double total = mix(warp->marginal, height, height - 1, slices);
     double area = CLAMP(y, 0, 1) * total;
-    const gsize j = warp_find(warp->marginal, height, 0, height, 0, 0, slices, area);
+    const gsize j = find(warp->marginal, height, 0, height, 0, 0, slices, area);
     const gsize end = j * width + width - 1;
-    const double r0 = warp_mix(warp->conditional, stride, end, slices);
-    const double r1 = warp_mix(warp->conditional, stride, end + width, slices);
-    area = MAX(area - warp_mix(warp->marginal, height, j, slices), 0);
-    const double fy = warp_solve(r0, r1, area);
+    const double r0 = mix(warp->conditional, stride, end, slices);
+    const double r1 = mix(warp->conditional, stride, end + width, slices);
+    area = MAX(area - mix(warp->marginal, height, j, slices), 0);
+    const double fy = solve(r0, r1, area);
 
     area = CLAMP(x, 0, 1) * ((1 - fy) * r0 + fy * r1);
-    const gsize i = warp_find(warp->conditional, stride, j * width, width, width, fy, slices, area);
+    const gsize i = find(warp->conditional, stride, j * width, width, width, fy, slices, area);
     const gsize at = j * width + i;
-    area -= (1 - fy) * warp_mix(warp->conditional, stride, at, slices) +
-            fy * warp_mix(warp->conditional, stride, at + width, slices);
-    const double left = (1 - fy) * warp_mix(warp->values, stride, at, slices) +
-                        fy * warp_mix(warp->values, stride, at + width, slices);
-    const double right = (1 - fy) * warp_mix(warp->values, stride, at + 1, slices) +
-                         fy * warp_mix(warp->values, stride, at + width + 1, slices);
-    ret[0] = ((double)i + warp_solve(left, right, MAX(area, 0))) / (double)(width - 1);
+    area -= (1 - fy) * mix(warp->conditional, stride, at, slices) +
+            fy * mix(warp->conditional, stride, at + width, slices);
+    const double left = (1 - fy) * mix(warp->values, stride, at, slices) +
+                        fy * mix(warp->values, stride, at + width, slices);
+    const double right = (1 - fy) * mix(warp->values, stride, at + 1, slices) +
+                         fy * mix(warp->values, stride, at + width + 1, slices);
+    ret[0] = ((double)i + solve(left, right, MAX(area, 0))) / (double)(width - 1);
     ret[1] = ((double)j + fy) / (double)(height - 1);
 }

@@ -40,9 +40,9 @@ const struct abrdf_info *abrdf_info(const Abrdf *abrdf) {
 }
 
 /* Checks sizes, directions and region, before values are read. */
-static gboolean abrdf_begin(Abrdf *abrdf, const char *path, int width, int height,
-                            const struct direction_list *views, const struct direction_list *lights,
-                            const struct import_region *region, GError **error) {
+static gboolean begin(Abrdf *abrdf, const char *path, int width, int height,
+                      const struct direction_list *views, const struct direction_list *lights,
+                      const struct import_region *region, GError **error) {
     struct abrdf_info *info = &abrdf->info;
     info->width = width;
     info->height = height;
@@ -67,7 +67,7 @@ static gboolean abrdf_begin(Abrdf *abrdf, const char *path, int width, int heigh
     return TRUE;
 }
 
-static void abrdf_add(Abrdf *abrdf, gsize pair, const float rgb[3], gboolean hole) {
+static void add(Abrdf *abrdf, gsize pair, const float rgb[3], gboolean hole) {
     if (hole || !isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2])) {
         abrdf->info.holes++;
         return;
@@ -77,8 +77,8 @@ static void abrdf_add(Abrdf *abrdf, gsize pair, const float rgb[3], gboolean hol
     abrdf->counts[pair]++;
 }
 
-static gboolean abrdf_add_picture(int view, int light, const float *const planes[4], gpointer data,
-                                  GError **error G_GNUC_UNUSED) {
+static gboolean add_picture(int view, int light, const float *const planes[4], gpointer data,
+                            GError **error G_GNUC_UNUSED) {
     Abrdf *abrdf = data;
     const struct import_region *r = &abrdf->info.region;
     const gsize pair = (gsize)view * abrdf->info.lights.n + (gsize)light;
@@ -86,36 +86,34 @@ static gboolean abrdf_add_picture(int view, int light, const float *const planes
         for (int x = r->x; x < r->x + r->width; x++) {
             const gsize i = (gsize)y * (gsize)abrdf->info.width + (gsize)x;
             const float rgb[3] = {planes[0][i], planes[1][i], planes[2][i]};
-            abrdf_add(abrdf, pair, rgb, planes[3] && ((int)planes[3][i] & BTF_FLAG_HOLE));
+            add(abrdf, pair, rgb, planes[3] && ((int)planes[3][i] & BTF_FLAG_HOLE));
         }
     return TRUE;
 }
 
-static gboolean abrdf_read_session(Abrdf *abrdf, const char *path,
-                                   const struct import_region *region, const struct work *work,
-                                   GError **error) {
+static gboolean read_session(Abrdf *abrdf, const char *path, const struct import_region *region,
+                             const struct work *work, GError **error) {
     struct session_view_files files;
     const gint64 begun_us = g_get_monotonic_time();
     gboolean ok = session_view_files_open(&files, path, error) &&
-                  abrdf_begin(abrdf, path, files.grid.width, files.grid.height, &files.views,
-                              &files.lights, region, error);
+                  begin(abrdf, path, files.grid.width, files.grid.height, &files.views,
+                        &files.lights, region, error);
     const int n = ok ? (int)files.paths->len : 0;
     for (int view = 0; ok && view < n; view++)
-        ok = session_view_files_read(&files, view, abrdf_add_picture, abrdf, error) &&
+        ok = session_view_files_read(&files, view, add_picture, abrdf, error) &&
              work_tell(work, "read", view + 1, n, begun_us, error);
     session_view_files_clear(&files);
     return ok;
 }
 
-static gboolean abrdf_read_material(Abrdf *abrdf, const char *path,
-                                    const struct import_region *region, const struct work *work,
-                                    GError **error) {
+static gboolean read_material(Abrdf *abrdf, const char *path, const struct import_region *region,
+                              const struct work *work, GError **error) {
     g_autoptr(Material) material = material_open(path, work, error);
     if (!material)
         return FALSE;
     const struct btf_layout *layout = material_info(material)->layout;
-    if (!abrdf_begin(abrdf, path, (int)layout->width, (int)layout->height, &layout->views,
-                     &layout->lights, region, error))
+    if (!begin(abrdf, path, (int)layout->width, (int)layout->height, &layout->views,
+               &layout->lights, region, error))
         return FALSE;
     const struct import_region *r = &abrdf->info.region;
     const gint64 begun_us = g_get_monotonic_time();
@@ -125,7 +123,7 @@ static gboolean abrdf_read_material(Abrdf *abrdf, const char *path,
         for (int x = 0; x < r->width; x++) {
             material_reconstruct(material, (r->y + y) * abrdf->info.width + r->x + x, values);
             for (gsize pair = 0; pair < pairs; pair++)
-                abrdf_add(abrdf, pair, values + 3 * pair, FALSE);
+                add(abrdf, pair, values + 3 * pair, FALSE);
         }
         if (!work_tell(work, "read", y + 1, r->height, begun_us, error))
             return FALSE;
@@ -150,7 +148,7 @@ static gssize abrdf_nearest(const Abrdf *abrdf, const float *lights, gsize view,
 }
 
 /* Converts sums to f_r, 3 × n_views × n_lights. */
-static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error) {
+static float *reflectances(Abrdf *abrdf, const char *path, GError **error) {
     const gsize n_views = abrdf->info.views.n, n = abrdf->info.lights.n, pairs = n_views * n;
     g_autofree float *lights = direction_list_vectors(&abrdf->info.lights);
     g_autofree float *f = g_new(float, 3 * pairs);
@@ -172,7 +170,7 @@ static float *abrdf_reflectances(Abrdf *abrdf, const char *path, GError **error)
 }
 
 /* Computes the samples of colour c, V · f · Lᵀ, with the operators of views and lights. */
-static gboolean abrdf_resample(Abrdf *abrdf, const float *f, GError **error) {
+static gboolean resample(Abrdf *abrdf, const float *f, GError **error) {
     const int n_views = (int)abrdf->info.views.n, n_lights = (int)abrdf->info.lights.n;
     const gsize pairs = abrdf->info.views.n * abrdf->info.lights.n;
     g_autofree float *of_views = direction_grid_operator(&abrdf->info.views, GRID, FALSE, error);
@@ -209,7 +207,7 @@ void abrdf_evaluate(const float light[3], const float view[3], float ret[3], gpo
 }
 
 /* Compares the interpolated B with the measured one. */
-static void abrdf_compare(Abrdf *abrdf, const float *f) {
+static void compare(Abrdf *abrdf, const float *f) {
     struct abrdf_info *info = &abrdf->info;
     const gsize n = info->lights.n, pairs = info->views.n * n;
     g_autofree float *lights = direction_list_vectors(&info->lights);
@@ -239,11 +237,11 @@ Abrdf *abrdf_read(const char *path, const struct import_region *region, const st
                   GError **error) {
     g_autoptr(Abrdf) abrdf = g_new0(struct Abrdf, 1);
     const gboolean ok = g_file_test(path, G_FILE_TEST_IS_DIR)
-                            ? abrdf_read_session(abrdf, path, region, work, error)
-                            : abrdf_read_material(abrdf, path, region, work, error);
-    g_autofree float *f = ok ? abrdf_reflectances(abrdf, path, error) : NULL;
-    if (!f || !abrdf_resample(abrdf, f, error))
+                            ? read_session(abrdf, path, region, work, error)
+                            : read_material(abrdf, path, region, work, error);
+    g_autofree float *f = ok ? reflectances(abrdf, path, error) : NULL;
+    if (!f || !resample(abrdf, f, error))
         return NULL;
-    abrdf_compare(abrdf, f);
+    compare(abrdf, f);
     return g_steal_pointer(&abrdf);
 }

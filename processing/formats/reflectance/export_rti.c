@@ -14,13 +14,13 @@ struct export_rti_source {
     float *pictures; /* n_lights × height × width × 3, sRGB; NaN for a hole */
 };
 
-static float export_rti_encode(float linear) {
+static float encode(float linear) {
     const double v = MAX((double)linear, 0);
     return (float)(v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055);
 }
 
-static gboolean export_rti_picture(int view G_GNUC_UNUSED, int light, const float *const planes[4],
-                                   gpointer data, GError **error) {
+static gboolean picture(int view G_GNUC_UNUSED, int light, const float *const planes[4],
+                        gpointer data, GError **error) {
     const struct export_rti_source *source = data;
     const struct session_grid *grid = &source->files->grid;
     const gsize n = (gsize)grid->width * (gsize)grid->height;
@@ -30,14 +30,14 @@ static gboolean export_rti_picture(int view G_GNUC_UNUSED, int light, const floa
         for (int c = 0; c < 3; c++)
             hole = hole || !isfinite(planes[c][i]);
         for (gsize c = 0; c < 3; c++)
-            to[3 * i + c] = hole ? NAN : export_rti_encode(planes[c][i]);
+            to[3 * i + c] = hole ? NAN : encode(planes[c][i]);
     }
     return work_tell(source->work, "read", light + 1, (int)source->files->lights.n,
                      source->begun_us, error);
 }
 
-static gboolean export_rti_choose(const struct session_view_files *files, const char *session,
-                                  int wished, int *ret, GError **error) {
+static gboolean choose(const struct session_view_files *files, const char *session, int wished,
+                       int *ret, GError **error) {
     const int n = (int)files->views.n;
     *ret = MAX(wished, 0);
     if (wished >= n)
@@ -62,7 +62,7 @@ static gboolean export_rti_view(const struct session_view_files *files, const ch
     if (!pictures)
         return data_error_fail(session, 0, error, "there is no memory for a view of %.1f GiB",
                                (double)values * sizeof(float) / (1 << 30));
-    if (!session_view_files_read(files, ret->view, export_rti_picture, &source, error))
+    if (!session_view_files_read(files, ret->view, picture, &source, error))
         return FALSE;
     g_autofree float *lights = direction_list_vectors(&files->lights);
     g_autoptr(Rti) rti = rti_fit(session, pictures, grid->width, grid->height, lights,
@@ -84,7 +84,7 @@ gboolean export_rti(const char *session, const char *output,
     struct session_view_files files;
     *ret = (struct export_rti_result){0};
     gboolean ok = session_view_files_open(&files, session, error) &&
-                  export_rti_choose(&files, session, options->view, &ret->view, error);
+                  choose(&files, session, options->view, &ret->view, error);
     if (ok) {
         ret->width = files.grid.width;
         ret->height = files.grid.height;

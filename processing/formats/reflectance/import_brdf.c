@@ -89,8 +89,7 @@ struct import_ptm_source {
     float *lights; /* unit vectors */
 };
 
-static void import_ptm_basis(const struct rti *rti, const float light[3],
-                             float ret[RTI_MAX_TERMS]) {
+static void ptm_basis(const struct rti *rti, const float light[3], float ret[RTI_MAX_TERMS]) {
     if (!rti->hsh) {
         rti_ptm_basis(light, ret);
         return;
@@ -100,13 +99,13 @@ static void import_ptm_basis(const struct rti *rti, const float light[3],
     hsh_basis((const float[]){light[0] * wide, light[1] * wide, z}, rti->n_terms, ret);
 }
 
-static gboolean import_ptm_picture(int view G_GNUC_UNUSED, int light,
-                                   const struct import_region *region, float *const *ret_planes,
-                                   int *ret_holes, gpointer data, GError **error G_GNUC_UNUSED) {
+static gboolean ptm_picture(int view G_GNUC_UNUSED, int light, const struct import_region *region,
+                            float *const *ret_planes, int *ret_holes, gpointer data,
+                            GError **error G_GNUC_UNUSED) {
     const struct import_ptm_source *source = data;
     const gsize width = (gsize)region->width, n = width * (gsize)region->height;
     float basis[RTI_MAX_TERMS];
-    import_ptm_basis(source->rti, source->lights + 3 * light, basis);
+    ptm_basis(source->rti, source->lights + 3 * light, basis);
     *ret_holes = 0;
     for (gsize i = 0; ret_planes && i < n; i++) {
         const gsize x = (gsize)region->x + i % width, y = (gsize)region->y + i / width;
@@ -142,7 +141,7 @@ gboolean import_ptm(const char *path, const char *file, const char *table,
         .view_phi_deg = &straight,
         .light_theta_deg = directions->lights.theta_deg,
         .light_phi_deg = directions->lights.phi_deg,
-        .picture = import_ptm_picture,
+        .picture = ptm_picture,
         .data = &source,
     };
     const gboolean ok = import_material(path, &material, work, ret, error);

@@ -6,18 +6,17 @@
 
 #define MAX_BYTES ((gsize)512 << 20)
 
-static gboolean session_views_fail(const char *path, const char *what, GError **error) {
+static gboolean fail(const char *path, const char *what, GError **error) {
     return data_error_fail(path, 0, error, "%s; process the session again", what);
 }
 
-static gboolean session_views_direction(const struct exr_part *part, const char *of,
-                                        const char *path, struct direction_list *list, gsize i,
-                                        GError **error) {
+static gboolean direction(const struct exr_part *part, const char *of, const char *path,
+                          struct direction_list *list, gsize i, GError **error) {
     return btf_direction(part, of, &list->theta_deg[i], &list->phi_deg[i]) ||
-           session_views_fail(path, "a direction is not a number", error);
+           fail(path, "a direction is not a number", error);
 }
 
-static gboolean session_views_directions(struct session_view_files *files, GError **error) {
+static gboolean directions(struct session_view_files *files, GError **error) {
     files->views = direction_list_new(files->paths->len);
     for (guint v = 0; v < files->paths->len; v++) {
         const char *path = files->paths->pdata[v];
@@ -25,14 +24,13 @@ static gboolean session_views_directions(struct session_view_files *files, GErro
         if (!file)
             return FALSE;
         if (file->parts->len == 0)
-            return session_views_fail(path, "it has no lights", error);
+            return fail(path, "it has no lights", error);
         if (v == 0)
             files->lights = direction_list_new(file->parts->len);
-        if (!session_views_direction(file->parts->pdata[0], "view", path, &files->views, v, error))
+        if (!direction(file->parts->pdata[0], "view", path, &files->views, v, error))
             return FALSE;
         for (guint l = 0; v == 0 && l < file->parts->len; l++)
-            if (!session_views_direction(file->parts->pdata[l], "light", path, &files->lights, l,
-                                         error))
+            if (!direction(file->parts->pdata[l], "light", path, &files->lights, l, error))
                 return FALSE;
     }
     return TRUE;
@@ -44,7 +42,7 @@ gboolean session_view_files_open(struct session_view_files *ret, const char *pat
     if (!session || !session_grid(session, &ret->grid, error))
         return FALSE;
     ret->paths = session_btf_files(session, error);
-    return ret->paths && session_views_directions(ret, error);
+    return ret->paths && directions(ret, error);
 }
 
 void session_view_files_clear(struct session_view_files *files) {
@@ -53,20 +51,19 @@ void session_view_files_clear(struct session_view_files *files) {
     direction_list_clear(&files->lights);
 }
 
-static gboolean session_views_picture(const struct session_view_files *files,
-                                      const struct exr_part *part, const char *path, int view,
-                                      int light, SessionPicture func, gpointer data,
-                                      GError **error) {
+static gboolean picture(const struct session_view_files *files, const struct exr_part *part,
+                        const char *path, int view, int light, SessionPicture func, gpointer data,
+                        GError **error) {
     float theta, phi;
     if (part->width != files->grid.width || part->height != files->grid.height)
-        return session_views_fail(path, "its texels differ from those of the session", error);
+        return fail(path, "its texels differ from those of the session", error);
     if (!btf_direction(part, "light", &theta, &phi) || theta != files->lights.theta_deg[light] ||
         phi != files->lights.phi_deg[light])
-        return session_views_fail(path, "its lights differ from those of the first view", error);
+        return fail(path, "its lights differ from those of the first view", error);
     const float *const planes[4] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                     exr_part_plane(part, "B"), exr_part_plane(part, "mark")};
     if (!planes[0] || !planes[1] || !planes[2])
-        return session_views_fail(path, "a colour is missing", error);
+        return fail(path, "a colour is missing", error);
     return func(view, light, planes, data, error);
 }
 
@@ -79,15 +76,13 @@ gboolean session_view_files_read(const struct session_view_files *files, int vie
     if (!file)
         return FALSE;
     if (file->parts->len != files->lights.n)
-        return session_views_fail(path, "its number of lights differs from that of the first view",
-                                  error);
+        return fail(path, "its number of lights differs from that of the first view", error);
     for (guint light = 0; light < file->parts->len; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         g_autoptr(ExrPart) alone = whole ? NULL : exr_read_part(path, part->name, error);
         if (!whole && !alone)
             return FALSE;
-        if (!session_views_picture(files, whole ? part : alone, path, view, (int)light, func, data,
-                                   error))
+        if (!picture(files, whole ? part : alone, path, view, (int)light, func, data, error))
             return FALSE;
     }
     return TRUE;

@@ -33,16 +33,16 @@ struct head {
     gsize n, at;
 };
 
-static gboolean rti_is_blank(guint8 c) {
+static gboolean is_blank(guint8 c) {
     return c == ' ' || c == '\t' || c == '\r' || c == '\n';
 }
 
 /* Reads the next word of the text before the bytes. Returns FALSE if there is none. */
 static gboolean rti_word(struct head *head, char ret[MAX_NUMBER + 1]) {
     gsize length = 0;
-    while (head->at < head->n && head->at < MAX_HEAD && rti_is_blank(head->bytes[head->at]))
+    while (head->at < head->n && head->at < MAX_HEAD && is_blank(head->bytes[head->at]))
         head->at++;
-    while (head->at < head->n && length < MAX_NUMBER && !rti_is_blank(head->bytes[head->at]))
+    while (head->at < head->n && length < MAX_NUMBER && !is_blank(head->bytes[head->at]))
         ret[length++] = (char)head->bytes[head->at++];
     ret[length] = '\0';
     return length > 0 && length < MAX_NUMBER && head->at < MAX_HEAD;
@@ -63,9 +63,8 @@ static gboolean rti_number(struct head *head, const char *what, double least, do
 }
 
 /* Skips blanks up to the end of the line, after which the bytes begin. */
-static gboolean rti_line_end(struct head *head, GError **error) {
-    while (head->at < head->n && head->bytes[head->at] != '\n' &&
-           rti_is_blank(head->bytes[head->at]))
+static gboolean line_end(struct head *head, GError **error) {
+    while (head->at < head->n && head->bytes[head->at] != '\n' && is_blank(head->bytes[head->at]))
         head->at++;
     if (head->at >= head->n || head->bytes[head->at] != '\n')
         return data_error_fail(head->path, 0, error, "the last line of its head does not end");
@@ -73,7 +72,7 @@ static gboolean rti_line_end(struct head *head, GError **error) {
     return TRUE;
 }
 
-static gboolean rti_take(struct head *head, void *to, gsize n, GError **error) {
+static gboolean take(struct head *head, void *to, gsize n, GError **error) {
     if (n > head->n - head->at)
         return data_error_fail(head->path, 0, error,
                                "it ends %zu bytes too soon; it is damaged or cut off",
@@ -83,7 +82,7 @@ static gboolean rti_take(struct head *head, void *to, gsize n, GError **error) {
     return TRUE;
 }
 
-static gboolean rti_read_size(struct head *head, struct rti *rti, GError **error) {
+static gboolean read_size(struct head *head, struct rti *rti, GError **error) {
     double width, height;
     if (!rti_number(head, "width", 1, MAX_SIDE, &width, error) ||
         !rti_number(head, "height", 1, MAX_SIDE, &height, error))
@@ -94,7 +93,7 @@ static gboolean rti_read_size(struct head *head, struct rti *rti, GError **error
 }
 
 /* Allocates memory for the texels, whose bytes must be in the file. */
-static gboolean rti_make_bytes(const struct head *head, struct rti *rti, GError **error) {
+static gboolean make_bytes(const struct head *head, struct rti *rti, GError **error) {
     const gsize texels = (gsize)rti->width * (gsize)rti->height;
     const gsize each = (gsize)rti->n_terms * (rti->lrgb ? 1 : 3);
     if (texels * (each + (rti->lrgb ? 3 : 0)) > head->n - head->at)
@@ -106,7 +105,7 @@ static gboolean rti_make_bytes(const struct head *head, struct rti *rti, GError 
     return TRUE;
 }
 
-static gboolean rti_read_ptm(struct head *head, struct rti *rti, GError **error) {
+static gboolean read_ptm(struct head *head, struct rti *rti, GError **error) {
     char version[MAX_NUMBER + 1], format[MAX_NUMBER + 1];
     if (!rti_word(head, version) || !rti_word(head, format))
         return data_error_fail(head->path, 0, error, "its format is missing");
@@ -118,7 +117,7 @@ static gboolean rti_read_ptm(struct head *head, struct rti *rti, GError **error)
                                "convert it, for instance with relight-cli",
                                shown);
     rti->n_terms = RTI_PTM_TERMS;
-    if (!rti_read_size(head, rti, error))
+    if (!read_size(head, rti, error))
         return FALSE;
     for (int i = 0; i < RTI_PTM_TERMS; i++)
         if (!rti_number(head, "scale", -1e6, 1e6, &rti->scale[i], error))
@@ -128,7 +127,7 @@ static gboolean rti_read_ptm(struct head *head, struct rti *rti, GError **error)
             return FALSE;
         rti->scale[i] /= 255;
     }
-    if (!rti_line_end(head, error) || !rti_make_bytes(head, rti, error))
+    if (!line_end(head, error) || !make_bytes(head, rti, error))
         return FALSE;
     const gsize width = (gsize)rti->width, height = (gsize)rti->height;
     const gboolean joined = rti->lrgb && strcmp(version, "PTM_1.2") != 0;
@@ -136,30 +135,30 @@ static gboolean rti_read_ptm(struct head *head, struct rti *rti, GError **error)
         for (gsize i = 0; i < width * height; i++) {
             const gsize texel = (height - 1 - i / width) * width + i % width;
             guint8 *to = rti->bytes + (rti->lrgb ? texel : 3 * texel + c) * RTI_PTM_TERMS;
-            if (!rti_take(head, to, RTI_PTM_TERMS, error) ||
-                (joined && !rti_take(head, rti->colours + 3 * texel, 3, error)))
+            if (!take(head, to, RTI_PTM_TERMS, error) ||
+                (joined && !take(head, rti->colours + 3 * texel, 3, error)))
                 return FALSE;
         }
     for (gsize i = 0; rti->lrgb && !joined && i < width * height; i++) {
         const gsize texel = (height - 1 - i / width) * width + i % width;
-        if (!rti_take(head, rti->colours + 3 * texel, 3, error))
+        if (!take(head, rti->colours + 3 * texel, 3, error))
             return FALSE;
     }
     return TRUE;
 }
 
-static gboolean rti_read_hsh(struct head *head, struct rti *rti, GError **error) {
+static gboolean read_hsh(struct head *head, struct rti *rti, GError **error) {
     double kind, components, terms, skipped;
     float scale[RTI_MAX_TERMS], bias[RTI_MAX_TERMS];
     while (head->at < head->n && head->bytes[head->at] == '#') {
         const guint8 *end = memchr(head->bytes + head->at, '\n', head->n - head->at);
         head->at = end ? (gsize)(end - head->bytes) + 1 : head->n;
     }
-    if (!rti_number(head, "type", 3, 3, &kind, error) || !rti_read_size(head, rti, error) ||
+    if (!rti_number(head, "type", 3, 3, &kind, error) || !read_size(head, rti, error) ||
         !rti_number(head, "number of colours", 3, 3, &components, error) ||
         !rti_number(head, "number of terms", 4, RTI_MAX_TERMS, &terms, error) ||
         !rti_number(head, "type of basis", 0, 100, &skipped, error) ||
-        !rti_number(head, "size of numbers", 0, 100, &skipped, error) || !rti_line_end(head, error))
+        !rti_number(head, "size of numbers", 0, 100, &skipped, error) || !line_end(head, error))
         return FALSE;
     rti->hsh = TRUE;
     rti->n_terms = (int)terms;
@@ -167,8 +166,8 @@ static gboolean rti_read_hsh(struct head *head, struct rti *rti, GError **error)
         return data_error_fail(head->path, 0, error, "it has %d terms; 4, 9 or 16 are read",
                                rti->n_terms);
     const gsize bytes = (gsize)rti->n_terms * sizeof(float);
-    if (!rti_take(head, scale, bytes, error) || !rti_take(head, bias, bytes, error) ||
-        !rti_make_bytes(head, rti, error))
+    if (!take(head, scale, bytes, error) || !take(head, bias, bytes, error) ||
+        !make_bytes(head, rti, error))
         return FALSE;
     for (int i = 0; i < rti->n_terms; i++) {
         if (!isfinite(scale[i]) || !isfinite(bias[i]) || scale[i] == 0)
@@ -179,8 +178,8 @@ static gboolean rti_read_hsh(struct head *head, struct rti *rti, GError **error)
         rti->scale[i] = (double)scale[i] / 255;
         rti->bias[i] = -(double)bias[i] / rti->scale[i];
     }
-    return rti_take(head, rti->bytes,
-                    3 * (gsize)rti->n_terms * (gsize)rti->width * (gsize)rti->height, error);
+    return take(head, rti->bytes, 3 * (gsize)rti->n_terms * (gsize)rti->width * (gsize)rti->height,
+                error);
 }
 
 struct rti *rti_read(const char *path, GError **error) {
@@ -195,9 +194,9 @@ struct rti *rti_read(const char *path, GError **error) {
     g_autoptr(Rti) rti = g_new0(struct rti, 1);
     gboolean ok;
     if (g_str_has_prefix(data, "PTM_1."))
-        ok = rti_read_ptm(&head, rti, error);
+        ok = read_ptm(&head, rti, error);
     else if (g_str_has_prefix(data, "#HSH"))
-        ok = rti_read_hsh(&head, rti, error);
+        ok = read_hsh(&head, rti, error);
     else
         ok = data_error_fail(path, 0, error,
                              "it is neither a .ptm, which begins with PTM_1.2, nor a .rti of "

@@ -14,7 +14,7 @@ struct normal {
 };
 
 /* Cholesky's method. Returns FALSE if a is not positive definite. */
-static gboolean rti_solve(const struct normal *normal, double ret[TERMS]) {
+static gboolean solve(const struct normal *normal, double ret[TERMS]) {
     double l[TERMS][TERMS] = {{0}}, largest = 0;
     for (int i = 0; i < TERMS; i++)
         largest = MAX(largest, normal->a[i][i]);
@@ -70,7 +70,7 @@ static gboolean rti_fit_terms(const struct fitting *fitting, const double *value
                 normal.a[i][j] += (double)b[i] * (double)b[j];
         }
     }
-    return rti_solve(&normal, ret);
+    return solve(&normal, ret);
 }
 
 /* Gives the mean colour of a texel as bytes, scaled so that its brightest channel is 1. A black
@@ -90,8 +90,8 @@ static void rti_colour(const struct fitting *fitting, gsize texel, guint8 ret[3]
 
 /* Gives the values to be fitted: those of channel c, or the brightness that best explains R, G and
  * B as a multiple of the colour C: Σ C s / Σ C². */
-static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
-                         double *ret) {
+static void observed(const struct fitting *fitting, gsize texel, gsize c, const guint8 *colour,
+                     double *ret) {
     for (gsize l = 0; l < fitting->n; l++) {
         const float *rgb = fitting->pictures + 3 * (l * fitting->texels + texel);
         double product = 0, square = 0;
@@ -105,7 +105,7 @@ static void rti_observed(const struct fitting *fitting, gsize texel, gsize c, co
 
 /* Chooses scale and bias of each term so that the bytes cover the range from its minimum to its
  * maximum. The range always includes 0, because a bias is a byte. */
-static void rti_quantise(struct rti *rti, const float *terms, gsize n) {
+static void quantise(struct rti *rti, const float *terms, gsize n) {
     for (int j = 0; j < TERMS; j++) {
         double least = 0, most = 0;
         for (gsize i = 0; i < n; i++) {
@@ -121,8 +121,8 @@ static void rti_quantise(struct rti *rti, const float *terms, gsize n) {
     }
 }
 
-static void rti_compare(const struct fitting *fitting, const struct rti *rti,
-                        struct rti_fit_result *ret) {
+static void compare(const struct fitting *fitting, const struct rti *rti,
+                    struct rti_fit_result *ret) {
     double squares = 0, n = 0;
     for (gsize l = 0; l < fitting->n; l++)
         for (gsize t = 0; t < fitting->texels; t++) {
@@ -159,7 +159,7 @@ struct rti *rti_fit(const char *name, const float *pictures, int width, int heig
             whole.a[i / TERMS][i % TERMS] += (double)basis[l * TERMS + (gsize)(i / TERMS)] *
                                              (double)basis[l * TERMS + (gsize)(i % TERMS)];
     }
-    if (!rti_solve(&whole, solution)) {
+    if (!solve(&whole, solution)) {
         data_error_set(name, 0, error,
                        "its %d lights do not determine the six terms of a PTM; six or more that do "
                        "not lie on one ring are needed",
@@ -181,12 +181,12 @@ struct rti *rti_fit(const char *name, const float *pictures, int width, int heig
         guint8 *colour = lrgb ? rti->colours + 3 * texel : NULL;
         if (lrgb)
             rti_colour(&fitting, texel, colour);
-        rti_observed(&fitting, texel, i % 3, colour, values);
+        observed(&fitting, texel, i % 3, colour, values);
         if (rti_fit_terms(&fitting, values, solution))
             for (gsize j = 0; j < TERMS; j++)
                 terms[i * TERMS + j] = (float)solution[j];
     }
-    rti_quantise(rti, terms, sums);
-    rti_compare(&fitting, rti, ret);
+    quantise(rti, terms, sums);
+    compare(&fitting, rti, ret);
     return rti;
 }

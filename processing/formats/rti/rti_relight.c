@@ -22,8 +22,7 @@ static int rti_term(const struct rti *rti, int k) {
     return k < 3 ? -1 : (int)order[k - 3];
 }
 
-static gboolean rti_write_plane(const char *folder, const struct rti *rti, int plane,
-                                GError **error) {
+static gboolean write_plane(const char *folder, const struct rti *rti, int plane, GError **error) {
     const gsize texels = (gsize)rti->width * (gsize)rti->height;
     g_autofree guint8 *rgb = g_malloc(3 * texels);
     g_autofree char *name = g_strdup_printf("plane_%d.png", plane);
@@ -41,7 +40,7 @@ static gboolean rti_write_plane(const char *folder, const struct rti *rti, int p
            output_file_write(path, g_bytes_get_data(png, NULL), g_bytes_get_size(png), error);
 }
 
-static void rti_append(GString *text, gboolean first, double value) {
+static void append(GString *text, gboolean first, double value) {
     char number[G_ASCII_DTOSTR_BUF_SIZE];
     g_string_append_printf(text, "%s%s", first ? "" : ", ",
                            g_ascii_formatd(number, sizeof number, "%.9g", value));
@@ -49,8 +48,8 @@ static void rti_append(GString *text, gboolean first, double value) {
 
 /* OpenLIME computes c = (byte / 255 − bias) · scale. Its scale is therefore 255 times that of
  * struct rti, and its bias a 255th. */
-static gboolean rti_write_info(const char *folder, const struct rti *rti, const float *lights,
-                               int n, double texel_mm, GError **error) {
+static gboolean write_info(const char *folder, const struct rti *rti, const float *lights, int n,
+                           double texel_mm, GError **error) {
     const int channels = rti->lrgb ? 9 : 18;
     g_autoptr(GString) text = g_string_new(NULL);
     g_autofree char *path = g_build_filename(folder, "info.json", NULL);
@@ -58,33 +57,33 @@ static gboolean rti_write_info(const char *folder, const struct rti *rti, const 
                     "{\n\"width\": %d, \"height\": %d,\n\"format\": \"png\",\n\"type\": \"ptm\",\n"
                     "\"colorspace\": \"%s\",\n\"nplanes\": %d,\n\"pixelSizeInMM\": ",
                     rti->width, rti->height, rti->lrgb ? "lrgb" : "rgb", channels);
-    rti_append(text, TRUE, texel_mm);
+    append(text, TRUE, texel_mm);
     g_string_append(text, ",\n\"lights\": [");
     for (int i = 0; i < 3 * n; i++)
-        rti_append(text, i == 0, (double)lights[i]);
+        append(text, i == 0, (double)lights[i]);
     g_string_append(text, "],\n\"materials\": [{\n\"scale\": [");
     for (int k = 0; k < channels; k++) {
         const int term = rti_term(rti, k);
-        rti_append(text, k == 0, term < 0 ? 1 : 255 * rti->scale[term]);
+        append(text, k == 0, term < 0 ? 1 : 255 * rti->scale[term]);
     }
     g_string_append(text, "],\n\"bias\": [");
     for (int k = 0; k < channels; k++) {
         const int term = rti_term(rti, k);
-        rti_append(text, k == 0, term < 0 ? 0 : rti->bias[term] / 255);
+        append(text, k == 0, term < 0 ? 0 : rti->bias[term] / 255);
     }
     g_string_append(text, "]\n}]\n}\n");
     return output_file_write(path, text->str, text->len, error);
 }
 
-static gboolean rti_write_files(const char *folder, const struct rti *rti, const float *lights,
-                                int n, double texel_mm, GError **error) {
-    gboolean ok = rti_write_info(folder, rti, lights, n, texel_mm, error);
+static gboolean write_files(const char *folder, const struct rti *rti, const float *lights, int n,
+                            double texel_mm, GError **error) {
+    gboolean ok = write_info(folder, rti, lights, n, texel_mm, error);
     for (int plane = 0; ok && plane < (rti->lrgb ? 3 : TERMS); plane++)
-        ok = rti_write_plane(folder, rti, plane, error);
+        ok = write_plane(folder, rti, plane, error);
     return ok;
 }
 
-static gboolean rti_fail_folder(const char *folder, GError **error) {
+static gboolean fail_folder(const char *folder, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
     g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
@@ -94,7 +93,7 @@ static gboolean rti_fail_folder(const char *folder, GError **error) {
 }
 
 /* Removes only files that this process has written. */
-static void rti_remove_folder(const char *folder) {
+static void remove_folder(const char *folder) {
     g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
     const char *name;
     while (dir && (name = g_dir_read_name(dir))) {
@@ -110,15 +109,15 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
     g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
     g_autofree char *beside = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
     if (replace && g_file_test(absolute, G_FILE_TEST_IS_DIR))
-        return rti_write_files(absolute, rti, lights, n, texel_mm, error);
+        return write_files(absolute, rti, lights, n, texel_mm, error);
     if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
         errno = EEXIST;
-        return rti_fail_folder(folder, error);
+        return fail_folder(folder, error);
     }
     if (!g_mkdtemp_full(beside, 0777))
-        return rti_fail_folder(folder, error);
+        return fail_folder(folder, error);
     GError *failed = NULL;
-    const gboolean ok = rti_write_files(beside, rti, lights, n, texel_mm, &failed);
+    const gboolean ok = write_files(beside, rti, lights, n, texel_mm, &failed);
     if (failed) { /* the folder is removed: the error must name the final folder */
         g_auto(GStrv) parts = g_strsplit(failed->message, beside, -1);
         g_autofree char *message = g_strjoinv(folder, parts);
@@ -127,6 +126,6 @@ gboolean rti_write_relight(const char *folder, gboolean replace, const struct rt
     }
     if (ok)
         return output_file_move_folder(beside, absolute, error);
-    rti_remove_folder(beside);
+    remove_folder(beside);
     return FALSE;
 }

@@ -5,7 +5,7 @@
 
 /* Returns the direction of the centre of texel (i, j) of a face of size × size texels. Faces are in
  * the order of OpenGL: +x, −x, +y, −y, +z, −z. */
-static struct vec3 cube_map_direction(int face, int i, int j, int size) {
+static struct vec3 direction(int face, int i, int j, int size) {
     const double s = 2 * (i + 0.5) / size - 1, t = 2 * (j + 0.5) / size - 1;
     const struct vec3 all[6] = {{1, -t, -s}, {-1, -t, s}, {s, 1, t},
                                 {s, -1, -t}, {s, -t, 1},  {-s, -t, -1}};
@@ -22,8 +22,7 @@ guint cube_map_new(int size, gboolean filtered, CubeMapFill fill, gpointer data)
     for (int face = 0; face < 6; face++) {
         for (int j = 0; j < size; j++)
             for (int i = 0; i < size; i++)
-                fill(cube_map_direction(face, i, j, size), data,
-                     values + 4 * ((gsize)j * size + i));
+                fill(direction(face, i, j, size), data, values + 4 * ((gsize)j * size + i));
         glTexImage2D(GL_TEXTURE_CUBE_MAP_POSITIVE_X + face, 0, GL_RGBA16, size, size, 0, GL_RGBA,
                      GL_FLOAT, values);
     }

@@ -19,7 +19,7 @@ static void fill_indices(struct vec3 d, gpointer data, float ret[4]) {
         ret[k] = (float)w.index[k] / G_MAXUINT16;
 }
 
-static void direction_cube_fill_weights(struct vec3 d, gpointer data, float ret[4]) {
+static void fill_weights(struct vec3 d, gpointer data, float ret[4]) {
     const struct filling *f = data;
     struct direction_weights w;
     directions_weights(f->directions, d, &w);
@@ -30,7 +30,7 @@ static void direction_cube_fill_weights(struct vec3 d, gpointer data, float ret[
 
 struct direction_textures direction_cube_new(Directions *directions, gboolean fade) {
     struct filling filling = {directions, fade};
-    return (struct direction_textures){
-        GL_TEXTURE_CUBE_MAP, cube_map_new(SIZE, FALSE, fill_indices, &filling),
-        cube_map_new(SIZE, FALSE, direction_cube_fill_weights, &filling)};
+    return (struct direction_textures){GL_TEXTURE_CUBE_MAP,
+                                       cube_map_new(SIZE, FALSE, fill_indices, &filling),
+                                       cube_map_new(SIZE, FALSE, fill_weights, &filling)};
 }

@@ -13,7 +13,7 @@ struct IndexTexture {
 
 /* Places level 0 at the top and all other levels next to each other below it. Returns the total
  * size. */
-static void index_texture_lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
+static void lay_out(IndexTexture *t, const struct index_map *map, int ret[2]) {
     int column = 0;
     ret[0] = map->width;
     ret[1] = map->height + (map->n_levels > 1 ? index_map_size(map->height, 1) : 0);
@@ -32,7 +32,7 @@ IndexTexture *index_texture_new(const struct index_map *map, GError **error) {
     *t = (IndexTexture){.n_levels = map->n_levels,
                         .size = {map->width, map->height},
                         .sample = {map->sample_width, map->sample_height}};
-    index_texture_lay_out(t, map, size);
+    lay_out(t, map, size);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
     if (MAX(size[0], size[1]) > most) {
         g_set_error(

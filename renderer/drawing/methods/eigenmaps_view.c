@@ -9,8 +9,7 @@
 
 #define VIEW_TABLE 256
 #define HALF_MAX   65504.0f
-#define FINE_BYTES                                                                                 \
-    ((gsize)128 << 20) /* limit for refined textures; see eigenmaps_view_put_layer() */
+#define FINE_BYTES ((gsize)128 << 20) /* limit for refined textures; see put_layer() */
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
@@ -21,7 +20,7 @@ struct EigenmapsView {
     struct direction_textures lights;
 };
 
-static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error) {
+static gboolean check(const struct eigenmaps *maps, GError **error) {
     const struct btf_layout *layout = &maps->layout;
     const gsize n_views = layout->views.n, needed = (gsize)maps->n_terms * (layout->lights.n + 2);
     GLint layers = 0;
@@ -52,7 +51,7 @@ static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **erro
 
 /* Doubles the samples along one axis of a repeating texture, by Catmull–Rom interpolation at the
  * offsets ±¼. */
-static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
+static void refine(const float *from, int n, gsize step, float *to, gsize to_step) {
     static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
     for (int k = 0; k < n; k++)
         for (int half = 0; half < 2; half++)
@@ -68,8 +67,8 @@ static void eigenmaps_view_refine(const float *from, int n, gsize step, float *t
 
 /* Uploads a layer. A mip level with twice the resolution of the material makes bilinear filtering
  * about as sharp as bicubic filtering, without more fetches. */
-static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
-                                     int layer, float *texels) {
+static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, int layer,
+                      float *texels) {
     const gsize w = maps->layout.width, h = maps->layout.height;
     double sums[3] = {0};
     for (gsize k = 0; k < 3 * w * h; k++) {
@@ -84,9 +83,9 @@ static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eig
         return;
     g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
     for (gsize j = 0; j < h; j++)
-        eigenmaps_view_refine(texels + 3 * w * j, (int)w, 3, wide + 6 * w * j, 3);
+        refine(texels + 3 * w * j, (int)w, 3, wide + 6 * w * j, 3);
     for (gsize i = 0; i < 2 * w; i++)
-        eigenmaps_view_refine(wide + 3 * i, (int)h, 6 * w, fine + 3 * i, 6 * w);
+        refine(wide + 3 * i, (int)h, 6 * w, fine + 3 * i, 6 * w);
     for (gsize k = 0; k < 4 * 3 * w * h; k++)
         fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, (int)(2 * w), (int)(2 * h), 1, GL_RGB,
@@ -94,7 +93,7 @@ static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eig
 }
 
 /* Allocates both levels if the finer one fits into FINE_BYTES and the card. */
-static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
+static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
     int layers = view->n_terms * view->n_layers;
     gsize fine = 4 * 8 * btf_layout_texels(&maps->layout) * layers;
     GLint size = 0;
@@ -110,9 +109,8 @@ static void eigenmaps_view_make_maps(EigenmapsView *view, const struct eigenmaps
 }
 
 /* Uploads one layer that is a mix of lights. */
-static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct eigenmaps *maps,
-                                         int term, gsize layer, const float *shares, float *texels,
-                                         GError **error) {
+static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
+                          gsize layer, const float *shares, float *texels, GError **error) {
     const gsize n = 3 * btf_layout_texels(&maps->layout), width = maps->layout.width;
     memset(texels, 0, sizeof(float) * n);
     for (gsize light = 0; light < maps->layout.lights.n; light++) {
@@ -127,24 +125,23 @@ static gboolean eigenmaps_view_mix_layer(const EigenmapsView *view, const struct
             texels[k] += shares[light] * map[k];
         }
     }
-    eigenmaps_view_put_layer(view, maps, (int)layer, texels);
+    put_layer(view, maps, (int)layer, texels);
     return TRUE;
 }
 
 /* Uploads the mip level that has one texel. If a side is not a power of two, drivers compute that
  * texel from only a part of the texels. */
-static void eigenmaps_view_put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
+static void put_means(const EigenmapsView *view, const struct eigenmaps *maps) {
     const gsize side = MAX(maps->layout.width, maps->layout.height) * (view->refined ? 2 : 1);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, (int)g_bit_storage(side) - 1, 0, 0, 0, 1, 1,
                     view->n_terms * view->n_layers, GL_RGB, GL_FLOAT, view->means);
 }
 
-static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eigenmaps *maps,
-                                           const float *pole, const float *ambient,
-                                           GError **error) {
+static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, const float *pole,
+                            const float *ambient, GError **error) {
     g_autofree float *texels = g_new(float, 3 * btf_layout_texels(&maps->layout));
     g_autofree float *one = g_new0(float, maps->layout.lights.n);
-    eigenmaps_view_make_maps(view, maps);
+    make_maps(view, maps);
     if (!gpu_check("the material's texture", error)) {
         g_prefix_error(error, "%zu × %zu texels in %d layers: ", maps->layout.width,
                        maps->layout.height, view->n_terms * view->n_layers);
@@ -154,14 +151,12 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
         int base = term * view->n_layers;
         for (gsize light = 0; light < maps->layout.lights.n; light++) {
             one[light] = 1.0f;
-            if (!eigenmaps_view_mix_layer(view, maps, term, base + light, one, texels, error))
+            if (!mix_layer(view, maps, term, base + light, one, texels, error))
                 return FALSE;
             one[light] = 0.0f;
         }
-        if (!eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels,
-                                      error) ||
-            !eigenmaps_view_mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient,
-                                      texels, error))
+        if (!mix_layer(view, maps, term, base + maps->layout.lights.n, pole, texels, error) ||
+            !mix_layer(view, maps, term, base + maps->layout.lights.n + 1, ambient, texels, error))
             return FALSE;
     }
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
@@ -169,7 +164,7 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
-    eigenmaps_view_put_means(view, maps);
+    put_means(view, maps);
     /* Software renderers take many times as long with it. Supersampling gives the same quality
      * there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
@@ -181,8 +176,8 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     return gpu_check("the material's texture", error);
 }
 
-static float eigenmaps_view_weight_at(const struct eigenmaps *maps, const Directions *views,
-                                      int term, const struct direction_weights *at) {
+static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
+                       const struct direction_weights *at) {
     const float *w = maps->weights + (gsize)term * maps->layout.views.n;
     double sum = 0.0;
     int n;
@@ -197,8 +192,7 @@ static float eigenmaps_view_weight_at(const struct eigenmaps *maps, const Direct
 }
 
 /* The outermost samples of the table lie on the horizon, so filtering needs no values beyond it. */
-static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenmaps *maps,
-                                        Directions *views) {
+static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
     int n_pages = (maps->n_terms + 3) / 4;
     gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
     g_autofree float *table = g_new0(float, n_pages *page);
@@ -211,7 +205,7 @@ static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenm
                                &w);
             for (int term = 0; term < maps->n_terms; term++)
                 table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
-                    eigenmaps_view_weight_at(maps, views, term, &w);
+                    weight_at(maps, views, term, &w);
         }
     view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
@@ -221,7 +215,7 @@ static void eigenmaps_view_upload_views(EigenmapsView *view, const struct eigenm
 }
 
 EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
-    if (!eigenmaps_view_check(maps, error))
+    if (!check(maps, error))
         return NULL;
     g_autoptr(Directions) views = method_directions(&maps->layout.views, "views", FALSE, error);
     if (!views)
@@ -239,8 +233,8 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     direction_table_pole_shares(lights, pole, maps->layout.lights.n);
     directions_sky(lights, ambient);
     view->lights = direction_table_new(lights, TRUE);
-    eigenmaps_view_upload_views(view, maps, views);
-    if (!eigenmaps_view_upload_maps(view, maps, pole, ambient, error))
+    upload_views(view, maps, views);
+    if (!upload_maps(view, maps, pole, ambient, error))
         return NULL;
     return g_steal_pointer(&view);
 }
@@ -255,8 +249,7 @@ void eigenmaps_view_free(EigenmapsView *view) {
     g_free(view);
 }
 
-static void eigenmaps_view_bind_all(gpointer material, guint program,
-                                    const struct method_style *style) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const EigenmapsView *view = material;
     gpu_bind_texture(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
     direction_textures_bind(&view->lights, program, "light", 2);
@@ -271,7 +264,7 @@ static void eigenmaps_view_bind_all(gpointer material, guint program,
     glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
 }
 
-static gint64 eigenmaps_view_bytes(gconstpointer material) {
+static gint64 bytes(gconstpointer material) {
     const EigenmapsView *view = material;
     return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->maps) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->view_weights) +
@@ -284,7 +277,7 @@ static gboolean eigenmaps_view_texels(gconstpointer material, int ret[2]) {
     return TRUE;
 }
 
-static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
+static gpointer open_file(const char *path, GError **error) {
     struct eigenmaps *maps = eigenmaps_read(path, error);
     EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
     eigenmaps_free(maps);
@@ -299,9 +292,9 @@ const struct method method_eigenmaps = {
     .product = "eigenmaps.exr",
     .made_by = "mesorig process",
     .shaders = shader_names,
-    .open = eigenmaps_view_open_file,
+    .open = open_file,
     .free = (GDestroyNotify)eigenmaps_view_free,
-    .bytes = eigenmaps_view_bytes,
+    .bytes = bytes,
     .texels = eigenmaps_view_texels,
-    .bind = eigenmaps_view_bind_all,
+    .bind = bind_all,
 };

@@ -13,7 +13,7 @@ struct HshView {
 };
 
 /* Computes √(2/π) c_0, or 0 if it is negative. */
-static void hsh_view_sky(gconstpointer model, gsize view, float *ret_layer) {
+static void sky(gconstpointer model, gsize view, float *ret_layer) {
     const struct hsh *hsh = model;
     const gsize texels = btf_layout_texels(&hsh->layout), n_values = (gsize)hsh->n_terms * COLOURS;
     for (gsize k = 0; k < PAGE * texels; k++) {
@@ -25,7 +25,7 @@ static void hsh_view_sky(gconstpointer model, gsize view, float *ret_layer) {
 
 /* Sets the layers of a view: one per colour for every four terms, then one layer of R, G, B for the
  * last term. The index of a value of a texel is term × COLOURS + colour. */
-static void hsh_view_set_pages(struct slices *slices, int n_terms) {
+static void set_pages(struct slices *slices, int n_terms) {
     const int whole = n_terms / PAGE;
     slices->n_pages = COLOURS * whole + n_terms % PAGE;
     for (int page = 0; page < slices->n_pages; page++)
@@ -46,11 +46,11 @@ HshView *hsh_view_new(const struct hsh *hsh, GError **error) {
     view->slices.what = "hemispherical harmonics";
     view->slices.n_levels = (int)g_bit_storage(MAX(hsh->layout.width, hsh->layout.height));
     view->slices.n_slices = (int)hsh->layout.views.n;
-    hsh_view_set_pages(&view->slices, hsh->n_terms);
+    set_pages(&view->slices, hsh->n_terms);
     return slices_check_size(&view->slices, &hsh->layout,
                              "compress with fewer --terms, or with another method", error) &&
                    slices_check_values(&view->slices, &level, error) &&
-                   slices_upload(&view->slices, &level, 1, hsh_view_sky, error)
+                   slices_upload(&view->slices, &level, 1, sky, error)
                ? g_steal_pointer(&view)
                : NULL;
 }
@@ -73,12 +73,12 @@ static gboolean hsh_view_texels(gconstpointer material, int ret[2]) {
     return slices_texels(&((const struct HshView *)material)->slices, ret);
 }
 
-static gint64 hsh_view_bytes(gconstpointer material) {
+static gint64 bytes(gconstpointer material) {
     const HshView *view = material;
     return slices_bytes(&view->slices);
 }
 
-static char *hsh_view_constants(gconstpointer material, const struct method_style *style) {
+static char *constants(gconstpointer material, const struct method_style *style) {
     const HshView *view = material;
     return g_strdup_printf("#define N_LEVELS %d\n#define NEAREST %d\n#define SLICED 1\n"
                            "#define N_LOBES 0\n#define N_TERMS %d\n",
@@ -101,8 +101,8 @@ const struct method method_hsh = {
     .shaders = hsh_view_shaders,
     .open = hsh_view_open,
     .free = (GDestroyNotify)hsh_view_free,
-    .constants = hsh_view_constants,
-    .bytes = hsh_view_bytes,
+    .constants = constants,
+    .bytes = bytes,
     .texels = hsh_view_texels,
     .bind = hsh_view_bind,
 };

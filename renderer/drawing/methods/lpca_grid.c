@@ -24,21 +24,21 @@ struct LpcaGrid {
     int n;
 };
 
-static int lpca_grid_pages_of(const struct lpca *lpca) {
+static int pages_of(const struct lpca *lpca) {
     return MAX(1, (lpca->n_components + 3) / 4);
 }
 
-static double lpca_grid_texels_of(const struct lpca *lpca, int n) {
-    return (double)lpca->n_clusters * lpca_grid_pages_of(lpca) * n * n * (n * n + 1.0);
+static double texels_of(const struct lpca *lpca, int n) {
+    return (double)lpca->n_clusters * pages_of(lpca) * n * n * (n * n + 1.0);
 }
 
 /* Returns the finest grid that LPCA_GRID_BYTES and the graphics card allow. */
-static int lpca_grid_fitting(const struct lpca *lpca) {
+static int fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
-    while (n > LEAST && (TEXEL * lpca_grid_texels_of(lpca, n) > (double)LPCA_GRID_BYTES ||
-                         lpca_grid_texels_of(lpca, n) > most))
+    while (n > LEAST &&
+           (TEXEL * texels_of(lpca, n) > (double)LPCA_GRID_BYTES || texels_of(lpca, n) > most))
         n--;
     return n;
 }
@@ -51,8 +51,7 @@ struct share {
 
 /* Returns, for each cell of the grid, the measured directions from which it is mixed, as a GArray
  * of struct share. The weight of the pole is divided among the directions whose mean it is. */
-static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions, int n,
-                                        gboolean fade) {
+static GPtrArray *cell_shares(Directions *directions, int n_directions, int n, gboolean fade) {
     GPtrArray *cells = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (int cell = 0; cell < n * n; cell++) {
         const int i = cell / n, j = cell % n;
@@ -77,7 +76,7 @@ static GPtrArray *lpca_grid_cell_shares(Directions *directions, int n_directions
     return cells;
 }
 
-static void lpca_grid_mix(const float *values, gsize step, const GArray *shares, float ret[3]) {
+static void mix(const float *values, gsize step, const GArray *shares, float ret[3]) {
     ret[0] = ret[1] = ret[2] = 0;
     for (guint k = 0; k < shares->len; k++) {
         const struct share *share = &g_array_index(shares, struct share, k);
@@ -94,20 +93,20 @@ struct resampling {
     float *half;
 };
 
-static void lpca_grid_resample(const struct resampling *r, const float *component, float *ret) {
+static void resample(const struct resampling *r, const float *component, float *ret) {
     const struct lpca *lpca = r->lpca;
     const gsize n_columns = r->lights->len;
     for (gsize v = 0; v < lpca->layout.views.n; v++)
         for (gsize cell = 0; cell < n_columns; cell++)
-            lpca_grid_mix(component + 3 * lpca->layout.lights.n * v, 3, r->lights->pdata[cell],
-                          r->half + 3 * (n_columns * v + cell));
+            mix(component + 3 * lpca->layout.lights.n * v, 3, r->lights->pdata[cell],
+                r->half + 3 * (n_columns * v + cell));
     for (gsize row = 0; row < r->views->len; row++)
         for (gsize cell = 0; cell < n_columns; cell++, ret += 3)
-            lpca_grid_mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
+            mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
 }
 
 /* Encodes a mean as GL_RGB9_E5: nine bits per colour and a common exponent. */
-static guint32 lpca_grid_word_of_mean(const float rgb[3]) {
+static guint32 word_of_mean(const float rgb[3]) {
     const float largest = CLAMP(fmaxf(rgb[0], fmaxf(rgb[1], rgb[2])), 0, MEAN_MAX);
     int exponent;
     (void)frexpf(largest, &exponent);
@@ -121,8 +120,8 @@ static guint32 lpca_grid_word_of_mean(const float rgb[3]) {
 }
 
 /* Quantises a component to signed bytes (Schneider 2004 §6.3). Returns the value of one step. */
-static float lpca_grid_put_component(const float *values, gsize n_samples, int i, int n_pages,
-                                     guint32 *words) {
+static float put_component(const float *values, gsize n_samples, int i, int n_pages,
+                           guint32 *words) {
     const int page = (i - 1) / 4, shift = 8 * ((i - 1) % 4);
     float largest = 0;
     for (gsize k = 0; k < 3 * n_samples; k++)
@@ -134,35 +133,35 @@ static float lpca_grid_put_component(const float *values, gsize n_samples, int i
     return largest / STEPS;
 }
 
-static void lpca_grid_put_cluster(const struct resampling *r, int cluster, int n_pages,
-                                  float *values, guint32 *words, float *ret_scales) {
+static void put_cluster(const struct resampling *r, int cluster, int n_pages, float *values,
+                        guint32 *words, float *ret_scales) {
     const struct lpca *lpca = r->lpca;
     const gsize size = 3 * lpca->layout.views.n * lpca->layout.lights.n;
     const gsize n_samples = (gsize)r->views->len * r->lights->len;
     memset(words, 0, sizeof(guint32) * WORDS * n_pages * n_samples);
     for (int i = 0; i <= lpca->n_components; i++) {
         const gsize table = (gsize)cluster * (lpca->n_components + 1) + i;
-        lpca_grid_resample(r, lpca->brdfs + size * table, values);
+        resample(r, lpca->brdfs + size * table, values);
         ret_scales[table] = 1;
         if (i > 0)
-            ret_scales[table] = lpca_grid_put_component(values, n_samples, i, n_pages, words);
+            ret_scales[table] = put_component(values, n_samples, i, n_pages, words);
         else
             for (gsize k = 0; k < n_samples; k++)
-                words[WORDS * n_pages * k] = lpca_grid_word_of_mean(values + 3 * k);
+                words[WORDS * n_pages * k] = word_of_mean(values + 3 * k);
     }
     const gsize bytes = sizeof(guint32) * WORDS * n_pages * n_samples;
     glBufferSubData(GL_TEXTURE_BUFFER, (GLintptr)(bytes * cluster), (GLsizeiptr)bytes, words);
 }
 
-static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
-                                 const struct lpca_directions *directions, float *ret_scales,
-                                 GError **error) {
-    const int n_pages = lpca_grid_pages_of(lpca), cells = grid->n * grid->n;
+static gboolean upload(LpcaGrid *grid, const struct lpca *lpca,
+                       const struct lpca_directions *directions, float *ret_scales,
+                       GError **error) {
+    const int n_pages = pages_of(lpca), cells = grid->n * grid->n;
     const gsize n_samples = (gsize)cells * (cells + 1);
     g_autoptr(GPtrArray) views =
-        lpca_grid_cell_shares(directions->views, lpca->layout.views.n, grid->n, FALSE);
+        cell_shares(directions->views, lpca->layout.views.n, grid->n, FALSE);
     g_autoptr(GPtrArray) lights =
-        lpca_grid_cell_shares(directions->lights, lpca->layout.lights.n, grid->n, TRUE);
+        cell_shares(directions->lights, lpca->layout.lights.n, grid->n, TRUE);
     g_autofree float *half = g_new(float, 3 * lpca->layout.views.n * (cells + 1));
     g_autofree float *values = g_new(float, 3 * n_samples);
     g_autofree guint32 *words = g_new(guint32, WORDS * n_pages * n_samples);
@@ -180,14 +179,14 @@ static gboolean lpca_grid_upload(LpcaGrid *grid, const struct lpca *lpca,
     if (!gpu_check("the eigen-BRDFs' buffer", error))
         return FALSE;
     for (int k = 0; k < lpca->n_clusters; k++)
-        lpca_grid_put_cluster(&r, k, n_pages, values, words, ret_scales);
+        put_cluster(&r, k, n_pages, values, words, ret_scales);
     glGenTextures(1, &grid->brdfs);
     glBindTexture(GL_TEXTURE_BUFFER, grid->brdfs);
     glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32UI, grid->buffer);
     return gpu_check("the eigen-BRDFs' buffer", error);
 }
 
-static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, GError **error) {
+static gboolean check(const LpcaGrid *grid, const struct lpca *lpca, GError **error) {
     GLint most = 0;
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
     if (grid->n < LEAST || grid->n > 1000) {
@@ -196,7 +195,7 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
                     grid->n, LEAST);
         return FALSE;
     }
-    if (lpca_grid_texels_of(lpca, grid->n) <= most)
+    if (texels_of(lpca, grid->n) <= most)
         return TRUE;
     g_set_error(
         error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
@@ -206,16 +205,16 @@ static gboolean lpca_grid_check(const LpcaGrid *grid, const struct lpca *lpca, G
     return FALSE;
 }
 
-static gboolean lpca_grid_make(LpcaGrid *grid, const struct lpca_pyramid *pyramid, int n_grid,
-                               GError **error) {
+static gboolean make(LpcaGrid *grid, const struct lpca_pyramid *pyramid, int n_grid,
+                     GError **error) {
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
     g_autofree float *scales = g_new(float, (gsize)lpca->n_clusters *(lpca->n_components + 1));
-    grid->n = n_grid ? n_grid : lpca_grid_fitting(lpca);
-    if (!lpca_pyramid_is_linear(pyramid, error) || !lpca_grid_check(grid, lpca, error) ||
+    grid->n = n_grid ? n_grid : fitting(lpca);
+    if (!lpca_pyramid_is_linear(pyramid, error) || !check(grid, lpca, error) ||
         !lpca_directions_init(&directions, lpca, FALSE, error))
         return FALSE;
-    const gboolean ok = lpca_grid_upload(grid, lpca, &directions, scales, error) &&
+    const gboolean ok = upload(grid, lpca, &directions, scales, error) &&
                         lpca_texels_init(&grid->texels, pyramid, scales, error);
     lpca_directions_clear(&directions);
     return ok;
@@ -224,8 +223,8 @@ static gboolean lpca_grid_make(LpcaGrid *grid, const struct lpca_pyramid *pyrami
 LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error) {
     g_autoptr(LpcaGrid) grid = g_new0(LpcaGrid, 1);
     struct lpca_pyramid pyramid;
-    const gboolean ok = lpca_pyramid_init(&pyramid, levels, n, error) &&
-                        lpca_grid_make(grid, &pyramid, n_grid, error);
+    const gboolean ok =
+        lpca_pyramid_init(&pyramid, levels, n, error) && make(grid, &pyramid, n_grid, error);
     lpca_pyramid_clear(&pyramid);
     return ok ? g_steal_pointer(&grid) : NULL;
 }
@@ -239,12 +238,12 @@ void lpca_grid_free(LpcaGrid *grid) {
     g_free(grid);
 }
 
-static char *lpca_grid_constants(gconstpointer material, const struct method_style *style) {
+static char *constants(gconstpointer material, const struct method_style *style) {
     const LpcaGrid *grid = material;
     return lpca_texels_constants(&grid->texels, style);
 }
 
-static void lpca_grid_bind_all(gpointer material, guint program, const struct method_style *style) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaGrid *grid = material;
     lpca_texels_bind(&grid->texels, program);
     gpu_bind_texture(program, "brdfs", 0, GL_TEXTURE_BUFFER, grid->brdfs);
@@ -260,12 +259,12 @@ static gint64 lpca_grid_bytes(gconstpointer material) {
     return lpca_texels_bytes(&grid->texels) + gpu_texture_bytes(GL_TEXTURE_BUFFER, grid->brdfs);
 }
 
-static gpointer lpca_grid_open_levels(struct lpca *const *levels, int n, GError **error) {
+static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_grid_new(levels, n, 0, error);
 }
 
-static gpointer lpca_grid_open_file(const char *path, GError **error) {
-    return lpca_open_levels(path, lpca_grid_open_levels, error);
+static gpointer open_file(const char *path, GError **error) {
+    return lpca_open_levels(path, open_levels, error);
 }
 
 static const char *const shader_names[] = {"directions.glsl", "levels.glsl", "lpca_texel.glsl",
@@ -277,10 +276,10 @@ const struct method method_lpca_grid = {
     .product = "lpca.exr",
     .made_by = "mesorig compress",
     .shaders = shader_names,
-    .open = lpca_grid_open_file,
+    .open = open_file,
     .free = (GDestroyNotify)lpca_grid_free,
-    .constants = lpca_grid_constants,
+    .constants = constants,
     .bytes = lpca_grid_bytes,
     .texels = lpca_grid_texels,
-    .bind = lpca_grid_bind_all,
+    .bind = bind_all,
 };

@@ -23,7 +23,7 @@ struct LpcaRevised {
 
 /* Returns the finest grid within LPCA_REVISED_BYTES. A card stores RGB bytes as 4 bytes, and RGB
  * half floats as 8 bytes. */
-static int lpca_revised_fitting(const struct lpca *lpca) {
+static int fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&
            lpca->n_clusters * (8.0 + 4.0 * lpca->n_components) * n * n * (n * n + 1.0) >
@@ -32,7 +32,7 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
     return n;
 }
 
-static guint lpca_revised_volume(int format, int width, int height, int depth) {
+static guint volume(int format, int width, int height, int depth) {
     GLuint texture;
     glGenTextures(1, &texture);
     glBindTexture(GL_TEXTURE_3D, texture);
@@ -46,7 +46,7 @@ static guint lpca_revised_volume(int format, int width, int height, int depth) {
     return texture;
 }
 
-static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GError **error) {
+static gboolean fits(LpcaRevised *r, const struct lpca *grid, GError **error) {
     GLint size = 0;
     glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &size);
     const int columns = MIN(grid->n_clusters, size / grid->n_grid);
@@ -62,17 +62,16 @@ static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GErro
     return FALSE;
 }
 
-static gboolean lpca_revised_make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
+static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
     const int width = r->n_columns * r->n, depth = r->n * r->n + 1;
     const int rows = (grid->n_clusters + r->n_columns - 1) / r->n_columns;
-    r->means = lpca_revised_volume(GL_RGBA16F, width, rows * r->n, depth);
-    r->brdfs =
-        lpca_revised_volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
+    r->means = volume(GL_RGBA16F, width, rows * r->n, depth);
+    r->brdfs = volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-static void lpca_revised_put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i,
-                                   float *block, gint8 *steps) {
+static void put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i, float *block,
+                      gint8 *steps) {
     const gsize samples = (gsize)r->n * r->n, size = 3 * samples * samples;
     const int table = cluster * (grid->n_components + 1) + i;
     const int x = cluster % r->n_columns * r->n, row = cluster / r->n_columns;
@@ -88,36 +87,36 @@ static void lpca_revised_put_table(const LpcaRevised *r, struct lpca *grid, int 
                     i == 0 ? GL_FLOAT : GL_BYTE, i == 0 ? (void *)block : (void *)steps);
 }
 
-static gboolean lpca_revised_upload(LpcaRevised *r, struct lpca *grid, GError **error) {
+static gboolean upload(LpcaRevised *r, struct lpca *grid, GError **error) {
     const gsize samples = grid->layout.views.n, values = 3 * samples * (samples + 1);
-    if (!lpca_revised_fits(r, grid, error) || !lpca_revised_make_volumes(r, grid, error))
+    if (!fits(r, grid, error) || !make_volumes(r, grid, error))
         return FALSE;
     g_autofree float *block = g_new(float, values);
     g_autofree gint8 *steps = g_new(gint8, values);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     for (int k = 0; k < grid->n_clusters; k++)
         for (int i = 0; i <= grid->n_components; i++)
-            lpca_revised_put_table(r, grid, k, i, block, steps);
+            put_table(r, grid, k, i, block, steps);
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-static void lpca_revised_square_of(struct vec3 d, double ret[2]) {
+static void square_of(struct vec3 d, double ret[2]) {
     const float at[3] = {(float)d.x, (float)d.y, (float)d.z};
     direction_grid_square(at, &ret[0], &ret[1]);
 }
 
-static void lpca_revised_fill_view(struct vec3 direction, gpointer data, float ret[4]) {
+static void fill_view(struct vec3 direction, gpointer data, float ret[4]) {
     double at[2];
-    lpca_revised_square_of(direction, at);
+    square_of(direction, at);
     ret[0] = (float)at[0];
     ret[1] = (float)at[1];
     ret[2] = ret[3] = 0;
 }
 
-static void lpca_revised_fill_light(struct vec3 direction, gpointer data, float ret[4]) {
+static void fill_light(struct vec3 direction, gpointer data, float ret[4]) {
     const LpcaRevised *r = data;
     double at[2];
-    lpca_revised_square_of(direction, at);
+    square_of(direction, at);
     const double t = at[1] * (r->n - 1), s = 0.5 + at[0] * (r->n - 1), depth = r->n * r->n + 1;
     const int i = MIN((int)t, r->n - 2);
     ret[0] = (float)((i * r->n + s) / depth);
@@ -126,27 +125,27 @@ static void lpca_revised_fill_light(struct vec3 direction, gpointer data, float 
     ret[3] = 0;
 }
 
-static gboolean lpca_revised_make(LpcaRevised *r, const struct lpca_pyramid *pyramid, int n_grid,
-                                  GError **error) {
+static gboolean make(LpcaRevised *r, const struct lpca_pyramid *pyramid, int n_grid,
+                     GError **error) {
     if (!lpca_pyramid_is_linear(pyramid, error))
         return FALSE;
-    struct lpca *grid = lpca_volumes_on_grid(
-        pyramid->lpca, n_grid ? n_grid : lpca_revised_fitting(pyramid->lpca), error);
-    const gboolean ok = grid != NULL && lpca_revised_upload(r, grid, error) &&
+    struct lpca *grid =
+        lpca_volumes_on_grid(pyramid->lpca, n_grid ? n_grid : fitting(pyramid->lpca), error);
+    const gboolean ok = grid != NULL && upload(r, grid, error) &&
                         lpca_texels_init(&r->texels, pyramid, grid->scales, error);
     lpca_free(grid);
     if (!ok)
         return FALSE;
-    r->view_map = cube_map_new(VIEW_SIZE, TRUE, lpca_revised_fill_view, r);
-    r->light_map = cube_map_new(LIGHT_SIZE, FALSE, lpca_revised_fill_light, r);
+    r->view_map = cube_map_new(VIEW_SIZE, TRUE, fill_view, r);
+    r->light_map = cube_map_new(LIGHT_SIZE, FALSE, fill_light, r);
     return gpu_check("the cube maps", error);
 }
 
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error) {
     g_autoptr(LpcaRevised) revised = g_new0(LpcaRevised, 1);
     struct lpca_pyramid pyramid;
-    const gboolean ok = lpca_pyramid_init(&pyramid, levels, n, error) &&
-                        lpca_revised_make(revised, &pyramid, n_grid, error);
+    const gboolean ok =
+        lpca_pyramid_init(&pyramid, levels, n, error) && make(revised, &pyramid, n_grid, error);
     lpca_pyramid_clear(&pyramid);
     return ok ? g_steal_pointer(&revised) : NULL;
 }
@@ -161,8 +160,7 @@ void lpca_revised_free(LpcaRevised *revised) {
     g_free(revised);
 }
 
-static void lpca_revised_bind_all(gpointer material, guint program,
-                                  const struct method_style *style) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaRevised *revised = material;
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
     lpca_texels_bind(&revised->texels, program);
@@ -174,7 +172,7 @@ static void lpca_revised_bind_all(gpointer material, guint program,
     glUniform1i(glGetUniformLocation(program, "n_columns"), revised->n_columns);
 }
 
-static char *lpca_revised_constants(gconstpointer material, const struct method_style *style) {
+static char *constants(gconstpointer material, const struct method_style *style) {
     const LpcaRevised *revised = material;
     return lpca_texels_constants(&revised->texels, style);
 }
@@ -183,7 +181,7 @@ static gboolean lpca_revised_texels(gconstpointer material, int ret[2]) {
     return lpca_texels_size(&((const struct LpcaRevised *)material)->texels, ret);
 }
 
-static gint64 lpca_revised_bytes(gconstpointer material) {
+static gint64 bytes(gconstpointer material) {
     const LpcaRevised *revised = material;
     return lpca_texels_bytes(&revised->texels) + gpu_texture_bytes(GL_TEXTURE_3D, revised->means) +
            gpu_texture_bytes(GL_TEXTURE_3D, revised->brdfs) +
@@ -191,12 +189,12 @@ static gint64 lpca_revised_bytes(gconstpointer material) {
            gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->light_map);
 }
 
-static gpointer lpca_revised_open_levels(struct lpca *const *levels, int n, GError **error) {
+static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_revised_new(levels, n, 0, error);
 }
 
-static gpointer lpca_revised_open_file(const char *path, GError **error) {
-    return lpca_open_levels(path, lpca_revised_open_levels, error);
+static gpointer open_file(const char *path, GError **error) {
+    return lpca_open_levels(path, open_levels, error);
 }
 
 static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl",
@@ -208,10 +206,10 @@ const struct method method_lpca_revised = {
     .product = "lpca.exr",
     .made_by = "mesorig compress",
     .shaders = shader_names,
-    .open = lpca_revised_open_file,
+    .open = open_file,
     .free = (GDestroyNotify)lpca_revised_free,
-    .constants = lpca_revised_constants,
-    .bytes = lpca_revised_bytes,
+    .constants = constants,
+    .bytes = bytes,
     .texels = lpca_revised_texels,
-    .bind = lpca_revised_bind_all,
+    .bind = bind_all,
 };

@@ -9,8 +9,7 @@
 
 #define HALF_MAX 65504.0f
 
-static gboolean lpca_texels_all_finite(const float *values, gsize n, const char *what,
-                                       GError **error) {
+static gboolean all_finite(const float *values, gsize n, const char *what, GError **error) {
     for (gsize k = 0; k < n; k++)
         if (!isfinite(values[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
@@ -20,7 +19,7 @@ static gboolean lpca_texels_all_finite(const float *values, gsize n, const char 
     return TRUE;
 }
 
-static gboolean lpca_texels_check(const struct lpca *lpca, GError **error) {
+static gboolean check(const struct lpca *lpca, GError **error) {
     const struct btf_layout *layout = &lpca->layout;
     const gsize texels = btf_layout_texels(layout), brdf = btf_layout_values(layout);
     if (brdf < 1 || texels < 1 || lpca->n_clusters < 1) {
@@ -35,14 +34,14 @@ static gboolean lpca_texels_check(const struct lpca *lpca, GError **error) {
             return FALSE;
         }
     return method_check_size(layout, error) &&
-           lpca_texels_all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
-           lpca_texels_all_finite(lpca->brdfs, brdf * (lpca->n_components + 1) * lpca->n_clusters,
-                                  "eigen-BRDF value", error);
+           all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
+           all_finite(lpca->brdfs, brdf * (lpca->n_components + 1) * lpca->n_clusters,
+                      "eigen-BRDF value", error);
 }
 
-static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GError **error) {
+static gboolean check_levels(struct lpca *const *levels, int n, GError **error) {
     for (int k = 0; k < n; k++) {
-        if (!lpca_texels_check(levels[k], error)) {
+        if (!check(levels[k], error)) {
             if (k > 0)
                 g_prefix_error(error, "mip level %d: ", k);
             return FALSE;
@@ -67,7 +66,7 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
 
 /* Concatenates the eigen-BRDFs of all levels. Components that a level lacks are 0 and have weight
  * 0. */
-static void lpca_texels_join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
+static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
     const gsize size = 3 * joined->layout.views.n * joined->layout.lights.n;
     const gsize tables = joined->n_components + 1;
     joined->brdfs = g_new0(float, size *tables * joined->n_clusters);
@@ -89,7 +88,7 @@ static void lpca_texels_join_brdfs(struct lpca *joined, const struct lpca_pyrami
 gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
                            GError **error) {
     *pyramid = (struct lpca_pyramid){.lpca = levels[0], .n_levels = n};
-    if (!lpca_texels_check_levels(levels, n, error))
+    if (!check_levels(levels, n, error))
         return FALSE;
     int n_clusters = 0, n_components = 0;
     for (int k = 0; k < n; k++) {
@@ -109,7 +108,7 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
     pyramid->owned = TRUE;
     pyramid->lpca->n_clusters = n_clusters;
     pyramid->lpca->n_components = n_components;
-    lpca_texels_join_brdfs(pyramid->lpca, pyramid);
+    join_brdfs(pyramid->lpca, pyramid);
     return TRUE;
 }
 
@@ -133,7 +132,7 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
 
 /* Makes a packed material drawable. It has one cluster with too many components to be drawn, so it
  * is clustered again, with the default numbers of “mesorig compress”. */
-static gboolean lpca_texels_make_drawable(struct lpca **lpca, GError **error) {
+static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
         return TRUE;
@@ -148,7 +147,7 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     const int n = lpca_read_levels(path, levels, error);
     gboolean ok = n > 0;
     for (int k = 0; ok && k < n; k++)
-        ok = lpca_texels_make_drawable(&levels[k], error);
+        ok = make_drawable(&levels[k], error);
     gpointer view = ok ? make(levels, n, error) : NULL;
     for (int k = 0; k < n; k++)
         lpca_free(levels[k]);
@@ -157,7 +156,7 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
 
 /* Uploads the cluster of each texel together with those of its three neighbours, so that one fetch
  * reads four clusters. */
-static void lpca_texels_upload_clusters(const struct lpca_pyramid *pyramid, int level) {
+static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
     const int w = lpca->layout.width, h = lpca->layout.height;
     g_autofree guint16 *clusters = g_new(guint16, 4 * (gsize)w * h);
@@ -169,8 +168,8 @@ static void lpca_texels_upload_clusters(const struct lpca_pyramid *pyramid, int 
                  clusters);
 }
 
-static void lpca_texels_upload_weights(const struct lpca_pyramid *pyramid, const float *scales,
-                                       int level, int pages) {
+static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
+                           int pages) {
     const struct lpca *lpca = pyramid->levels[level];
     const gsize n = btf_layout_texels(&lpca->layout);
     const int tables = pyramid->lpca->n_components + 1;
@@ -190,7 +189,7 @@ static void lpca_texels_upload_weights(const struct lpca_pyramid *pyramid, const
 }
 
 /* Makes a texture with these levels. Its texels are fetched and never filtered. */
-static guint lpca_texels_mipmapped(GLenum target, int n_levels) {
+static guint mipmapped(GLenum target, int n_levels) {
     GLuint texture;
     glGenTextures(1, &texture);
     glBindTexture(target, texture);
@@ -208,12 +207,12 @@ gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid 
     texels->n_levels = pyramid->n_levels;
     texels->log = pyramid->lpca->colours == LPCA_LOG;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    texels->clusters = lpca_texels_mipmapped(GL_TEXTURE_2D, texels->n_levels);
+    texels->clusters = mipmapped(GL_TEXTURE_2D, texels->n_levels);
     for (int level = 0; level < texels->n_levels; level++)
-        lpca_texels_upload_clusters(pyramid, level);
-    texels->weights = lpca_texels_mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
+        upload_clusters(pyramid, level);
+    texels->weights = mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
     for (int level = 0; level < texels->n_levels; level++)
-        lpca_texels_upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
+        upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
     return gpu_check("the weights' texture", error);
 }
 

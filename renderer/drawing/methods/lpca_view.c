@@ -20,8 +20,8 @@ struct LpcaView {
 };
 
 /* Fills one row per view: for each component the measured lights, then the sky. */
-static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack,
-                                   int cluster, const float *sky, float *ret) {
+static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
+                         const float *sky, float *ret) {
     const gsize n_lights = lpca->layout.lights.n, row = 3 * (gsize)stack->n_columns;
     const gsize step = 3 * (gsize)(lpca->n_components + 1);
     const float *values = lpca->brdfs + btf_layout_values(&lpca->layout) *
@@ -38,22 +38,22 @@ static void lpca_view_fill_cluster(const struct lpca *lpca, const struct lpca_st
         }
 }
 
-static gboolean lpca_view_upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
-                                       GError **error) {
+static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
+                             GError **error) {
     const struct lpca_stack *stack = &view->stack;
     g_autofree float *block = g_new(float, 3 * (gsize)stack->n_columns * stack->n_rows);
     view->brdfs = lpca_stack_texture(stack, error);
     if (!view->brdfs)
         return FALSE;
     for (int k = 0; k < lpca->n_clusters; k++) {
-        lpca_view_fill_cluster(lpca, stack, k, sky, block);
+        fill_cluster(lpca, stack, k, sky, block);
         lpca_stack_put(stack, k, block);
     }
     return gpu_check("the eigen-BRDFs' texture", error);
 }
 
 /* Uploads one level of each texel's reflectance under an even sky, one layer per view. */
-static void lpca_view_put_skies(const struct lpca *lpca, int level, const float *sky) {
+static void put_skies(const struct lpca *lpca, int level, const float *sky) {
     const gsize texels = btf_layout_texels(&lpca->layout);
     const gsize pairs = lpca->layout.views.n * lpca->layout.lights.n;
     g_autofree float *rgb = g_new(float, 3 * pairs);
@@ -71,8 +71,8 @@ static void lpca_view_put_skies(const struct lpca *lpca, int level, const float 
                     lpca->layout.views.n, GL_RGB, GL_FLOAT, layers);
 }
 
-static gboolean lpca_view_upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid,
-                                       const float *sky, GError **error) {
+static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid, const float *sky,
+                             GError **error) {
     const struct lpca *first = pyramid->levels[0];
     GLint layers = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
@@ -86,11 +86,11 @@ static gboolean lpca_view_upload_skies(LpcaView *view, const struct lpca_pyramid
     view->skies = gpu_texture_levels(GL_RGBA16F, first->layout.width, first->layout.height,
                                      first->layout.views.n, pyramid->n_levels);
     for (int k = 0; k < pyramid->n_levels; k++)
-        lpca_view_put_skies(pyramid->levels[k], k, sky);
+        put_skies(pyramid->levels[k], k, sky);
     return gpu_check("the texture of the even sky", error);
 }
 
-static gboolean lpca_view_make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
+static gboolean make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
     if (!lpca_stack_init(
@@ -101,10 +101,9 @@ static gboolean lpca_view_make(LpcaView *view, const struct lpca_pyramid *pyrami
     view->ambient_column = lpca->layout.lights.n * (lpca->n_components + 1);
     view->views = direction_cube_new(directions.views, FALSE);
     view->lights = direction_cube_new(directions.lights, TRUE);
-    const gboolean ok =
-        lpca_texels_init(&view->texels, pyramid, NULL, error) &&
-        lpca_view_upload_brdfs(view, lpca, directions.sky, error) &&
-        (!view->texels.log || lpca_view_upload_skies(view, pyramid, directions.sky, error));
+    const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
+                        upload_brdfs(view, lpca, directions.sky, error) &&
+                        (!view->texels.log || upload_skies(view, pyramid, directions.sky, error));
     lpca_directions_clear(&directions);
     return ok;
 }
@@ -113,7 +112,7 @@ LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error) {
     g_autoptr(LpcaView) view = g_new0(LpcaView, 1);
     struct lpca_pyramid pyramid;
     const gboolean ok =
-        lpca_pyramid_init(&pyramid, levels, n, error) && lpca_view_make(view, &pyramid, error);
+        lpca_pyramid_init(&pyramid, levels, n, error) && make(view, &pyramid, error);
     lpca_pyramid_clear(&pyramid);
     return ok ? g_steal_pointer(&view) : NULL;
 }
@@ -129,11 +128,11 @@ void lpca_view_free(LpcaView *view) {
     g_free(view);
 }
 
-static void lpca_view_set_int(guint program, const char *name, int value) {
+static void set_int(guint program, const char *name, int value) {
     glUniform1i(glGetUniformLocation(program, name), value);
 }
 
-static void lpca_view_bind_all(gpointer material, guint program, const struct method_style *style) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaView *view = material;
     lpca_texels_bind(&view->texels, program);
     direction_textures_bind(&view->views, program, "view", 3);
@@ -141,12 +140,12 @@ static void lpca_view_bind_all(gpointer material, guint program, const struct me
     gpu_bind_texture(program, "brdfs", 0, GL_TEXTURE_2D_ARRAY, view->brdfs);
     if (view->texels.log)
         gpu_bind_texture(program, "skies", 7, GL_TEXTURE_2D_ARRAY, view->skies);
-    lpca_view_set_int(program, "n_rows", view->stack.n_rows);
-    lpca_view_set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
-    lpca_view_set_int(program, "ambient_column", view->ambient_column);
+    set_int(program, "n_rows", view->stack.n_rows);
+    set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
+    set_int(program, "ambient_column", view->ambient_column);
 }
 
-static char *lpca_view_constants(gconstpointer material, const struct method_style *style) {
+static char *constants(gconstpointer material, const struct method_style *style) {
     const LpcaView *view = material;
     g_autofree char *shared = lpca_texels_constants(&view->texels, style);
     return g_strdup_printf("%s#define LOG_OFFSET %f\n", shared, (double)LPCA_LOG_OFFSET);
@@ -156,7 +155,7 @@ static gboolean lpca_view_texels(gconstpointer material, int ret[2]) {
     return lpca_texels_size(&((const struct LpcaView *)material)->texels, ret);
 }
 
-static gint64 lpca_view_bytes(gconstpointer material) {
+static gint64 bytes(gconstpointer material) {
     const LpcaView *view = material;
     return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
            direction_textures_bytes(&view->lights) +
@@ -164,12 +163,12 @@ static gint64 lpca_view_bytes(gconstpointer material) {
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
 }
 
-static gpointer lpca_view_open_levels(struct lpca *const *levels, int n, GError **error) {
+static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_view_new(levels, n, error);
 }
 
-static gpointer lpca_view_open_file(const char *path, GError **error) {
-    return lpca_open_levels(path, lpca_view_open_levels, error);
+static gpointer open_file(const char *path, GError **error) {
+    return lpca_open_levels(path, open_levels, error);
 }
 
 static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca.glsl", NULL};
@@ -180,10 +179,10 @@ const struct method method_lpca = {
     .product = "lpca.exr",
     .made_by = "mesorig compress",
     .shaders = shader_names,
-    .open = lpca_view_open_file,
+    .open = open_file,
     .free = (GDestroyNotify)lpca_view_free,
-    .constants = lpca_view_constants,
-    .bytes = lpca_view_bytes,
+    .constants = constants,
+    .bytes = bytes,
     .texels = lpca_view_texels,
-    .bind = lpca_view_bind_all,
+    .bind = bind_all,
 };

@@ -21,8 +21,7 @@ struct vec3 microfacet_half(struct vec3 h, struct vec3 n, enum method_rotation r
     return (struct vec3){approximate.x / size, approximate.y / size, z};
 }
 
-static double microfacet_shine(const struct microfacet *s, struct vec3 h, double nl, double nv,
-                               double hl) {
+static double shine(const struct microfacet *s, struct vec3 h, double nl, double nv, double hl) {
     const double u = s->rough[0], v = s->rough[1];
     if (s->model == MICROFACET_WARD)
         return sqrt(nl / nv) / (4 * u * v) *
@@ -41,8 +40,7 @@ void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct
     const struct vec3 h = {sum.x / length, sum.y / length, sum.z / length};
     const gboolean lit = nl > 1e-4;
     const double part =
-        lit ? microfacet_shine(surface, microfacet_half(h, n, rotation), nl, nv, vec3_dot(h, light))
-            : 0;
+        lit ? shine(surface, microfacet_half(h, n, rotation), nl, nv, vec3_dot(h, light)) : 0;
     for (int c = 0; c < 3; c++)
         ret[c] = lit ? surface->diffuse[c] * nl + surface->specular[c] * part : 0;
 }

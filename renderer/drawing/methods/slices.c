@@ -38,14 +38,12 @@ gboolean slices_check_values(const struct slices *slices, const struct slices_le
     return TRUE;
 }
 
-static void slices_put_layer(const struct btf_layout *layout, int level, gsize layer,
-                             const float *rgba) {
+static void put_layer(const struct btf_layout *layout, int level, gsize layer, const float *rgba) {
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, (GLint)layer, (GLsizei)layout->width,
                     (GLsizei)layout->height, 1, GL_RGBA, GL_FLOAT, rgba);
 }
 
-static void slices_upload_values(const struct slices *slices, const struct slices_level *from,
-                                 int level) {
+static void upload_values(const struct slices *slices, const struct slices_level *from, int level) {
     const gsize texels = btf_layout_texels(from->layout), n_pages = (gsize)slices->n_pages;
     g_autofree float *layer = g_new(float, PAGE *texels);
     for (gsize n = 0; n < (gsize)slices->n_slices * n_pages; n++) {
@@ -54,22 +52,22 @@ static void slices_upload_values(const struct slices *slices, const struct slice
             const int at = slices->value_at[n % n_pages][k % PAGE];
             layer[k] = at < 0 ? 0 : values[k / PAGE * from->n_values + (gsize)at];
         }
-        slices_put_layer(from->layout, level, n, layer);
+        put_layer(from->layout, level, n, layer);
     }
 }
 
 /* Uploads one layer per view, and one of their pole. */
-static void slices_upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
-                                   const float *pole_share) {
+static void upload_ambients(const struct slices_level *from, int level, SlicesSky sky,
+                            const float *pole_share) {
     const gsize texels = btf_layout_texels(from->layout), n_views = from->layout->views.n;
     g_autofree float *layer = g_new(float, PAGE *texels), *pole = g_new0(float, PAGE *texels);
     for (gsize v = 0; v < n_views; v++) {
         sky(from->model, v, layer);
         for (gsize k = 0; k < PAGE * texels; k++)
             pole[k] += pole_share[v] * layer[k];
-        slices_put_layer(from->layout, level, v, layer);
+        put_layer(from->layout, level, v, layer);
     }
-    slices_put_layer(from->layout, level, n_views, pole);
+    put_layer(from->layout, level, n_views, pole);
 }
 
 gboolean slices_upload(struct slices *slices, const struct slices_level *levels, int n,
@@ -101,7 +99,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!gpu_check(what, error))
         return FALSE;
     for (int k = 0; k < n; k++)
-        slices_upload_values(slices, &levels[k], k);
+        upload_values(slices, &levels[k], k);
     if (n < slices->n_levels)
         glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     if (!gpu_check(what, error))
@@ -110,7 +108,7 @@ gboolean slices_upload(struct slices *slices, const struct slices_level *levels,
     if (!gpu_check("the texture of the ambient light", error))
         return FALSE;
     for (int k = 0; k < n; k++)
-        slices_upload_ambients(&levels[k], k, sky, shares);
+        upload_ambients(&levels[k], k, sky, shares);
     if (n < slices->n_levels)
         glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
     return gpu_check("the texture of the ambient light", error);

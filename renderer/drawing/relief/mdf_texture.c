@@ -27,7 +27,7 @@ struct MdfTexture {
                [4];
 };
 
-static gboolean mdf_texture_check(int width, int height, int n_layers, GError **error) {
+static gboolean check(int width, int height, int n_layers, GError **error) {
     GLint layers = 0, size = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
@@ -113,7 +113,7 @@ static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
     texture->scale_mm = deepest - least;
 }
 
-static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
+static void upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
     gsize n = (gsize)f->width * f->height;
     g_autofree guint8 *texels = g_new(guint8, MDF_TABULATED_MAPS * n);
     glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_map_layers(f->n_terms), 0,
@@ -155,8 +155,7 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
                                        f->deepest_mm, f->theta_deg, f->phi_deg}
                   : (struct extent_mm){t->width,      t->height,    t->n_views, t->texel_mm,
                                        t->deepest_mm, t->theta_deg, t->phi_deg};
-    if (!mdf_texture_check(e.width, e.height, f != NULL ? n_map_layers(f->n_terms) : e.n_views + 1,
-                           error))
+    if (!check(e.width, e.height, f != NULL ? n_map_layers(f->n_terms) : e.n_views + 1, error))
         return NULL;
     g_autoptr(Directions) directions = directions_new(e.theta_deg, e.phi_deg, e.n_views, error);
     if (directions == NULL) {
@@ -178,7 +177,7 @@ MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
     if (f != NULL) {
-        mdf_texture_upload_maps(texture, f);
+        upload_maps(texture, f);
         upload_factors(texture, f, directions);
     } else {
         if (source->blocks != NULL)
@@ -253,7 +252,7 @@ static gboolean find_rings(MdfTexture *texture) {
     return TRUE;
 }
 
-static void mdf_texture_upload_volume(MdfTexture *texture) {
+static void upload_volume(MdfTexture *texture) {
     gsize n = (gsize)texture->width * texture->height;
     int slices = texture->n_views + texture->n_rings, slice = 0;
     g_autofree float *values = g_new(float, n *(texture->n_views + 1)); /* includes the pole */
@@ -301,7 +300,7 @@ gboolean mdf_texture_make_volume(MdfTexture *texture, GError **error) {
                     texture->width, texture->height, texture->n_views, gpu_renderer(), most);
         return FALSE;
     }
-    mdf_texture_upload_volume(texture);
+    upload_volume(texture);
     return gpu_check("uploading the MDF as a volume", error);
 }
 

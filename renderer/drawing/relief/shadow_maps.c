@@ -56,7 +56,7 @@ guint shadow_maps_texture(const ShadowMaps *maps) {
     return maps->texture;
 }
 
-static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **error) {
+static gboolean make(ShadowMaps *maps, int size, int n, GError **error) {
     const GLenum target = maps->layered ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
     if (maps->texture != 0 && maps->size == size && maps->n == n)
         return TRUE;
@@ -86,7 +86,7 @@ static gboolean shadow_maps_make(ShadowMaps *maps, int size, int n, GError **err
     return FALSE;
 }
 
-static void shadow_maps_cross(const float a[3], const float b[3], float ret[3]) {
+static void cross(const float a[3], const float b[3], float ret[3]) {
     for (int k = 0; k < 3; k++)
         ret[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
 }
@@ -94,7 +94,7 @@ static void shadow_maps_cross(const float a[3], const float b[3], float ret[3]) 
 void shadow_maps_right(const float towards[3], float ret[3]) {
     const gboolean steep = fabsf(towards[2]) > 0.9f;
     const float pole[3] = {0.0f, steep ? 1.0f : 0.0f, steep ? 0.0f : 1.0f};
-    shadow_maps_cross(pole, towards, ret);
+    cross(pole, towards, ret);
     const float length = sqrtf(ret[0] * ret[0] + ret[1] * ret[1] + ret[2] * ret[2]);
     for (int k = 0; k < 3; k++)
         ret[k] /= length;
@@ -176,7 +176,7 @@ static void face_back(const struct shadow_lamp *lamp, int face, double radius, f
 static void lamp_matrix(const float light[3], double radius, float ret[16]) {
     float right[3], up[3];
     shadow_maps_right(light, right);
-    shadow_maps_cross(light, right, up);
+    cross(light, right, up);
     memset(ret, 0, 16 * sizeof(float));
     for (int k = 0; k < 3; k++) {
         ret[4 * k] = (float)(right[k] / radius);
@@ -192,7 +192,7 @@ static void near_matrix(const struct shadow_lamp *lamp, int face, double radius,
     float back[3], right[3], up[3];
     face_back(lamp, face, radius, back);
     shadow_maps_right(back, right);
-    shadow_maps_cross(back, right, up);
+    cross(back, right, up);
     const double distance = place_distance(lamp), tangent = lamp_tangent(lamp, radius);
     const double near = 0.01 * radius, far = distance + 1.05 * radius;
     const double scale = (far + near) / (far - near), shift = 2.0 * far * near / (far - near);
@@ -299,7 +299,7 @@ gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                       .options = scene->casting.options};
     const int layers = shadow_maps_layers(lamps, n, scene->radius);
     int next = n;
-    if (!shadow_maps_make(maps, scene->size, layers, error))
+    if (!make(maps, scene->size, layers, error))
         return FALSE;
     for (int k = 0; k < n; k++) {
         const int faces = lamp_faces(&lamps[k], scene->radius);

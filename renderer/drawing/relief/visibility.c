@@ -23,8 +23,8 @@ struct Visibility {
     guint32 room; /* number of faces for which the buffer has space */
 };
 
-static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
-                                         const struct places_source *places, GError **error) {
+static gboolean make_programs(guint programs[N_PROGRAMS], gboolean maps, gboolean volume,
+                              const struct places_source *places, GError **error) {
     g_autofree char *of_places = places_constants(places, FALSE);
     g_autofree char *constants = g_strdup_printf("#define MDF_MAPS %d\n%s%s", maps,
                                                  volume ? "#define MDF_VOLUME 1\n" : "", of_places);
@@ -45,7 +45,7 @@ static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean ma
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
     const struct places_source repeated = {NULL, NULL};
-    if (!visibility_make_programs(v->all_programs[0], FALSE, FALSE, &repeated, error))
+    if (!make_programs(v->all_programs[0], FALSE, FALSE, &repeated, error))
         return NULL;
     glGenQueries(1, &v->query);
     return g_steal_pointer(&v);
@@ -118,7 +118,7 @@ static void draw_culled(const Visibility *v, const struct visibility_scene *s, G
     glDisable(GL_CULL_FACE);
 }
 
-static void visibility_clear(guint framebuffer, GLbitfield what) {
+static void clear(guint framebuffer, GLbitfield what) {
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
     glDepthMask(GL_TRUE);
@@ -128,7 +128,7 @@ static void visibility_clear(guint framebuffer, GLbitfield what) {
 /* Returns whether there are still faces to peel at pixels without a visible surface. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
-    visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     const struct pass pass = {
         BACK, {"before", "seen"}, {v->back[~layer & 1].colour, v->seen.colour}};
     glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
@@ -141,7 +141,7 @@ static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int l
 /* Draws front faces. The stencil buffer keeps the layer in which a pixel was found, and masks it
  * for all later layers. */
 static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
-    visibility_clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
+    clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
     glEnable(GL_STENCIL_TEST);
     glStencilMask(0xff);
     glStencilFunc(GL_LEQUAL, layer, 0xff);
@@ -160,8 +160,8 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
     glDepthFunc(GL_LESS);
     glStencilMask(0xff);
     glClearStencil(0xff);
-    visibility_clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
-    visibility_clear(v->back[1].framebuffer, GL_COLOR_BUFFER_BIT);
+    clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    clear(v->back[1].framebuffer, GL_COLOR_BUFFER_BIT);
     gboolean more = TRUE;
     for (int layer = 0; more && layer < s->options.layers; layer++) {
         more = peel_back(v, s, layer);
@@ -172,7 +172,7 @@ static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **e
 
 /* Allocates the buffer. Returns FALSE if the card has no memory for so many faces; the buffer is
  * then deleted. */
-static gboolean visibility_make_room(Visibility *v, guint32 faces) {
+static gboolean make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
         glGenBuffers(1, &v->faces);
     v->room = faces;
@@ -207,7 +207,7 @@ static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     return n_faces;
 }
 
-static gboolean visibility_fits(guint32 faces) {
+static gboolean fits(guint32 faces) {
     GLint64 most = 0;
     glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
     return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
@@ -215,7 +215,7 @@ static gboolean visibility_fits(guint32 faces) {
 
 /* Finds the surface by lists. Returns FALSE without an error if the lists do not fit on the card;
  * the faces are then peeled instead. */
-static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
+static gboolean list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
     if (v->first == 0 || v->first_width != s->width || v->first_height != s->height) {
         glDeleteTextures(1, &v->first);
@@ -229,11 +229,10 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
         if (!gpu_check("making lists of faces", error))
             return FALSE;
     }
-    if (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start)))
+    if (v->room == 0 && (!fits(start) || !make_room(v, start)))
         return FALSE;
     while ((n_faces = add_faces(v, s)) > v->room)
-        if (!visibility_fits(n_faces + n_faces / 4) ||
-            !visibility_make_room(v, n_faces + n_faces / 4))
+        if (!fits(n_faces + n_faces / 4) || !make_room(v, n_faces + n_faces / 4))
             return FALSE;
     const guint find = v->all_programs[0][FIND]; /* the same program in all variants */
     glUseProgram(find);
@@ -243,10 +242,10 @@ static gboolean visibility_list(Visibility *v, const struct visibility_scene *s,
     return gpu_check("finding silhouettes in lists", error);
 }
 
-static gboolean visibility_need(Visibility *v, const struct visibility_part *part, GError **error) {
+static gboolean need(Visibility *v, const struct visibility_part *part, GError **error) {
     guint *programs = v->all_programs[part_variant(part)];
-    if (programs[BACK] != 0 || visibility_make_programs(programs, mdf_texture_is_maps(part->mdf),
-                                                        part->volume, &part->places, error))
+    if (programs[BACK] != 0 ||
+        make_programs(programs, mdf_texture_is_maps(part->mdf), part->volume, &part->places, error))
         return TRUE;
     glDeleteProgram(programs[BACK]);
     programs[BACK] = 0;
@@ -265,7 +264,7 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
         return FALSE;
     }
     for (int k = 0; k < s->n_parts; k++)
-        if (!visibility_need(v, &s->parts[k], error))
+        if (!need(v, &s->parts[k], error))
             return FALSE;
     if (v->seen.framebuffer == 0 || v->seen.width != s->width || v->seen.height != s->height) {
         if (!gpu_target_resize(&v->seen, s->width, s->height, GL_RGBA32F, FALSE, error))
@@ -280,7 +279,7 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
     }
     glViewport(0, 0, s->width, s->height);
     glDisable(GL_BLEND);
-    gboolean found = lists && visibility_list(v, s, &local);
+    gboolean found = lists && list(v, s, &local);
     if (local != NULL) {
         g_propagate_error(error, g_steal_pointer(&local));
         return FALSE;

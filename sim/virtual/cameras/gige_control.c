@@ -19,12 +19,11 @@ enum command {
     WRITE_MEMORY = 0x86
 };
 
-static void gige_control_set_text(VirtualGige *camera, guint address, const char *text,
-                                  gsize size) {
+static void set_text(VirtualGige *camera, guint address, const char *text, gsize size) {
     g_strlcpy((char *)camera->memory + address, text, size);
 }
 
-static void gige_control_add_transport(struct imager_xml *xml) {
+static void add_transport(struct imager_xml *xml) {
     g_autofree char *sizes = g_strdup_printf("<Min>576</Min><Max>%d</Max><Inc>4</Inc>", MAX_PACKET);
     imager_xml_string(xml, "DeviceVendorName", GVBS_VENDOR, 32);
     imager_xml_string(xml, "DeviceModelName", GVBS_MODEL, 32);
@@ -46,9 +45,8 @@ static void gige_control_add_transport(struct imager_xml *xml) {
                        "<Min>0</Min><Max>1000000000</Max>");
 }
 
-const struct imager_transport gige_transport = {"GEV", "BigEndian",
-                                                "GevSCPSPacketSize GevSCPD GevSCPSFireTestPacket",
-                                                gige_control_add_transport};
+const struct imager_transport gige_transport = {
+    "GEV", "BigEndian", "GevSCPSPacketSize GevSCPD GevSCPSFireTestPacket", add_transport};
 
 void gige_reset(VirtualGige *camera) {
     struct in_addr ip;
@@ -62,11 +60,11 @@ void gige_reset(VirtualGige *camera) {
     memcpy(camera->memory + GVBS_MAC_LOW, &ip, 4);
     memcpy(camera->memory + GVBS_IP, &ip, 4);
     gige_set_reg(camera, GVBS_MASK, 0xff000000);
-    gige_control_set_text(camera, GVBS_VENDOR, "Mesorig", 32);
-    gige_control_set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
-    gige_control_set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
-    gige_control_set_text(camera, GVBS_SERIAL, camera->imager.options.serial, 16);
-    gige_control_set_text(camera, GVBS_URL_0, url, 512);
+    set_text(camera, GVBS_VENDOR, "Mesorig", 32);
+    set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
+    set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
+    set_text(camera, GVBS_SERIAL, camera->imager.options.serial, 16);
+    set_text(camera, GVBS_URL_0, url, 512);
     gige_set_reg(camera, GVBS_N_INTERFACES, 1);
     gige_set_reg(camera, GVBS_N_STREAMS, 1);
     gige_set_reg(camera, GVBS_CAPABILITY, 1 << 1 | 1 << 2); /* write memory, resend */
@@ -77,8 +75,8 @@ void gige_reset(VirtualGige *camera) {
     camera->has_controller = camera->stolen = FALSE;
 }
 
-static gboolean gige_control_write_register(VirtualGige *camera, guint32 address, guint32 value,
-                                            const struct sockaddr_in *from) {
+static gboolean write_register(VirtualGige *camera, guint32 address, guint32 value,
+                               const struct sockaddr_in *from) {
     if (address % 4 == 0 && imager_has_reg(address)) {
         imager_write(&camera->imager, address, value);
         return TRUE;
@@ -101,8 +99,7 @@ static gboolean gige_control_write_register(VirtualGige *camera, guint32 address
     return TRUE;
 }
 
-static gboolean gige_control_read_memory(const VirtualGige *camera, guint32 address, gsize n,
-                                         guint8 *ret) {
+static gboolean read_memory(const VirtualGige *camera, guint32 address, gsize n, guint8 *ret) {
     for (gsize i = 0; i < n; i++) {
         guint64 at = (guint64)address + i;
         if (at >= GENICAM_AT)
@@ -124,9 +121,8 @@ static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_i
 }
 
 /* Answers a GVCP request without its header. Returns a status. */
-static guint gige_control_answer(VirtualGige *camera, enum command command, const guint8 *data,
-                                 gsize size, const struct sockaddr_in *from, guint8 *ret,
-                                 gsize *ret_size) {
+static guint answer(VirtualGige *camera, enum command command, const guint8 *data, gsize size,
+                    const struct sockaddr_in *from, guint8 *ret, gsize *ret_size) {
     gboolean writes = command == WRITE || command == WRITE_MEMORY;
     gboolean takes_control =
         size >= 4 && gige_get32(data) == GVBS_CONTROL && !camera->has_controller;
@@ -141,20 +137,20 @@ static guint gige_control_answer(VirtualGige *camera, enum command command, cons
         return 0;
     case READ:
         for (gsize i = 0; i + 4 <= size && i + 4 <= BUFFER_SIZE - 8; i += 4, *ret_size += 4)
-            if (!gige_control_read_memory(camera, gige_get32(data + i), 4, ret + i))
+            if (!read_memory(camera, gige_get32(data + i), 4, ret + i))
                 return BAD_ADDRESS;
         return 0;
     case WRITE: /* pairs of address and value; the answer is the number of those written */
         *ret_size = 4;
         gige_put32(ret, 0);
         for (guint i = 0; 8 * i + 8 <= size; gige_put32(ret, ++i))
-            if (!gige_control_write_register(camera, gige_get32(data + 8 * i),
-                                             gige_get32(data + 8 * i + 4), from))
+            if (!write_register(camera, gige_get32(data + 8 * i), gige_get32(data + 8 * i + 4),
+                                from))
                 return BAD_ADDRESS;
         return 0;
     case READ_MEMORY:
         n = size >= 8 ? gige_get16(data + 6) : 0;
-        if (n == 0 || n > 536 || !gige_control_read_memory(camera, gige_get32(data), n, ret + 4))
+        if (n == 0 || n > 536 || !read_memory(camera, gige_get32(data), n, ret + 4))
             return BAD_ADDRESS;
         memcpy(ret, data, 4);
         *ret_size = n + 4;
@@ -165,8 +161,8 @@ static guint gige_control_answer(VirtualGige *camera, enum command command, cons
         gige_put32(ret, (guint32)size - 4);
         *ret_size = 4;
         for (gsize i = 4; i + 4 <= size; i += 4)
-            if (!gige_control_write_register(camera, gige_get32(data) + (guint32)i - 4,
-                                             gige_get32(data + i), from))
+            if (!write_register(camera, gige_get32(data) + (guint32)i - 4, gige_get32(data + i),
+                                from))
                 return BAD_ADDRESS;
         return 0;
     default:
@@ -192,8 +188,7 @@ void gige_serve(VirtualGige *camera, int from_socket) {
         gige_send_again(camera, request + 8, given);
         return;
     }
-    guint status =
-        gige_control_answer(camera, command, request + 8, given, &from, reply + 8, &size);
+    guint status = answer(camera, command, request + 8, given, &from, reply + 8, &size);
     if (is_controller(camera, &from))
         camera->heard_us = g_get_monotonic_time();
     gige_put16(reply, status);

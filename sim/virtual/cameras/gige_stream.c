@@ -8,7 +8,7 @@
 
 enum content { LEADER = 1, TRAILER = 2, PAYLOAD = 3 };
 
-static void gige_send_packet(VirtualGige *camera, const guint8 *packet, gsize size) {
+static void send_packet(VirtualGige *camera, const guint8 *packet, gsize size) {
     struct sockaddr_in to = {.sin_family = AF_INET,
                              .sin_port = htons((guint16)gige_reg(camera, GVBS_STREAM_PORT))};
     memcpy(&to.sin_addr, camera->memory + GVBS_STREAM_IP, 4);
@@ -30,16 +30,16 @@ static guint gige_id(const struct imager_picture *kept) {
 }
 
 /* Returns the number of blocks, or 0 if none can be sent. */
-static guint gige_n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
+static guint n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
     gsize data = data_size(camera);
     if (data == 0)
         return 0;
     return (guint)((kept->size + data - 1) / data) + 2;
 }
 
-static void gige_send_block(VirtualGige *camera, const struct imager_picture *kept, guint block) {
+static void send_block(VirtualGige *camera, const struct imager_picture *kept, guint block) {
     guint8 packet[MAX_PACKET], *to = packet + 8;
-    guint n = gige_n_blocks(camera, kept);
+    guint n = n_blocks(camera, kept);
     enum content content = block == 0 ? LEADER : block == n - 1 ? TRAILER : PAYLOAD;
     gsize size;
     gige_put16(packet, 0);
@@ -72,7 +72,7 @@ static void gige_send_block(VirtualGige *camera, const struct imager_picture *ke
     if ((kept->cut && block > n / 2) || g_rand_double(camera->rand) < camera->imager.faults.loss)
         camera->imager.state.lost++;
     else
-        gige_send_packet(camera, packet, size + 8);
+        send_packet(camera, packet, size + 8);
 }
 
 void gige_send_again(VirtualGige *camera, const guint8 *request, gsize size) {
@@ -82,11 +82,10 @@ void gige_send_again(VirtualGige *camera, const guint8 *request, gsize size) {
     guint32 first = gige_get32(request + 4) & 0xffffff, last = gige_get32(request + 8) & 0xffffff;
     for (int i = 0; i < IMAGER_N_KEPT; i++) {
         const struct imager_picture *kept = &camera->imager.kept[i];
-        if (!kept->data || gige_id(kept) != id || first > last ||
-            last >= gige_n_blocks(camera, kept))
+        if (!kept->data || gige_id(kept) != id || first > last || last >= n_blocks(camera, kept))
             continue;
         for (guint32 block = first; block <= last; block++, camera->imager.state.resent++)
-            gige_send_block(camera, kept, block);
+            send_block(camera, kept, block);
     }
 }
 
@@ -94,17 +93,17 @@ void gige_send_test_packet(VirtualGige *camera, guint32 value) {
     guint8 packet[MAX_PACKET] = {0};
     guint size = value & 0xffff;
     if (value & 1u << 31 && size > GIGE_OVERHEAD && size <= MAX_PACKET)
-        gige_send_packet(camera, packet, size - 28);
+        send_packet(camera, packet, size - 28);
     gige_set_reg(camera, GVBS_PACKET_SIZE, value & ~(1u << 31));
 }
 
-static void gige_stream_send_picture(gpointer data) {
+static void send_picture(gpointer data) {
     VirtualGige *camera = data;
     const struct imager_picture *kept = &camera->imager.kept[0];
-    guint n = gige_n_blocks(camera, kept);
+    guint n = n_blocks(camera, kept);
     guint32 delay_us = gige_reg(camera, GVBS_PACKET_DELAY) / (GIGE_TICKS_HZ / 1000000);
     for (guint block = 0; block < n && imager_reg(&camera->imager, REG_ACQUISITION) == 1; block++) {
-        gige_send_block(camera, kept, block);
+        send_block(camera, kept, block);
         g_mutex_unlock(&camera->imager.mutex);
         if (delay_us > 0)
             g_usleep(delay_us);
@@ -112,8 +111,8 @@ static void gige_stream_send_picture(gpointer data) {
     }
 }
 
-static void gige_stream_announce(const struct imager_picture *picture, gpointer data) {
-    gige_send_block(data, picture, 0);
+static void announce(const struct imager_picture *picture, gpointer data) {
+    send_block(data, picture, 0);
 }
 
-const struct imager_bus gige_bus = {gige_stream_announce, gige_stream_send_picture};
+const struct imager_bus gige_bus = {announce, send_picture};

@@ -55,7 +55,7 @@ void imager_stop(struct imager *imager) {
     g_cond_broadcast(&imager->cond);
 }
 
-static void imager_trigger(struct imager *imager, guint source) {
+static void trigger(struct imager *imager, guint source) {
     if (imager_reg(imager, REG_ACQUISITION) != 1 || imager_reg(imager, REG_TRIGGER_MODE) != 1 ||
         imager_reg(imager, REG_TRIGGER_FROM) != source || imager->faults.unplugged)
         return;
@@ -84,7 +84,7 @@ void imager_write(struct imager *imager, guint address, guint32 value) {
     if (address == REG_ACQUISITION && value == 0)
         imager_stop(imager);
     else if (address == REG_TRIGGER && value == 1)
-        imager_trigger(imager, TRIGGER_SOFTWARE);
+        trigger(imager, TRIGGER_SOFTWARE);
     update_payload(imager);
 }
 
@@ -95,8 +95,8 @@ guint8 imager_xml_byte(const struct imager *imager, guint64 address) {
 
 /* Fills in the chosen region of the sensor's picture (a ramp, if there is no source), and adds the
  * change of BlackLevel. */
-static void imager_fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
-                        gboolean processed, struct imager_picture *picture) {
+static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
+                 gboolean processed, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
     gsize n = (gsize)picture->width * picture->height;
     guint width = (guint)options->width;
@@ -121,7 +121,7 @@ static void imager_fill(struct imager *imager, const struct virtual_exposure *ex
                 picture->data);
 }
 
-static void imager_keep(struct imager *imager, struct imager_picture *picture) {
+static void keep(struct imager *imager, struct imager_picture *picture) {
     gboolean old = imager->faults.old > 0 && imager->kept[0].data;
     gboolean odd = imager->faults.odd > 0;
     picture->id = ++imager->last_id;
@@ -148,7 +148,7 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
 }
 
 /* Called with the mutex locked. */
-static void imager_take_picture(struct imager *imager) {
+static void take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,
         .start_us = imager->state.triggered_us + imager->faults.slow_us,
@@ -179,12 +179,12 @@ static void imager_take_picture(struct imager *imager) {
         return;
     gboolean processed = imager_processing(imager) != 0;
     g_mutex_unlock(&imager->mutex);
-    imager_fill(imager, &exposure, shift, processed, &picture);
+    fill(imager, &exposure, shift, processed, &picture);
     g_mutex_lock(&imager->mutex);
     gint64 late_us = imager->faults.late_us;
     picture.stamp_us = exposure.start_us + imager->faults.ahead_us +
                        (imager->faults.stamps_end ? exposure.exposure_us : 0);
-    imager_keep(imager, &picture);
+    keep(imager, &picture);
     if (late_us > 0 && !wait_until(imager, g_get_monotonic_time() + late_us))
         return;
     imager->state.pictures++;
@@ -200,7 +200,7 @@ static gpointer image_all(gpointer data) {
             continue;
         }
         imager->triggered = FALSE;
-        imager_take_picture(imager);
+        take_picture(imager);
     }
     g_mutex_unlock(&imager->mutex);
     return NULL;
@@ -244,7 +244,7 @@ void imager_fail(struct imager *imager, const struct virtual_camera_faults *faul
 
 void imager_pulse(struct imager *imager) {
     g_autoptr(GMutexLocker) locker = g_mutex_locker_new(&imager->mutex);
-    imager_trigger(imager, TRIGGER_LINE);
+    trigger(imager, TRIGGER_LINE);
 }
 
 void imager_get_state(struct imager *imager, struct virtual_camera_state *ret) {

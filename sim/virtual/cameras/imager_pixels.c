@@ -27,7 +27,7 @@ static const struct kind kinds[] = {
 
 static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
 
-static const struct kind *imager_pixels_find(guint32 format, enum cfa cfa) {
+static const struct kind *find(guint32 format, enum cfa cfa) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (kinds[i].codes[cfa] == format || kinds[i].codes[CFA_MONO] == format)
             return &kinds[i];
@@ -35,7 +35,7 @@ static const struct kind *imager_pixels_find(guint32 format, enum cfa cfa) {
 }
 
 gsize imager_payload(guint32 format, enum cfa cfa, int width, int height) {
-    const struct kind *kind = imager_pixels_find(format, cfa);
+    const struct kind *kind = find(format, cfa);
     return kind ? ((gsize)width * (gsize)height * (format >> 16 & 0xff) + 7) / 8 : 0;
 }
 
@@ -51,7 +51,7 @@ void imager_append_formats(GString *xml, enum cfa cfa) {
 
 void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
                  guint8 *to) {
-    const struct kind *kind = imager_pixels_find(format, cfa);
+    const struct kind *kind = find(format, cfa);
     g_return_if_fail(kind);
     g_autofree guint16 *values = g_new(guint16, n);
 

@@ -17,7 +17,7 @@
 
 enum command { READ_MEMORY = 0x0800, WRITE_MEMORY = 0x0802 };
 
-static void u3v_control_add_transport(struct imager_xml *xml) {
+static void add_transport(struct imager_xml *xml) {
     imager_xml_string(xml, "DeviceVendorName", ABRM_MANUFACTURER, 64);
     imager_xml_string(xml, "DeviceModelName", ABRM_MODEL, 64);
     imager_xml_string(xml, "DeviceSerialNumber", ABRM_SERIAL, 64);
@@ -27,21 +27,21 @@ static void u3v_control_add_transport(struct imager_xml *xml) {
     imager_xml_command(xml, "TimestampLatch", "TimestampLatch", 1);
 }
 
-const struct imager_transport u3v_transport = {
-    "U3V", "LittleEndian", "TimestampLatch TimestampLatchValue", u3v_control_add_transport};
+const struct imager_transport u3v_transport = {"U3V", "LittleEndian",
+                                               "TimestampLatch TimestampLatchValue", add_transport};
 
-static void u3v_control_set_text(VirtualU3v *camera, guint address, const char *text) {
+static void set_text(VirtualU3v *camera, guint address, const char *text) {
     g_strlcpy((char *)camera->memory + address, text, 64);
 }
 
 void u3v_reset(VirtualU3v *camera) {
     memset(camera->memory, 0, sizeof camera->memory);
     u3v_set_reg(camera, ABRM_VERSION, 0x00010000, 4);
-    u3v_control_set_text(camera, ABRM_MANUFACTURER, "Mesorig");
-    u3v_control_set_text(camera, ABRM_MODEL, "VirtualCamera");
-    u3v_control_set_text(camera, ABRM_FAMILY, "Virtual");
-    u3v_control_set_text(camera, ABRM_DEVICE_VERSION, MESORIG_VERSION);
-    u3v_control_set_text(camera, ABRM_SERIAL, camera->imager.options.serial);
+    set_text(camera, ABRM_MANUFACTURER, "Mesorig");
+    set_text(camera, ABRM_MODEL, "VirtualCamera");
+    set_text(camera, ABRM_FAMILY, "Virtual");
+    set_text(camera, ABRM_DEVICE_VERSION, MESORIG_VERSION);
+    set_text(camera, ABRM_SERIAL, camera->imager.options.serial);
     u3v_set_reg(camera, ABRM_RESPONSE_MS, RESPONSE_MS, 4);
     u3v_set_reg(camera, ABRM_MANIFEST, MANIFEST_AT, 8);
     u3v_set_reg(camera, ABRM_SBRM, SBRM_AT, 8);
@@ -67,7 +67,7 @@ void u3v_reset(VirtualU3v *camera) {
     imager_reset(&camera->imager);
 }
 
-static guint u3v_control_read_memory(VirtualU3v *camera, guint64 address, guint n, guint8 *ret) {
+static guint read_memory(VirtualU3v *camera, guint64 address, guint n, guint8 *ret) {
     u3v_set_reg(camera, SIRM_NEEDS_PAYLOAD, imager_reg(&camera->imager, REG_PAYLOAD), 8);
     for (guint64 at = address; at < address + n; at++, ret++) {
         if (at >= GENICAM_AT)
@@ -82,7 +82,7 @@ static guint u3v_control_read_memory(VirtualU3v *camera, guint64 address, guint 
     return 0;
 }
 
-static guint u3v_control_write_register(VirtualU3v *camera, guint64 address, guint32 value) {
+static guint write_register(VirtualU3v *camera, guint64 address, guint32 value) {
     if (address % 4 == 0 && imager_has_reg(address)) {
         imager_write(&camera->imager, (guint)address, value);
         return 0;
@@ -100,14 +100,14 @@ static guint u3v_control_write_register(VirtualU3v *camera, guint64 address, gui
 }
 
 /* Returns a status. */
-static guint u3v_control_obey(VirtualU3v *camera, enum command command, const guint8 *data,
-                              guint size, guint8 *ret, guint *ret_size) {
+static guint obey(VirtualU3v *camera, enum command command, const guint8 *data, guint size,
+                  guint8 *ret, guint *ret_size) {
     guint64 address = size >= 8 ? u3v_get(data, 8) : 0;
     if (command == READ_MEMORY) {
         *ret_size = size == 12 ? (guint)u3v_get(data + 10, 2) : U3V_MAX_TRANSFER;
         if (*ret_size > U3V_MAX_TRANSFER - HEADER_SIZE)
             return INVALID_PARAMETER;
-        return u3v_control_read_memory(camera, address, *ret_size, ret);
+        return read_memory(camera, address, *ret_size, ret);
     }
     if (command != WRITE_MEMORY)
         return NOT_IMPLEMENTED;
@@ -117,7 +117,7 @@ static guint u3v_control_obey(VirtualU3v *camera, enum command command, const gu
     u3v_put(ret, (guint64)(size - 8) << 16, 4);
     guint status = size % 4 == 0 ? 0 : INVALID_PARAMETER;
     for (guint i = 8; i + 4 <= size && status == 0; i += 4)
-        status = u3v_control_write_register(camera, address + i - 8, (guint32)u3v_get(data + i, 4));
+        status = write_register(camera, address + i - 8, (guint32)u3v_get(data + i, 4));
     return status;
 }
 
@@ -129,8 +129,8 @@ int u3v_command(VirtualU3v *camera, const guint8 *data, int n) {
         return n; /* the command is not understood, so it is not answered */
     guint8 *answer = camera->answer;
     enum command command = (enum command)u3v_get(data + 6, 2);
-    guint status = u3v_control_obey(camera, command, data + HEADER_SIZE, size, answer + HEADER_SIZE,
-                                    &answer_size);
+    guint status =
+        obey(camera, command, data + HEADER_SIZE, size, answer + HEADER_SIZE, &answer_size);
     answer_size = status ? 0 : answer_size;
     u3v_put(answer, PREFIX, 4);
     u3v_put(answer + 4, status, 2);

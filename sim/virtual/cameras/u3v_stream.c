@@ -20,7 +20,7 @@ void u3v_drop(VirtualU3v *camera) {
 }
 
 /* Sends a picture. A picture that was not read by now is lost. */
-static void u3v_stream_send_picture(gpointer data) {
+static void send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;
     const struct imager_picture *picture = &camera->imager.kept[0];
@@ -38,14 +38,14 @@ static void u3v_stream_send_picture(gpointer data) {
 }
 
 /* Sends the leader. The rest follows when there is data. */
-static void u3v_stream_announce(const struct imager_picture *picture, gpointer data) {
+static void announce(const struct imager_picture *picture, gpointer data) {
     VirtualU3v *camera = data;
     u3v_drop(camera);
     camera->out = *picture;
     camera->phase = U3V_LEADER;
 }
 
-const struct imager_bus u3v_bus = {u3v_stream_announce, u3v_stream_send_picture};
+const struct imager_bus u3v_bus = {announce, send_picture};
 
 static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     memset(to, 0, (gsize)size);

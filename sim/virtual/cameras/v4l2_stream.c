@@ -6,7 +6,7 @@
 #define FUTURE_US 100000
 
 /* Returns the value of a control, or otherwise if the camera lacks it. */
-static gint32 v4l2_stream_setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
+static gint32 setting(VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
     const struct virtual_control *control = virtual_find_control(camera, id);
     return control ? control->value : otherwise;
 }
@@ -43,8 +43,8 @@ struct virtual_buffer *virtual_oldest_buffer(VirtualV4l2 *camera, enum buffer_st
 }
 
 /* Call it with the mutex locked. */
-static void v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
-                                struct virtual_buffer *buffer, const guint8 *data) {
+static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual_buffer *buffer,
+                    const guint8 *data) {
     gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
     gsize index = (gsize)(buffer - camera->buffers);
     gboolean half = shot->fault == VIRTUAL_V4L2_ERROR_FLAG || shot->fault == VIRTUAL_V4L2_SHORT;
@@ -71,7 +71,7 @@ static void v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
 
 /* Call it with the mutex locked; it unlocks while it makes the picture. Returns FALSE at the end.
  */
-static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot *shot) {
+static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
     g_autofree guint8 *data =
@@ -105,7 +105,7 @@ static gboolean v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot 
     memcpy(camera->pixels, pixels, n * sizeof *pixels);
     struct virtual_buffer *buffer = virtual_oldest_buffer(camera, BUFFER_QUEUED);
     if (buffer)
-        v4l2_stream_deliver(camera, shot, buffer, data);
+        deliver(camera, shot, buffer, data);
     return TRUE;
 }
 
@@ -120,10 +120,10 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     /* Like many sensors, the camera applies a new setting to the frame after the next. In automatic
      * mode it chooses exposure and gain itself. */
     if (camera->exposure_us == 0 || camera->changed_us + interval <= shot.start_us) {
-        gboolean by_hand = v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
-        gint64 set_us = 100 * v4l2_stream_setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
+        gboolean by_hand = setting(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
+        gint64 set_us = 100 * setting(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
         camera->exposure_us = MIN(by_hand ? set_us : interval * 2 / 3, interval);
-        camera->gain_db = v4l2_stream_setting(camera, V4L2_CID_GAIN, 0) / 10.0 + (by_hand ? 0 : 6);
+        camera->gain_db = setting(camera, V4L2_CID_GAIN, 0) / 10.0 + (by_hand ? 0 : 6);
     }
     shot.exposure_us = camera->exposure_us;
     shot.gain_db = camera->gain_db;
@@ -136,7 +136,7 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
         return FALSE;
     if (!virtual_oldest_buffer(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
         return TRUE;
-    return v4l2_stream_make_picture(camera, &shot);
+    return make_picture(camera, &shot);
 }
 
 struct run {

@@ -109,8 +109,8 @@ char *rig_axis_part(const struct config_section *section) {
     return g_strconcat(sweep ? "sweep " : "", part, NULL);
 }
 
-static gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part,
-                              struct world_part *ret, GError **error) {
+static gboolean find_part(VirtualRig *rig, const char *kind, const char *part,
+                          struct world_part *ret, GError **error) {
     g_autofree char *name = g_strconcat(kind, part, NULL);
     return world_part_find(rig->world, name, ret, error);
 }
@@ -205,7 +205,7 @@ static gboolean add_lamps(VirtualRig *rig, const struct config_section *section,
         return FALSE;
     }
     for (int i = 0; i < n; i++, board->n_coils++)
-        if (!rig_find_part(rig, "lamp ", g_strstrip(names[i]), &board->parts[i], error))
+        if (!find_part(rig, "lamp ", g_strstrip(names[i]), &board->parts[i], error))
             return FALSE;
     rig_copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
     g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n" WATCHDOG, n,
@@ -229,7 +229,7 @@ static gboolean add_laser(VirtualRig *rig, const struct config_section *section,
         rig_set_error(error, section, "a virtual rig has no more than 16 lasers");
         return FALSE;
     }
-    if (!rig_find_part(rig, "laser ", rig_part(section), &board->parts[board->n_coils], error))
+    if (!find_part(rig, "laser ", rig_part(section), &board->parts[board->n_coils], error))
         return FALSE;
     rig_copy_section(rig, section, &sim_laser_driver.info, &modbus_laser_driver.info);
     g_string_append_printf(rig->text, "warm_up_s = %g\n" WATCHDOG,

@@ -152,15 +152,15 @@ static double lattice(gint64 x, gint64 y, guint64 seed) {
     return (double)(h >> 11) * 0x1p-52 - 1;
 }
 
-static gint64 sample_wrap(gint64 i, int period) {
+static gint64 wrap(gint64 i, int period) {
     gint64 rest = i % period;
     return rest < 0 ? rest + period : rest;
 }
 
 double sample_noise(double x, double y, int period_x, int period_y, guint64 seed) {
     double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
-    gint64 x0 = sample_wrap((gint64)fx, period_x), x1 = sample_wrap(x0 + 1, period_x);
-    gint64 y0 = sample_wrap((gint64)fy, period_y), y1 = sample_wrap(y0 + 1, period_y);
+    gint64 x0 = wrap((gint64)fx, period_x), x1 = wrap(x0 + 1, period_x);
+    gint64 y0 = wrap((gint64)fy, period_y), y1 = wrap(y0 + 1, period_y);
     u = u * u * (3 - 2 * u);
     v = v * v * (3 - 2 * v);
     double low = lattice(x0, y0, seed) * (1 - u) + lattice(x1, y0, seed) * u;
@@ -220,8 +220,8 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           "%d numbers given; write one, or red;green;blue", list->n);
 }
 
-static gboolean sample_check_options(const struct config_section *section,
-                                     const struct sample_options *options, Mistakes *mistakes) {
+static gboolean check_options(const struct config_section *section,
+                              const struct sample_options *options, Mistakes *mistakes) {
     gboolean good = check_rgb(section, "albedo", &options->albedo, mistakes);
     good &= check_rgb(section, "albedo2", &options->albedo2, mistakes);
     if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm)
@@ -279,7 +279,7 @@ static gboolean check_mesh(const struct config_section *section,
         low, high, options->top_mm);
 }
 
-static struct mesh *sample_make(const struct sample_options *options, GError **error) {
+static struct mesh *make(const struct sample_options *options, GError **error) {
     switch ((enum sample_kind)options->kind) {
     case SAMPLE_WEAVE:
         return sample_weave(options);
@@ -308,9 +308,9 @@ static struct mesh *sample_make(const struct sample_options *options, GError **e
 struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
                         Mistakes *mistakes) {
     GError *error = NULL;
-    if (!sample_check_options(section, options, mistakes))
+    if (!check_options(section, options, mistakes))
         return NULL;
-    struct mesh *mesh = sample_make(options, &error);
+    struct mesh *mesh = make(options, &error);
     mistakes_add(mistakes, error);
     if (!mesh || check_mesh(section, options, mesh, mistakes))
         return mesh;

@@ -22,8 +22,8 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
 
 /* 16-bit numbers are kept as they are, and so are 8-bit greys that are heights, since heights have
  * no gamma. */
-static gboolean sample_file_read_picture(const char *path, gboolean heights, struct picture *ret,
-                                         GError **error) {
+static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
+                             GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
     gsize length;
     g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
@@ -58,7 +58,7 @@ static float pixel(const struct picture *picture, gint64 x, gint64 y, int channe
 }
 
 /* Bilinear; u from the left, v from the bottom, 0 … 1. */
-static double sample_file_look_up(const struct picture *picture, double u, double v, int channel) {
+static double look_up(const struct picture *picture, double u, double v, int channel) {
     double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
     double fx = floor(x), fy = floor(y);
     gint64 i = (gint64)fx, j = (gint64)fy;
@@ -78,10 +78,10 @@ static void pictured_relief(struct vertex *vertex, gconstpointer data) {
     const struct pictured *from = data;
     const struct sample_options *o = from->options;
     double u = vertex->p[0] / o->width_mm + 0.5, v = vertex->p[1] / o->height_mm + 0.5;
-    vertex->p[2] = (float)(o->base_mm + o->relief_mm * sample_file_look_up(&from->relief, u, v, 0));
+    vertex->p[2] = (float)(o->base_mm + o->relief_mm * look_up(&from->relief, u, v, 0));
     sample_set_rgb(vertex->albedo, &o->albedo, 0.5f, 0.5f, 0.5f);
     for (int k = 0; k < 3 && from->albedo.values; k++)
-        vertex->albedo[k] = (float)sample_file_look_up(&from->albedo, u, v, k);
+        vertex->albedo[k] = (float)look_up(&from->albedo, u, v, k);
     sample_set_gloss(vertex, o, 0, 0.3, 0.3);
 }
 
@@ -89,8 +89,8 @@ struct mesh *sample_picture(const struct sample_options *options, GError **error
     struct pictured from = {.options = options};
     gboolean coloured = options->albedo_path && *options->albedo_path;
     struct mesh *mesh = NULL;
-    if (sample_file_read_picture(options->path, TRUE, &from.relief, error) &&
-        (!coloured || sample_file_read_picture(options->albedo_path, FALSE, &from.albedo, error))) {
+    if (read_picture(options->path, TRUE, &from.relief, error) &&
+        (!coloured || read_picture(options->albedo_path, FALSE, &from.albedo, error))) {
         mesh = sample_mesh_new();
         sample_add_relief(mesh, options, options->grid, options->grid, pictured_relief, &from);
     }

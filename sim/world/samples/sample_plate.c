@@ -17,7 +17,7 @@ struct plate {
     double middle[3];                  /* of its printed side */
 };
 
-static void sample_plate_turn(double v[3], int a, int b, double angle) {
+static void turn(double v[3], int a, int b, double angle) {
     const double c = cos(angle), s = sin(angle), x = v[a], y = v[b];
     v[a] = c * x - s * y;
     v[b] = s * x + c * y;
@@ -25,13 +25,13 @@ static void sample_plate_turn(double v[3], int a, int b, double angle) {
 
 /* Turned about its normal, then tilted so that its normal leans towards an azimuth. */
 static void place_axis(const struct sample_options *o, double v[3]) {
-    sample_plate_turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
-    sample_plate_turn(v, 2, 0, RAD(o->tilt_deg));
-    sample_plate_turn(v, 0, 1, RAD(o->tilt_towards_deg));
+    turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
+    turn(v, 2, 0, RAD(o->tilt_deg));
+    turn(v, 0, 1, RAD(o->tilt_towards_deg));
 }
 
-static guint32 sample_plate_add_corner(struct mesh *mesh, const struct plate *plate, double u,
-                                       double v, double depth, const float *albedo) {
+static guint32 add_corner(struct mesh *mesh, const struct plate *plate, double u, double v,
+                          double depth, const float *albedo) {
     struct vertex vertex = {.along = 1, .across = 1};
     for (int k = 0; k < 3; k++) {
         vertex.p[k] =
@@ -44,8 +44,8 @@ static guint32 sample_plate_add_corner(struct mesh *mesh, const struct plate *pl
     return sample_add_vertex(mesh, &vertex);
 }
 
-static void sample_plate_add_cells(struct mesh *mesh, const struct plate *plate,
-                                   const png_image *image, const guint16 *values) {
+static void add_cells(struct mesh *mesh, const struct plate *plate, const png_image *image,
+                      const guint16 *values) {
     for (guint32 j = 0; j < image->height; j++)
         for (guint32 i = 0; i < image->width; i++) {
             const guint16 *pixel = values + 3 * ((gsize)j * image->width + i);
@@ -53,10 +53,10 @@ static void sample_plate_add_cells(struct mesh *mesh, const struct plate *plate,
                                      (float)pixel[2] / 65535};
             const double u0 = (double)i / image->width, u1 = (double)(i + 1) / image->width;
             const double v0 = (double)j / image->height, v1 = (double)(j + 1) / image->height;
-            const guint32 a = sample_plate_add_corner(mesh, plate, u0, v1, 0, albedo);
-            const guint32 b = sample_plate_add_corner(mesh, plate, u1, v1, 0, albedo);
-            const guint32 c = sample_plate_add_corner(mesh, plate, u1, v0, 0, albedo);
-            const guint32 d = sample_plate_add_corner(mesh, plate, u0, v0, 0, albedo);
+            const guint32 a = add_corner(mesh, plate, u0, v1, 0, albedo);
+            const guint32 b = add_corner(mesh, plate, u1, v1, 0, albedo);
+            const guint32 c = add_corner(mesh, plate, u1, v0, 0, albedo);
+            const guint32 d = add_corner(mesh, plate, u0, v0, 0, albedo);
             sample_add_quad(mesh, a, b, c, d);
         }
 }
@@ -69,10 +69,10 @@ static void add_sides(struct mesh *mesh, const struct plate *plate) {
         const double *p = corners[k], *q = corners[(k + 1) % 4];
         const double depth = plate->options->base_mm;
         const guint first_triangle = mesh->triangles->len;
-        const guint32 a = sample_plate_add_corner(mesh, plate, p[0], p[1], depth, dark);
-        const guint32 b = sample_plate_add_corner(mesh, plate, q[0], q[1], depth, dark);
-        const guint32 c = sample_plate_add_corner(mesh, plate, q[0], q[1], 0, dark);
-        const guint32 d = sample_plate_add_corner(mesh, plate, p[0], p[1], 0, dark);
+        const guint32 a = add_corner(mesh, plate, p[0], p[1], depth, dark);
+        const guint32 b = add_corner(mesh, plate, q[0], q[1], depth, dark);
+        const guint32 c = add_corner(mesh, plate, q[0], q[1], 0, dark);
+        const guint32 d = add_corner(mesh, plate, p[0], p[1], 0, dark);
         sample_add_quad(mesh, a, b, c, d);
         sample_smooth_normals(mesh, a, first_triangle);
     }
@@ -114,7 +114,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)
         plate.middle[k] = options->offset_mm.values[k];
     plate.middle[2] = reach + options->base_mm * plate.up[2];
-    sample_plate_add_cells(mesh, &plate, &image, values);
+    add_cells(mesh, &plate, &image, values);
     add_sides(mesh, &plate);
     return mesh;
 }

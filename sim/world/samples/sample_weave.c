@@ -28,8 +28,7 @@ static double centre_height(const struct yarn *yarn, double s) {
 }
 
 /* Coordinates (along, aside, up) of the yarn to x, y, z. */
-static void sample_weave_place(const struct yarn *yarn, double along, double aside, double up,
-                               float to[3]) {
+static void place(const struct yarn *yarn, double along, double aside, double up, float to[3]) {
     to[0] = (float)(yarn->warp ? aside : along);
     to[1] = (float)(yarn->warp ? along : aside);
     to[2] = (float)up;
@@ -49,11 +48,11 @@ static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct v
     double r = 1 - 0.11 * groove + 0.012 * fuzz + 0.025 * swell;
     double aside = yarn->half_width_mm * r * cos(turn), up = yarn->half_height_mm * r * sin(turn);
     double half = yarn->length_mm / 2, along = s - up * slope / stretch;
-    sample_weave_place(yarn, CLAMP(along, -half, half), yarn->at_mm + aside,
-                       centre_height(yarn, s) + up / stretch, to->p);
+    place(yarn, CLAMP(along, -half, half), yarn->at_mm + aside,
+          centre_height(yarn, s) + up / stretch, to->p);
     double rate = 2 * G_PI * windings / yarn->length_mm;
-    sample_weave_place(yarn, 1, -yarn->half_width_mm * sin(turn) * rate,
-                       slope + yarn->half_height_mm * cos(turn) * rate, to->t);
+    place(yarn, 1, -yarn->half_width_mm * sin(turn) * rate,
+          slope + yarn->half_height_mm * cos(turn) * rate, to->t);
     double tone = 1 - 0.45 * groove + 0.10 * fuzz + 0.05 * swell;
     for (int k = 0; k < 3; k++)
         to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
@@ -69,7 +68,7 @@ static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gb
         sample_add_vertex(mesh, &copy);
     }
     struct vertex centre = g_array_index(mesh->vertices, struct vertex, ring);
-    sample_weave_place(yarn, s, yarn->at_mm, centre_height(yarn, s), centre.p);
+    place(yarn, s, yarn->at_mm, centre_height(yarn, s), centre.p);
     guint32 middle = sample_add_vertex(mesh, &centre);
     gboolean flip = start != yarn->warp;
     for (guint32 i = 0; i < AROUND; i++) {
