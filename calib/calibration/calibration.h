@@ -58,7 +58,7 @@ enum calibration_camera_parameter {
     CALIBRATION_SHIFT_Y,
     CALIBRATION_SHIFT_Z,
     CALIBRATION_CAMERA_PARAMETERS,
-    /* Only rational and fisheye lenses have these, beside k1, k2 and k3 above. */
+    /* Only rational and fisheye lenses have these, next to k1, k2 and k3 above. */
     CALIBRATION_K4 = CALIBRATION_CAMERA_PARAMETERS,
     CALIBRATION_K5,
     CALIBRATION_K6,

@@ -282,7 +282,7 @@ static gboolean calibration_text_is_camera(const struct calibration_camera *came
     return is_covariance(&c[0][0], ALL);
 }
 
-/* Numbers separated by semicolons; the last one may have a separator, too. */
+/* Numbers separated by semicolons; the last one may have a separator as well. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
 

@@ -250,7 +250,7 @@ static gboolean are_beside(const struct board *board, const double *mm_a, const 
            hypot(off[0], off[1]) < MAX(TOLERANCE_PX, BESIDE_OFF * side_px);
 }
 
-/* The largest connected set of markers that lie beside their neighbours as printed, however the
+/* The largest connected set of markers that lie next to their neighbours as printed, however the
  * lens bends the board. ret_good: of each corner. */
 static void take_piece(const struct board *board, const GArray *from, const GArray *to,
                        guint8 *ret_good) {

@@ -37,11 +37,11 @@
 #define TOLERANCE  0.12 /* of a marker's side */
 #define ANY_PX     1e6  /* no bound */
 
-/* Places beside a board where the next column or row would be dark. */
+/* Places next to a board where the next column or row would be dark. */
 struct outside {
     double x, y; /* mm, board frame */
     int side;    /* 0 … 3 */
-    /* Instead: a place on the board's edge beside a black square, where black must end. */
+    /* Instead: a place on the board's edge next to a black square, where black must end. */
     gboolean is_edge;
 };
 
@@ -50,8 +50,8 @@ static void add_outside(GArray *to, double x, double y, int side, gboolean is_ed
     g_array_append_val(to, place);
 }
 
-/* Boards of squares or markers: cells beyond a side. Those that would be dark must be light; beside
- * black squares is the edge. */
+/* Boards of squares or markers: cells beyond a side. Those that would be dark must be light; next
+ * to black squares is the edge. */
 static void add_cells(const struct board *board, int side, GArray *to) {
     const int n = side % 2 ? board->rows : board->columns;
     const double s = board->square_mm, marker = board->marker_mm;
@@ -212,7 +212,7 @@ static int margin_at(const struct picture *picture, const struct board *board,
 
 enum end { OPEN, ENDS, GOES_ON };
 
-/* Whether a place beside a black square is light. */
+/* Whether a place next to a black square is light. */
 static gboolean is_light_beyond(const struct picture *picture, const struct board *board,
                                 const struct print *print, const struct outside *place,
                                 Project project, gconstpointer data) {

@@ -453,7 +453,7 @@ static void tell_unexplained(const struct cameras_work *work, GError **error) {
                    work->unexplained_px);
 }
 
-/* free_boards: a lens alone; the camera frame is the rig frame, every photograph is a lay of its
+/* free_boards: a lens only; the camera frame is the rig frame, every photograph is a lay of its
  * own. */
 static struct cameras_result *cameras_run(struct calibration *calibration,
                                           const struct cameras_task *task, gboolean free_boards,

@@ -7,7 +7,7 @@
  * Frame: z is the turntable's axis, z = 0 its top: the print of a board that lies flat is at the
  * height of its thickness. The zero of the azimuth is such that the cameras' azimuths agree with
  * the rig file's, and the turntable's angles with the commanded ones, in the mean. The scale
- * comes from the board's squares alone.
+ * comes from the board's squares only.
  *
  * Without a turntable the print of the flattest board, which must be within 5° of level by the rig
  * file, is level at the height of its thickness. Azimuth 0 and the origin in the plane are such
@@ -64,7 +64,8 @@ struct cameras_picture {
     double turntable_deg;
 };
 
-/* Reads picture i, on every call again; NULL: error. Called from several threads at once. */
+/* Reads picture i, on every call again; NULL: error. Called from several threads at the same time.
+ */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
 /* Progress: step of n. FALSE cancels (G_IO_ERROR_CANCELLED). Called from the calling thread. */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
@@ -103,7 +104,7 @@ struct cameras_result {
     GArray *stops;     /* struct cameras_stop */
     GArray *lays;      /* struct cameras_lay */
     double rms_px;
-    /* Cross-validation of the lens models, with photographs alone: the robust RMS error with which
+    /* Cross-validation of the lens models, with photographs only: the robust RMS error with which
      * each predicts corners that it was not fitted to; 0: not tried, or not fitted. */
     double held_out_px[RIG_LENSES];
     double bend_mm[2];                 /* lowest and highest corner of the bent board; 0, 0: flat */

@@ -57,7 +57,7 @@ static gboolean fit_all(struct trial *ret) {
 }
 
 /* Σ min((r / noise)², MOST_LOSS²) of each picture of a fold: the lens from the pictures of all
- * other folds, then the poses of this fold's boards alone. */
+ * other folds, then the poses of this fold's boards only. */
 static gboolean predict(const struct trial *trial, int fold, double noise, double *loss) {
     struct bundle b;
     double d[2];
@@ -115,7 +115,7 @@ static void try_bend(const struct cameras_work *work, struct trial *flat) {
 }
 
 /* The polynomial is the default, then comes the model with fewer parameters. A lens that is given
- * is fitted alone, as a start of the refinement: from a straight lens, that may end at a minimum
+ * is fitted only, as a start of the refinement: from a straight lens, that may end at a minimum
  * where the parameters of a rational lens are undetermined. */
 gboolean cameras_choose_lens(struct cameras_work *work, GError **error) {
     static const enum rig_lens order[] = {RIG_LENS_POLYNOMIAL, RIG_LENS_FISHEYE, RIG_LENS_RATIONAL};

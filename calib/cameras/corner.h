@@ -20,7 +20,7 @@ struct corner_guess {
     double x_px, y_px;
     double px_a_mm[2]
                   [2]; /* derivative of the picture's x, y (rows) by the board's x, y (columns) */
-    /* Circles alone: centre of the seen ellipse minus the image of the circle's centre. */
+    /* Circles only: centre of the seen ellipse minus the image of the circle's centre. */
     double off_centre_px[2];
     /* Straightens edges that lens distortion has bent: with x, y relative to the guess, x +=
      * straighten[0] · (x², xy, y²) and y += straighten[1] · (x², xy, y²). 0: edges are straight. */

@@ -53,7 +53,8 @@ static double evaluate(const struct work *work, const double *x, double *f) {
     return isfinite(sum) ? sum : G_MAXDOUBLE;
 }
 
-/* Jacobian by forward differences; all parameters of one column of `depends` are changed at once.
+/* Jacobian by forward differences; all parameters of one column of `depends` are changed at the
+ * same time.
  */
 static void differentiate(const struct work *work, const double *x) {
     const struct fit *fit = work->fit;

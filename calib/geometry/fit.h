@@ -3,8 +3,8 @@
  * parameters, and the covariance of the result.
  *
  * An observation depends on few parameters only (one lamp, one angle), and parameters that share
- * no observation are differentiated at once (Curtis, Powell and Reid 1974): hundreds of them cost
- * as much as a dozen.
+ * no observation are differentiated at the same time (Curtis, Powell and Reid 1974): hundreds of
+ * them cost as much as a dozen.
  *
  * Pure; any thread.
  */

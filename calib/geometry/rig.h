@@ -99,7 +99,7 @@ struct rig_laser {
     int fixed;
 };
 
-/* A fiducial: a matt white disc, level beside the sample and fixed to the turntable. Its picture
+/* A fiducial: a matt white disc, level next to the sample and fixed to the turntable. Its picture
  * measures a lamp's output and whether a camera or the turntable's zero has moved (fiducials.h). */
 struct rig_fiducial {
     char name[RIG_NAME];
@@ -180,7 +180,7 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
 
 /* Projects a point of the rig frame. FALSE if it is behind the camera (a fisheye sees to its side
- * and behind it, too) or so far out that the lens model folds back; it may lie outside the
+ * and behind it as well) or so far out that the lens model folds back; it may lie outside the
  * picture. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px);
@@ -198,7 +198,7 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble);
 
 /* The same rig with the turntable at an angle, in the frame in which the axis is z also at this
  * angle: cameras, arc, and what stands by itself are tilted back by the wobble. In this frame
- * the sample turns by Rz alone, and what lies on the turntable is level. The arc's axis is moved to
+ * the sample turns by Rz only, and what lies on the turntable is level. The arc's axis is moved to
  * first order: the error is below 1 µm for wobbles below 0.1°. ret may be rig. */
 void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
 /* The inverse of rig_at(). */

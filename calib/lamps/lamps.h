@@ -14,7 +14,7 @@
  * calibrated.
  *
  * Drives deviate from their commanded angles, and sights at the same angle share that error: the
- * errors of turntable and arc at each angle are parameters, too, and their standard deviations
+ * errors of turntable and arc at each angle are parameters as well, and their standard deviations
  * are estimated. The same applies to the marks' sizes within their tolerance.
  *
  * A pointing error of a camera of some hundredths of a pixel would shift all that it sees; it is

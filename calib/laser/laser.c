@@ -62,7 +62,7 @@ struct problem {
     struct drive swing;
     int *swing_of; /* n: index of the arc's angle; −1: a laser that stands by itself */
     gboolean flat[RIG_MAX_LASERS]; /* the bend is not adjusted */
-    double plane_mm;               /* the height of this plane is adjusted, too; NAN: none */
+    double plane_mm;               /* the height of this plane is adjusted as well; NAN: none */
     int height_at;                 /* index of the parameter: how much higher their plane is */
     int n_parameters;
 };

@@ -32,7 +32,7 @@ struct laser_point {
     double sigma_mm;           /* standard deviation across the sheet */
     float shift[4]; /* derivative of the point's x and y (mm) by the camera's offset (px), across
                        and down */
-    float noise_mm; /* standard deviation across the sheet by noise alone; 0: not known */
+    float noise_mm; /* standard deviation across the sheet by noise only; 0: not known */
     float line_rad; /* standard deviation of the line's profile, as a sweep angle; 0: not known */
 };
 
@@ -59,7 +59,7 @@ struct laser_result {
     struct rig_sheet_errors sheet[RIG_MAX_LASERS]; /* with what noise does not explain of the RMS */
     double sheet_error_mm[RIG_MAX_LASERS];         /* RMS over the points, from sheet */
     double rms_mm[RIG_MAX_LASERS];                /* RMS distance of the points from their sheets */
-    double expected_mm[RIG_MAX_LASERS];           /* RMS by noise alone; 0: not known */
+    double expected_mm[RIG_MAX_LASERS];           /* RMS by noise only; 0: not known */
     double line_rad[RIG_MAX_LASERS];              /* median of the points'; 0: not known */
     int points[RIG_MAX_LASERS];                   /* number of points that were used */
     double tilt_error_rad[2], centre_error_mm[2]; /* standard errors of the arc */

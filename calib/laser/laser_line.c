@@ -454,8 +454,8 @@ static double profile_sum(const struct profile *profile, const double p[N], int 
     return sum;
 }
 
-/* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). width: 0: it is fitted,
- * too. FALSE: the profile shows no line, or one that is too weak. */
+/* Fits a Gaussian times the reflectance to a profile (Levenberg-Marquardt). width: 0: it is fitted
+ * as well. FALSE: the profile shows no line, or one that is too weak. */
 static gboolean fit_profile(const struct profile *profile, double half, double noise, double width,
                             double p[N], double *ret_sigma) {
     const int free = width > 0 ? 2 : 3;

@@ -1,5 +1,5 @@
 /*
- * Reads a part of a PNG row by row, with memory for that part alone, so that a picture may be much
+ * Reads a part of a PNG row by row, with memory for that part only, so that a picture may be much
  * larger than one that is decoded as a whole. Errors are PICTURE_FILE_ERROR and INPUT_FILE_ERROR.
  * Any thread.
  */

@@ -99,7 +99,7 @@ bool read_all(cv::VideoCapture &from, struct video *video, guint most, VideoProg
 #define HEAD_BYTES 200 /* a packet of MPEG-TS and the start of the next one */
 
 /* Whether a file is a video by its first bytes. FFmpeg reads much else: playlists and lists of
- * files, for instance, which make it open whatever they name, on the network, too. */
+ * files, for instance, which make it open whatever they name, on the network as well. */
 bool is_video(int fd) {
     static const struct {
         int at, n;

@@ -13,7 +13,7 @@ namespace {
 constexpr int FEWEST_CIRCLES = 9; /* that a grid is looked for in */
 
 /* OpenCV also prints the errors that it throws; one message is enough. It starts no threads:
- * whoever calls these functions works on several pictures at once. */
+ * whoever calls these functions works on several pictures at the same time. */
 const bool set_up = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     cv::setNumThreads(0);
@@ -52,7 +52,7 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
 }
 
 /* Converts to 8 bits between the first and last per cent; a square root gives dark values more
- * levels, so that edges are found in shadow, too. */
+ * levels, so that edges are found in shadow as well. */
 cv::Mat to_bytes(const picture *from) {
     const cv::Mat linear(from->height, from->width, CV_32F, from->values);
     cv::Mat sorted = linear.clone().reshape(1, 1);

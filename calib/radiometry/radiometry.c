@@ -136,7 +136,7 @@ static gboolean radiometry_is_good(const struct sums *s) {
 }
 
 /* Ratio of variance to mean: shot noise is proportional to the signal; all cells together
- * determine the factor better than each alone. */
+ * determine the factor better than each only. */
 static double variance_by_mean(const struct measuring *m) {
     double variance = 0, mean = 0;
     for (int i = 0; i < CELLS * CELLS; i++)

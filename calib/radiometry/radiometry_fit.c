@@ -247,7 +247,7 @@ static double lit_from_rad(const struct problem *p, int shot) {
 
 /* Light from several sides separates a lamp's fall-off from the cameras' vignetting: light of the
  * lamp itself at several angles of the arc or, in a rig where no lamp ever turns, of all lamps
- * together. For a lamp that stands by itself beside an arc, the lamps on the arc determine the
+ * together. For a lamp that stands by itself next to an arc, the lamps on the arc determine the
  * vignetting. Its fall-off is then less certain, as its error says; but the product of fall-off and
  * vignetting, on which alone the pictures of that rig depend, is not. */
 static gboolean check_shots(const struct problem *p, GError **error) {

@@ -245,7 +245,7 @@ static struct mistake mistake_of(double turntable, double arc) {
     return mistake;
 }
 
-/* All mistakes that are tried: wrong signs, radians in place of degrees, two lamps exchanged, and
+/* All mistakes that are tried: wrong signs, radians instead of degrees, two lamps exchanged, and
  * lamps numbered from the other end or from a neighbour. Each mistake is tried on all pictures;
  * therefore, where there are many lamps, only lamps with neighbouring numbers are exchanged. With
  * balls no mistake of lamps is tried: balls show lamps wherever they are, and lamps_fit() tells

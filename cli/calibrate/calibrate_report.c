@@ -193,7 +193,7 @@ static void stretch(double range[2], double value) {
     range[1] = MAX(range[1], value);
 }
 
-/* Makes everything fit, with a turntable of 150 mm and the names beside. */
+/* Makes everything fit, with a turntable of 150 mm and the names next to. */
 static void fit_plan(struct plan *plan, const struct rig *rig) {
     double x[2] = {-150, 150}, y[2] = {plan->above ? -150 : -20, plan->above ? 150 : 20};
     for (int i = 0; i < rig->n_cameras + rig->n_lamps + rig->n_lasers; i++) {

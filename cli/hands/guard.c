@@ -13,7 +13,7 @@
  * highlights. */
 #define SATURATED_PART 0.05
 /* The 99th percentile must reach at least this part of the range, at the longest exposure under the
- * brightest lamp; a suggested exposure is to reach it, too. */
+ * brightest lamp; a suggested exposure is to reach it as well. */
 #define BRIGHT_PART 0.1
 #define WANTED_PART 0.5
 /* Part of the range by which a lamp raises the mean of a picture that sees it. */
@@ -153,8 +153,8 @@ static void check_fiducials(const struct guard *guard, guint from, struct fiduci
 }
 
 /* Finds what has moved by the fiducials that a shot shows, those with index from and above. A
- * bright sample beside a fiducial may make it look displaced under one lamp; therefore two shots in
- * a row have to agree, if there is more than one lamp. */
+ * bright sample next to a fiducial may make it look displaced under one lamp; therefore two shots
+ * in a row have to agree, if there is more than one lamp. */
 static void compare_shot(struct guard *guard, guint from) {
     struct fiducials_check check;
     if (guard->fiducials->len == from)

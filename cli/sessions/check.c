@@ -12,7 +12,7 @@
 
 static char *plot_option;
 
-/* Whether the folder holds views: it also exists without any, in a session of sweeps alone. */
+/* Whether the folder holds views: it also exists without any, in a session of sweeps only. */
 static gboolean has_views(const char *folder) {
     g_autoptr(GDir) names = g_dir_open(folder, 0, NULL);
     const char *name;

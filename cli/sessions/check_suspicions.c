@@ -1,4 +1,4 @@
-/* Finds mistakes in the input of a BTF or an MDF from the product alone: values that no material
+/* Finds mistakes in the input of a BTF or an MDF from the product only: values that no material
  * has.
  *
  * Tones: the mean over texels of B(x, v, l) / cos θ_l is reciprocal. Each possible mistake is

@@ -1,6 +1,6 @@
 /*
  * The session file: what is to be captured. It is parsed strictly, and all of its mistakes are told
- * at once; session.conf(5) has every key. Plain data; any thread.
+ * immediately; session.conf(5) has every key. Plain data; any thread.
  */
 #pragma once
 

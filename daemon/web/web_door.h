@@ -38,7 +38,7 @@ enum web_phase {
 typedef struct WebDoor WebDoor;
 typedef struct WebVisitor WebVisitor; /* a connection */
 
-/* Listens on an IP address (NULL: loopback alone, IPv4 and, where there is one, IPv6) and port (0:
+/* Listens on an IP address (NULL: loopback only, IPv4 and, where there is one, IPv6) and port (0:
  * any that is free). Borrows soup, which must outlive it. */
 WebDoor *web_door_new(SoupServer *soup, const char *address, guint port, GError **error);
 void web_door_free(WebDoor *door); /* NULL is ignored; closes all connections */

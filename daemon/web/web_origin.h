@@ -1,6 +1,6 @@
 /*
  * Which names this server has, as origins: "http://rig.lab:8470". A request must be meant for one
- * of them (against DNS rebinding), and may come from a page of the same one alone. Pure functions.
+ * of them (against DNS rebinding), and may come from a page of the same one only. Pure functions.
  */
 #pragma once
 

@@ -42,7 +42,7 @@ struct web_picture {
                    histogram of 64 steps for each of red, green and blue */
 };
 /* picture: NULL with an error; owned by the rig until back returns. A picture is fetched and
- * encoded once, however many clients ask for it; the daemon is asked for cameras that it has alone.
+ * encoded once, however many clients ask for it; the daemon is asked for cameras that it has only.
  */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);

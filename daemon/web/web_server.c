@@ -219,7 +219,7 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
     return FALSE;
 }
 
-/* Whether the body has a length, of digits alone, and is not too long. */
+/* Whether the body has a length, of digits only, and is not too long. */
 static gboolean has_small_body(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
     int n;

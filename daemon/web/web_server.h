@@ -11,7 +11,7 @@
 #include "web_rig.h"
 
 struct web_options {
-    const char *address; /* IP address to listen on; NULL: loopback alone */
+    const char *address; /* IP address to listen on; NULL: loopback only */
     guint port;          /* 0: any that is free */
     const char *token;   /* NULL: nobody may send commands */
     gboolean safe_needs_token;

@@ -2,7 +2,7 @@
  * A whole BTF as a matrix, one row (apparent BRDF) per texel: in memory, or, where that is too
  * small, in a scratch file of half floats. Values that no camera measured (NaN, or 0 and flagged by
  * btf_make_view(), see btf.h) are filled from the texels around them in the same picture, and
- * counted. Lower bounds are used as they are, and counted, too.
+ * counted. Lower bounds are used as they are, and counted as well.
  */
 #pragma once
 

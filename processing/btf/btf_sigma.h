@@ -1,5 +1,5 @@
 /*
- * Error bars of a BTF: the standard error σ of each value ρ, beside the values in a view's file
+ * Error bars of a BTF: the standard error σ of each value ρ, next to the values in a view's file
  * (pipeline.h). Errors that differ from value to value are in a channel, since they depend on the
  * exposures that a texel's pixels were merged from, and on edges within them. To keep files small,
  * one channel serves all three colours, and holds 5 significant bits (σ to 3 %).
@@ -20,7 +20,7 @@
  * field, fall-off and aim are left out: the calibration file does not say how they are correlated
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
- * error bars of their prediction alone. Errors of parts without the channel (other predicted
+ * error bars of their prediction only. Errors of parts without the channel (other predicted
  * lights, cameras whose noise is not calibrated) are not known. Any thread.
  */
 #pragma once

@@ -47,7 +47,7 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
-    ImportPixels picture; /* may be NULL; else in place of view, and memory holds one picture */
+    ImportPixels picture; /* may be NULL; else instead of view, and memory holds one picture */
     ImportLight light;    /* may be NULL; region must then be everything */
     ImportFilled filled;  /* may be NULL */
     gpointer data;
@@ -93,8 +93,8 @@ gboolean import_pictures(const char *path, const char *folder, const struct impo
  * whose first line names columns that commas, semicolons or tabs separate: theta and phi in degrees
  * (or theta_rad, phi_rad), or x, y and z; and name, filename, file, image or picture, or none of
  * them. A name may be a path below the list's folder; of other paths only what follows the last
- * slash counts, and the picture lies beside the list. Without names they are the lines of
- * "filenames.txt" beside it, or all pictures there by the times in their EXIF, or, if one of them
+ * slash counts, and the picture lies next to the list. Without names they are the lines of
+ * "filenames.txt" next to it, or all pictures there by the times in their EXIF, or, if one of them
  * says none, in the order of their names, numbers by value; names in which a camera's counter has
  * begun again are an error then. A light on the horizon is left out. Numbers may have decimal
  * commas where blanks, tabs or semicolons separate them. Blank lines and those that begin with # do
@@ -103,7 +103,7 @@ gboolean import_rti(const char *path, const char *list, const struct import_wish
                     const struct work *work, struct import_result *ret, GError **error);
 
 /* Imports the info.json of a PTM or HSH, in rgb or lrgb, that Relight made for OpenLIME, with its
- * planes (plane_0.jpg or .png, …) beside it: the material under the lights it lists, or those of
+ * planes (plane_0.jpg or .png, …) next to it: the material under the lights it lists, or those of
  * wish->directions if it lists none. A texel is as
  * wide as it says (pixelSizeInMM). */
 gboolean import_relight(const char *path, const char *file, const struct import_wish *wish,

@@ -177,7 +177,7 @@ static int by_number(gconstpointer a, gconstpointer b) {
 }
 
 /* The picture of a list, which may name it as it was on another machine, with either kind of slash:
- * in that folder below the list's own, or else beside the list; g_free(). */
+ * in that folder below the list's own, or else next to the list; g_free(). */
 static char *find_picture(const char *folder, const char *name) {
     g_autofree char *plain = g_strdelimit(g_strdup(name), "\\", '/');
     g_autofree char *base = g_path_get_basename(plain);
@@ -268,7 +268,7 @@ static gboolean order_by_time(const char *list, const char *folder, GPtrArray *n
     return TRUE;
 }
 
-/* Names of pictures for a list that has none: the lines of "filenames.txt" beside it, or all
+/* Names of pictures for a list that has none: the lines of "filenames.txt" next to it, or all
  * pictures there by their times, or in the order of their names, "9.png" before "10.png". */
 static GPtrArray *names_beside(const struct pictures *pictures, const char *list,
                                const char *folder, guint n, GError **error) {

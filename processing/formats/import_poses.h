@@ -4,7 +4,7 @@
  * it; “mesorig process” makes BTF and MDF of it.
  *
  * The table (text_table.h) has a row per picture:
- *   file            beside the table, or in a folder below; JPEG, PNG, TIFF or EXR
+ *   file            next to the table, or in a folder below; JPEG, PNG, TIFF or EXR
  *   camera          a camera of the calibration
  *   lamp, or laser  one of the calibration's: a picture for the BTF, or one of a sweep
  *   turntable_deg   0 if it says nothing
@@ -28,7 +28,7 @@
  * against the sample; where lamps stand still and the sample turns, same_light_deg makes those one
  * light that lie in one direction of the sample. It then has the direction of the first of them in
  * the plan, and the BTF's files say where each lamp was. In a sweep one picture in ten may be
- * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
+ * missing, never two in a row: pixels whose peak would lie next to it are not seen. Pixels that are
  * no numbers, or masked (transparent), are holes. Any thread.
  */
 #pragma once

@@ -1,6 +1,6 @@
 /*
  * What Relight publishes for OpenLIME (cnr-isti-vclab): info.json, and planes of coefficients as
- * pictures plane_0, plane_1, … beside it. As OpenLIME's ShaderRTI draws them, with c = byte / 255,
+ * pictures plane_0, plane_1, … next to it. As OpenLIME's ShaderRTI draws them, with c = byte / 255,
  * scale and bias of each of the planes' channels, and b_j (l) the terms of a PTM or of HSH:
  *   rgb   f(l) = Σ_j b_j(l) (c_j − bias_j) scale_j               plane j has term j of R, G, B
  *   lrgb  f(l) = (c_0 − bias_0) scale_0 · Σ_j b_j(l) (c − bias) scale    plane 0 is a colour, the

@@ -388,8 +388,8 @@ struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct
 }
 
 /* A ray c + t·r meets the plane n·x = d at t = (d − n·c) / (n·r). For a bent sheet, the plane is
- * turned to where the sheet passes the point found last. That converges at once: the bend changes
- * along a ray by some hundredths of a radian a radian. */
+ * turned to where the sheet passes the point found last. That converges at the same time: the bend
+ * changes along a ray by some hundredths of a radian a radian. */
 double laser_lines_range_mm(const struct laser_sweep *sweep, double frame, struct vec3 eye_mm,
                             struct vec3 ray, double least_sine) {
     const int rounds = sweep->laser->bend_rad == 0 ? 1 : BEND_ROUNDS;

@@ -6,7 +6,7 @@
  * left: the candidates of frame k are the pixels of the region whose peak time rounds to k. A
  * robust fit in sweep angle gives the deviation of the sheet from the calibration, and its roll
  * about the beam. The plane is the mean of lines and calibration, weighted by the inverse
- * variances; where they differ significantly the line is used alone, since it was seen in this very
+ * variances; where they differ significantly the line is used only, since it was seen in this very
  * sweep. Any thread, one at a time.
  */
 #pragma once
@@ -49,7 +49,7 @@ struct laser_sweep {
     const float *peak, *width, *intensity;
     const struct rig_arc *arc;                   /* NULL: an ideal one */
     const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
-    const struct laser_lines *lines;             /* NULL: use the calibration alone */
+    const struct laser_lines *lines;             /* NULL: use the calibration only */
     const struct rig_sheet_errors *errors;       /* of the calibration; NULL: known exactly */
     double line_rad; /* of the line's profile on plates, as a sweep angle; 0: not known */
 };
@@ -60,7 +60,7 @@ struct laser_lines {
     double roll_rad;  /* of all frames' sheets about the beam, left-handed */
     struct vec3 beam; /* unit, from the source */
     struct vec3 source_mm;
-    /* Measured by the lines alone: */
+    /* Measured by the lines only: */
     int pixels, frames;                  /* pixels on lines, frames with a line */
     double offset_rad, offset_error_rad; /* mean over the sweep, minus the calibration */
     double roll_seen_rad, roll_error_rad;

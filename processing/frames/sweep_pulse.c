@@ -79,7 +79,7 @@ static double weight_of(const struct sweep_samples *s, int k, double value) {
 
 /* Fits the unsaturated samples of a pulse. old == NULL: the parabola through the logarithms of
  * those above the margin. Else one Gauss-Newton step about the first fit f, y' = ln f + (y − f) /
- * f. Noise does not bias y' as it biases ln y, and dark samples count, too, except those so dark
+ * f. Noise does not bias y' as it biases ln y, and dark samples count as well, except those so dark
  * that noise decides whether they are recorded. FALSE: no fit, or its time is outside of part. */
 static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
                     const struct gaussian *old, struct gaussian *ret) {

@@ -554,7 +554,7 @@ static void find_lone_errors(const MdfView *view, const float *distance, const f
                 rough[i] >= 0 ? (float)sqrt((rough[i] + typical) / 1.5) : view->agreement_mm;
 }
 
-/* mdf_errors.h, 3. A step beside a texel bends the line through opposite neighbours by half of its
+/* mdf_errors.h, 3. A step next to a texel bends the line through opposite neighbours by half of its
  * height, so s² is 4 b² of their bends b; where a neighbour is not known, (deepest − m)² / 3, as it
  * may lie as deep as the deepest texel, or anywhere between. */
 static void add_hidden_errors(const MdfView *view, const float *distance,

@@ -21,10 +21,10 @@
  * has creases, 1 steps, 0 is rough in every pixel). b: mean over sweeps, without the times' noise.
  *
  * 3. What no sweep shows. Pixels around that see no line in sweeps that light others may see
- * another side of an edge, in shadow or too dark. The texel lies there, too, with the probability
- * h, the mean over sweeps of such pixels' share (weights fall linearly to 0 two spacings of pixels
- * away). The step s between the sides adds h s², s² from the texels around (mdf.c). With few sweeps
- * the shadow of one is a large part of h, and nothing is added.
+ * another side of an edge, in shadow or too dark. The texel lies there as well, with the
+ * probability h, the mean over sweeps of such pixels' share (weights fall linearly to 0 two
+ * spacings of pixels away). The step s between the sides adds h s², s² from the texels around
+ * (mdf.c). With few sweeps the shadow of one is a large part of h, and nothing is added.
  */
 #pragma once
 

@@ -279,7 +279,7 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
-/* With alone, the index of the WAL is kept in memory, for this process only. */
+/* With only, the index of the WAL is kept in memory, for this process only. */
 static gboolean connect(Session *session, const char *name, int flags, gboolean alone,
                         GError **error) {
     int rc = sqlite3_open_v2(name, &session->db, flags | SQLITE_OPEN_URI, NULL);

@@ -1,5 +1,6 @@
 /* Three passes over the frames: the tile gives the radiometry of cameras and lamps, what is dark
- * around it the veiling glare, then the fiducials beside it are calibrated with that radiometry. */
+ * around it the veiling glare, then the fiducials next to it are calibrated with that radiometry.
+ */
 #include "tile_session.h"
 
 #include <math.h>
@@ -15,7 +16,7 @@
 #define ASIDE_RAD   (8 * G_PI / 180) /* an aim so far off the nominal one is doubted */
 #define ASIDE_LESS  4.0              /* times nearer to it tells that lamps are exchanged */
 #define MODEL_ERROR 5e-4 /* of the signal: how well the model describes tiles, lamps and lenses */
-#define MAX_PAIRED  16   /* of more lamps, neighbours alone */
+#define MAX_PAIRED  16   /* of more lamps, neighbours only */
 
 /* A frame under a lamp. */
 struct lit_frame {

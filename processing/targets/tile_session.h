@@ -1,6 +1,6 @@
 /*
  * Radiometric calibration from a session of a white tile (radiometry/radiometry.h): every lamp
- * frame shows the tile, whose face is the session's reference plane. Fiducials beside it are
+ * frame shows the tile, whose face is the session's reference plane. Fiducials next to it are
  * calibrated along with it. Raw exposures that were kept in pairs give each camera's noise and
  * linearity.
  */

@@ -15,7 +15,7 @@ void prepare(vec3 v, vec3 l, float lit) {
     place = 0.5 + textureLod(view_map, v, 0.0).rg * float(n_grid - 1);
     z = textureLod(light_map, l, 0.0).rgb;
     /* Where the square of directions has its corners, samples at the horizon are not 0, and the light
-     * would end at once. It fades over the last 3°. */
+     * would end immediately. It fades over the last 3°. */
     lit_share = lit * clamp(l.z / 0.05, 0.0, 1.0);
     sky_z = 1.0 - 0.5 / float(n_grid * n_grid + 1);
 }

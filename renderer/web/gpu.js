@@ -1,7 +1,7 @@
 // WebGL 2: programs from the viewer's shaders, textures and render targets.
 import { shaders } from "./shaders.js";
 
-// In place of "#version 330 core": samplers have no default precision, or a low one. No index map.
+// Instead of "#version 330 core": samplers have no default precision, or a low one. No index map.
 const head = `#version 300 es
 precision highp float;
 precision highp int;

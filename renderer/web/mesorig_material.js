@@ -10,7 +10,7 @@ export { loadMaterial, readMaterial } from "./material_file.js";
 
 const white = 0.8; // of full scale: a white diffuser lit from its normal, at an exposure of 0 EV
 
-// In place of the shader's own main(): to sRGB, unless what is drawn is to stay linear light.
+// Instead of the shader's own main(): to sRGB, unless what is drawn is to stay linear light.
 const ending = `
 #undef main
 uniform float exposure;
@@ -25,7 +25,7 @@ void main() {
 // three.js writes the line of the version itself.
 const unversioned = text => text.slice(text.indexOf("\n") + 1);
 
-// Adds the attributes that the shaders read beside position, normal and uv: tangent, if it is missing,
+// Adds the attributes that the shaders read next to position, normal and uv: tangent, if it is missing,
 // scale (length of a step of 1 in u and v) and bend (second fundamental form). Returns all of them
 // interleaved, as shapes.js has them.
 function completeGeometry(geometry) {

@@ -178,7 +178,7 @@ export function vertexShapes(vertices, indices) {
   return ret;
 }
 
-// A shape on the card. Positions are in points, too.
+// A shape on the card. Positions are in points as well.
 export class Mesh {
   constructor(gl, vertices, indices, tiles, layers) {
     this.vertices = new Float32Array(vertices);

@@ -323,7 +323,7 @@ static gboolean sim_axis_stop(Axis *axis, GError **error) {
     /* One that has stalled silently does not answer. */
     gboolean stands = sim->phase == STANDING || sim->phase == RINGING ||
                       (sim->phase == STALLED && sim->fault_stall_kind == STALL_REPORTED);
-    if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops at once */
+    if (sim->phase == HOMING || stands) { /* homing is so slow that the axis stops immediately */
         sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         sim_axis_start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {

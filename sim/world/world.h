@@ -8,7 +8,7 @@
  * written independently, so that an error there shows in the results.
  *
  * State may be set from any thread. world_snapshot() copies it; rendering from a snapshot may be
- * done in any thread, and depends on the snapshot alone.
+ * done in any thread, and depends on the snapshot only.
  */
 #pragma once
 
@@ -84,7 +84,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
 /* Computes what a camera's sensor reads: optics, light transport, vignetting, colour filters,
  * photon and read noise, black level, ADC. If the turntable turned, light is the mean of that in so
  * many poses that the sample's edge moves by an eighth of a pixel from one to the next, at most 32.
- * The noise is a function of noise_key, the camera and the pixel alone. pixels holds height × width
+ * The noise is a function of noise_key, the camera and the pixel only. pixels holds height × width
  * values. Any thread. */
 void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
                   double gain_db, guint64 noise_key, guint16 *ret_pixels);

@@ -1,6 +1,6 @@
 /*
  * A cache of the parts of a picture, within a limit of memory: the least recently used part is
- * evicted first. Values are functions of their keys alone, so that the state of the cache never
+ * evicted first. Values are functions of their keys only, so that the state of the cache never
  * affects a picture.
  *
  * Any thread. A value that two threads ask for is made once, by the first, while the other waits;

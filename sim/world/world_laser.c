@@ -105,7 +105,7 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
     }
 }
 
-/* Sorts by cells of one σ, keeping the order within a cell, so that sums depend on the list alone.
+/* Sorts by cells of one σ, keeping the order within a cell, so that sums depend on the list only.
  */
 static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *ret_bytes) {
     const struct share *shares = (const struct share *)(gpointer)from->data;

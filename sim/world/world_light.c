@@ -55,7 +55,7 @@ struct v3 world_to_rig(const World *world, double turntable_deg, struct v3 p) {
     return lean(world, angle, 1, v3_turn_z(p, cos(angle), sin(angle)));
 }
 
-/* Turns by the angle between arc and turntable alone if neither axis is tilted, so that the result
+/* Turns by the angle between arc and turntable only if neither axis is tilted, so that the result
  * is bit-identical to that of an ideal arc. */
 static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
     const double sign = pose.upright ? 0 : -1;

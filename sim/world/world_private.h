@@ -128,8 +128,8 @@ double world_relative_rad(double arc_deg, double turntable_deg);
 guint64 world_carried_bits(gboolean carried, double deg);
 
 /* Where light comes from, seen from the sample. Results for lights on the arc depend on the angle
- * between arc and turntable alone, unless the arc's axis differs from the turntable's, which may
- * also wobble; those for fixed lights depend on the turntable alone. */
+ * between arc and turntable only, unless the arc's axis differs from the turntable's, which may
+ * also wobble; those for fixed lights depend on the turntable only. */
 struct light_pose {
     double relative_rad, turntable_rad; /* turntable_rad is 0 if it has no effect */
     gboolean fixed;

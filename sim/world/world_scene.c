@@ -215,7 +215,8 @@ static void add_shadow_ray(struct shadow_rays *rays, const float p[3], const flo
                            guint8 index) {
     struct RTCRay16 *packet = &rays->packets[rays->n / PACKET];
     int lane = rays->n % PACKET;
-    if (lane == 0) /* Embree reads lanes that are not valid, too, on processors without AVX-512 */
+    if (lane ==
+        0) /* Embree reads lanes that are not valid as well, on processors without AVX-512 */
         memset(packet, 0, sizeof *packet);
     packet->org_x[lane] = p[0];
     packet->org_y[lane] = p[1];

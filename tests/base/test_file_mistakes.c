@@ -1,4 +1,4 @@
-/* A rig, session or world file with many mistakes tells all of them, each as it is told alone, in
+/* A rig, session or world file with many mistakes tells all of them, each as it is told only, in
  * the order of its lines; what only follows from another mistake is not told. */
 #include "base/options.h"
 #include "lib/ok.h"

@@ -91,7 +91,7 @@ static float shade(int texel, int view, int light, int colour) {
     return (float)(albedo * nl + 0.5 * pow(MAX(0, nh), 40) * (nl > 0));
 }
 
-/* Sizes alone. */
+/* Sizes only. */
 static struct btf_matrix *empty(void) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     *btf = (struct btf_matrix){.name = g_strdup("weave"),

@@ -2,7 +2,7 @@
  * Latencies of real drivers against the protocol's own round trip in the same run, taken in turns.
  *
  * Modbus: how long a transaction takes through a line's thread, and how soon a drive begins to move
- * after axis_move(), against libmodbus alone. A pseudo-terminal has no baud rate: add the wire's.
+ * after axis_move(), against libmodbus only. A pseudo-terminal has no baud rate: add the wire's.
  *
  * GigE Vision: from a trigger to the whole picture, against bare GVCP and GVSP on plain sockets.
  */

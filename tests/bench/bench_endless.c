@@ -308,7 +308,8 @@ static void measure_frames(const struct btf_matrix *btf, struct figures *f) {
     eigenmaps_free(maps);
 }
 
-/* By pictures of every so many views and lights, as the viewer does; others are measured, too. */
+/* By pictures of every so many views and lights, as the viewer does; others are measured as well.
+ */
 static struct endless *choose_centres(const struct btf_matrix *btf) {
     const gsize texels = btf_layout_texels(&btf->layout), lights = btf->layout.lights.n;
     const gsize views = btf->layout.views.n, n = 3 * LOOKS;

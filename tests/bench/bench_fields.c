@@ -2,7 +2,7 @@
  * What Meseth et al. 2003 found of BTFs, on sessions of ours: how much the energy of views and of
  * lights changes from one direction to the next (fig. 3), whether functions are better fitted to
  * reflectance fields or to light fields (§4), how much of a fit is left under a light at the
- * horizon (fig. 4), and spherical plots of a texel beside its fits (figs 1, 5).
+ * horizon (fig. 4), and spherical plots of a texel next to its fits (figs 1, 5).
  */
 #include "base/direction.h"
 #include "base/vec.h"
@@ -54,7 +54,7 @@ static void fields_reflectance(const struct btf_matrix *btf, gsize texel, double
  * and RMS differences from the mean of both neighbours, which a smooth series has hardly any of. */
 struct steps {
     double all, kinks;
-    double lowest, lowest_kinks; /* those of the lowest ring alone */
+    double lowest, lowest_kinks; /* those of the lowest ring only */
     double theta_deg;            /* of the lowest ring */
     int around;                  /* directions on it */
 };

@@ -3,7 +3,7 @@
  * simulated world: sessions with all pairs, captured by tests/bench/fast_materials --only lamps,
  * are masked to a part of their shots, and what is missing is made up in several ways:
  *
- *   start        the shots of prediction_start(), predicted (1/16 and 1/4 alone)
+ *   start        the shots of prediction_start(), predicted (1/16 and 1/4 only)
  *   chosen       a sixteenth of the shots as in start, then twice as many by prediction_choose(),
  *                from what is measured so far, and so on; predicted
  *   interpolated every so manieth light of each turntable angle; between them
@@ -15,10 +15,10 @@
  * error: ‖values − truth‖ / ‖truth‖ over all texels, views, lights and colours, those captured
  * included; full: of the session with all pairs. left_out: of predicted values against those that
  * the session measured. within: share of predicted values that lie within 2 σ of those. The truth
- * is kept beside the session (truth_N.bin), since tracing it takes minutes: remove it when the
+ * is kept next to the session (truth_N.bin), since tracing it takes minutes: remove it when the
  * world changes.
  *
- * --beside OTHER: instead, the products of another session of the same folder and directions, as
+ * --next to OTHER: instead, the products of another session of the same folder and directions, as
  * they are (of an adaptive capture, one with motion = continuous and so on), and how long its
  * capture took by the rig's own clock.
  *

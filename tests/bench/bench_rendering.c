@@ -2,7 +2,7 @@
  * How long a frame of eigen-maps takes against a plain textured mesh on the same card, mesh and
  * size, both timed in turns. The material is made here: glazed bumps with parallax and shadows,
  * which --write-material also saves, to look at. So is the MDF: silhouettes, and silhouettes with
- * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
+ * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF only.
  */
 #include "bench.h"
 #include "drawing/gl/gpu.h"
@@ -193,7 +193,7 @@ enum {
 };
 static const struct {
     const char *name;
-    double limit; /* times the BTF alone, or 0 */
+    double limit; /* times the BTF only, or 0 */
 } variants[N_VARIANTS] = {{"eigenmaps", 0},
                           {"plain", 0},
                           {"silhouettes", 1.5},

@@ -3,8 +3,8 @@
  * each texel, as drawing does it (directions.h). Views of a session are left out, by default the
  * rings at 30° and 60° of five that are 15° apart, so that neighbours are 30° apart in the polar
  * angle; the others settle their MDF without them, and predict them. The truth is what the rig has
- * measured in the views left out; with --truth what the simulated world says (world.conf beside the
- * session), and the measured views themselves are held against it, too.
+ * measured in the views left out; with --truth what the simulated world says (world.conf next to
+ * the session), and the measured views themselves are held against it as well.
  *
  * error: ‖predicted − measured‖ / ‖measured‖ of R, G, B over all lights and texels of the views
  * left out. delta_e: mean CIEDE2000, the diffuser being white. ratio: along / mixed. fallback:
@@ -282,7 +282,8 @@ static guint8 reprojection_bench_srgb(float value) {
     return (guint8)lround(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055));
 }
 
-/* Measured, mixed and predicted beside each other, as sRGB, the brightest hundredth being white. */
+/* Measured, mixed and predicted next to each other, as sRGB, the brightest hundredth being white.
+ */
 static void reprojection_bench_write(const struct scene *scene, int view, float *const *planes) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = g_strdup_printf("%s/view_%04d.png", pictures, view);

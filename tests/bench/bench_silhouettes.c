@@ -3,7 +3,7 @@
  * against their true surface on a torus and a cylinder (figures 10 and 11). The MDF is traced, as
  * that paper made all but two of its own, so that only drawing is measured; silhouettes_report
  * measures captured ones. Ways:
- *   btf        the BTF alone
+ *   btf        the BTF only
  *   published  the test of straight rays, with the measured views in a volume of 8 bits
  *   straight   that test, over views that include grazing ones
  *   volume     the viewer's test over a volume of 8 bits
@@ -77,7 +77,7 @@ struct scene {
     struct displaced_pixel *truth;
 };
 
-/* table NULL: the BTF alone. */
+/* table NULL: the BTF only. */
 static void show(const struct scene *s, const char *way, double value,
                  const struct mdf_table *table, gboolean straight, gboolean volume) {
     static gboolean more;

@@ -1,5 +1,5 @@
 /*
- * How fast measurement keeps up, each figure beside its limit or its peer in the same run:
+ * How fast measurement keeps up, each figure next to its limit or its peer in the same run:
  * space-time analysis of laser frames against memcpy and NumPy; rectification against decoding and
  * OpenCV; eight cameras' frames analysed as they come (--live), and stored (--store). Peers are in
  * peers/, and what they need in packages.txt.

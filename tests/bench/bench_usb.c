@@ -6,8 +6,8 @@
  * switched and read back, against a bare control transfer.
  *
  * V4L2: from a trigger to the whole picture, against bare ioctls that wait for the first frame that
- * began after the same moment; then eight cameras of 1024 × 768 at 12 bits at once, every picture
- * asked for as soon as the one before is there.
+ * began after the same moment; then eight cameras of 1024 × 768 at 12 bits at the same time, every
+ * picture asked for as soon as the one before is there.
  *
  * USB3 Vision: from a trigger to the whole picture of 1024 × 768, against the same by bare bulk
  * transfers.

@@ -1,4 +1,4 @@
-/* The page of mesorig export web beside the viewer: mean CIEDE2000 over the pixels that show the
+/* The page of mesorig export web next to the viewer: mean CIEDE2000 over the pixels that show the
  * shape, of the same local PCA and MDF, with silhouettes and shadows. For several views, lamps and
  * shapes. */
 #include "bench.h"
@@ -76,7 +76,7 @@ static double shape_difference(const char *folder, const char *page, const guint
     bench_check(error);
     compare_pictures(page, path, &found, &error);
     bench_check(error);
-    /* Elsewhere both must show their backgrounds alone, which have to be the same. */
+    /* Elsewhere both must show their backgrounds only, which have to be the same. */
     if (n < WIDTH * HEIGHT / 8 || memcmp(of_page + corner, is + corner, 3) != 0)
         bench_fail(1, "shape not seen, or backgrounds differ");
     return found.delta_e * WIDTH * HEIGHT / n;

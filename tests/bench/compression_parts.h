@@ -35,7 +35,7 @@ int bench_mdf_compression(char **sessions, gboolean json); /* sessions: NULL-end
 int bench_ranks(const char *session, int clusters, int components, gboolean json);
 
 /* Error against size: local PCAs of a noisy capture, compared with the same capture without noise,
- * beside those as they were published. sessions: a capture and the same without noise, pair by
+ * besides those as they were published. sessions: a capture and the same without noise, pair by
  * pair. every: every N-th view is taken. */
 int bench_rate(char *const *sessions, int every, gboolean json);
 
@@ -49,7 +49,7 @@ struct bench_point {
  * size. */
 void bench_keep_best(GArray *points);
 
-/* Keeps every n-th view alone, which takes that many times less time. */
+/* Keeps every n-th view only, which takes that many times less time. */
 void bench_thin_views(struct btf_matrix *btf, int n);
 
 /* What a local PCA could take that is drawn from codes of fixed length, chosen for each component,

@@ -66,7 +66,7 @@ static const char blank[] = "vec4 blank_fetch(sampler2DArray s, ivec3 p, int lev
                             "#define textureLod blank_lod\n";
 
 enum { PAIRS, REVISED, GRID, WAYS };
-enum { WHOLE, COUNTED, BLANK, UNFILTERED, KINDS }; /* unfiltered: of the 3D texture alone */
+enum { WHOLE, COUNTED, BLANK, UNFILTERED, KINDS }; /* unfiltered: of the 3D texture only */
 
 static GLuint unfiltered; /* a sampler object */
 

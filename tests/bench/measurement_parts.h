@@ -8,7 +8,7 @@ struct bench_cell { /* a view and a lamp */
     GArray *errors; /* float: of each texel and colour, relative */
     GArray *bias;   /* with their signs */
     int saturated;  /* pixels */
-    /* Sums over values of (error / σ)², σ being of noise alone, and of noise and structure; values
+    /* Sums over values of (error / σ)², σ being of noise only, and of noise and structure; values
      * off by more than 3 σ */
     double chi_noise, chi;
     gint64 values, beyond;
@@ -30,7 +30,7 @@ struct bench_mdf {
     /* float: squared errors of texels that have an error bar, in its units: without edges, at them,
      * and of those that one position alone saw (also in the other two) */
     GArray *chi2, *edge_chi2, *alone_chi2;
-    gint64 alone, alone_outliers; /* seen by one position alone, at edges or not */
+    gint64 alone, alone_outliers; /* seen by one position only, at edges or not */
     double alone_squares;
     float *distance, *other, *truth; /* of each texel, mm; g_free() */
     float *lasers;
@@ -55,7 +55,7 @@ struct bench_peaks {
  * sigma: of the pulse, in frames. */
 struct bench_peaks bench_peaks(double amplitude_dn, double sigma);
 
-/* What rectifying costs beside decoding. */
+/* What rectifying costs next to decoding. */
 struct bench_speed {
     double decode_ms, rectify_ms, errors_ms; /* a frame */
     double prepare_ms, guide_ms;             /* a view */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FAR_DEG 25 /* as far beside, a sheet misses the sample */
+#define FAR_DEG 25 /* as far next to, a sheet misses the sample */
 
 struct shown { /* one view */
     World *world;

@@ -1,7 +1,7 @@
 /*
  * Which lit surface points a camera shows at all. Geometry says of a point that a laser reaches it
  * and that a camera sees it; of a gap narrower than a pixel next to nothing may arrive in the
- * picture. Truth from sim/ alone.
+ * picture. Truth from sim/ only.
  */
 #pragma once
 
@@ -18,7 +18,7 @@ struct bench_positions { /* of lasers, as in truth_laser_seen() */
 /* Of the texels asked for: 1 where at least one position that lights the point its centre's ray
  * ends on shows, else 0. It shows if a camera without noise has, while the middle of its sheet is
  * on that point, threshold_dn more in the pixel that the ray goes through than with the sheet far
- * away. That pixel alone: cameras here do not blur, so its neighbours show what lies beside the
+ * away. That pixel only: cameras here do not blur, so its neighbours show what lies next to the
  * point. It may itself show other surface that is lit at the same time; that counts as showing.
  * distance_mm: the truth of each texel. */
 void bench_shown(const struct bench_setup *setup, int view, double turntable_deg,

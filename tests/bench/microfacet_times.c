@@ -14,7 +14,7 @@
 #define WIDTH   800
 #define HEIGHT  600
 #define MAP     256 /* texels of the normal map, each way */
-#define REPEATS 32  /* rotations of a pixel, where they are timed alone */
+#define REPEATS 32  /* rotations of a pixel, where they are timed only */
 
 /* Per vertex: a diffuser with a Blinn–Phong highlight. */
 static const char gouraud_vertex[] =
@@ -316,7 +316,7 @@ gboolean microfacet_times(int frames, gboolean json, GError **error) {
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
     glDepthMask(GL_TRUE);
-    glEnable(GL_CULL_FACE); /* as the viewer shades front faces alone */
+    glEnable(GL_CULL_FACE); /* as the viewer shades front faces only */
     g_print("%s", json ? "\"costs\": [" : "");
     microfacet_times_table(MICROFACET_WARD, mesh, frames, json);
     microfacet_times_table(MICROFACET_ASHIKHMIN, mesh, frames, json);

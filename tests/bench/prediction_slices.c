@@ -15,7 +15,7 @@
  * interpolation and the nearest measured value differ most, root of the mean square over its
  * missing values, of probes; of one elevation and kind at most one is added before differences are
  * computed again, and a quarter as many as are taken. Samples of a slice are the rig's directions,
- * all of them (theirs are adaptive along the slice, too). Price of moves, for which slices are
+ * all of them (theirs are adaptive along the slice as well). Price of moves, for which slices are
  * made, is not counted here.
  */
 #include "prediction_parts.h"

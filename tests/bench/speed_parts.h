@@ -3,7 +3,7 @@
 
 #include <glib.h>
 
-/* What absorbing laser frames costs beside copying them, and beside NumPy. */
+/* What absorbing laser frames costs next to copying them, and next to NumPy. */
 struct speed_sweep {
     double single_mpx_s;              /* frame by frame */
     double sweep_mpx_s, memcpy_mpx_s; /* one core */
@@ -23,7 +23,7 @@ char *speed_peer(const char *script, const char *const *arguments);
 /* A number of an object of JSON; 0: not there. */
 double speed_number(const char *json, const char *name);
 
-/* What rectifying costs beside decoding, and beside OpenCV at the same error. */
+/* What rectifying costs next to decoding, and next to OpenCV at the same error. */
 struct speed_rectify {
     double decode_ms, rectify_ms; /* a frame, one core */
     double prepare_ms;            /* a view */
@@ -44,7 +44,7 @@ struct speed_live {
     gint64 results, failed; /* sweeps written */
 };
 
-/* store: every frame is kept on disk, too, below folder, and removed afterwards. queue_mib: of
+/* store: every frame is kept on disk as well, below folder, and removed afterwards. queue_mib: of
  * frames that may wait for a worker; 0: as in the daemon. */
 struct speed_live speed_live(double seconds, gboolean store, const char *folder, int queue_mib);
 

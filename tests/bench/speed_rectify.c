@@ -1,4 +1,4 @@
-/* What is looked at is a flat print, known by formula, so that a texel's mean is, too. */
+/* What is looked at is a flat print, known by formula, so that a texel's mean is as well. */
 #include "speed_parts.h"
 
 #include "exr/exr.h"

@@ -2,7 +2,7 @@
  * cause. A mirror or glossy ball is drawn by a formula that shares no code with calib/: each ray of
  * an orthographic or perspective camera is reflected, and what it meets is a lamp, far or near, a
  * window, the ground, a room. What goes wrong in photographs is added: dust, clipping, a second
- * highlight, blur, noise, another tone curve, a wrong circle, another ball beside it.
+ * highlight, blur, noise, another tone curve, a wrong circle, another ball next to it.
  *
  * MESORIG_BALLS=N in the environment: N cases instead of CASES; --verbose shows each of them. */
 #include "lib/process.h"

@@ -3,7 +3,7 @@
  * lamp, the plate that the lamp lights and the lamp's reflection in the plate; the camera is far
  * away and looks straight down. Each direction is right within its error bar, or refused.
  *
- * MESORIG_DOME=NAME in the environment: this case alone, whose pictures are kept. */
+ * MESORIG_DOME=NAME in the environment: this case only, whose pictures are kept. */
 #include "lib/process.h"
 #include "lib/world_fixture.h"
 

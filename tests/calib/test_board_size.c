@@ -5,7 +5,7 @@
  * and strips of dark, grey or white paper over the board's edge.
  *
  * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/mistakes.md; a
- * number of 0 … 6 after it: of this print alone.
+ * number of 0 … 6 after it: of this print only.
  */
 #include "cameras/board_size.h"
 #include "lib/ok.h"

@@ -259,7 +259,7 @@ TEST(shaken) {
     g_assert_cmpfloat(part->residual_expected, ==, result->expected_px);
 }
 
-/* The lens alone, from pictures that are said to be photographs of a board held anyhow. */
+/* The lens only, from pictures that are said to be photographs of a board held anyhow. */
 /* A chessboard whose first square has the other colour than said is taken upside down. Markers tell
  * up from down themselves, so a board of them may lie half a turn from the nominal azimuths. */
 TEST(board_azimuth) {
@@ -311,7 +311,7 @@ TEST(lens) {
     g_assert_cmpfloat(fabs(calibration->rig.cameras[0].fx_px - truth.fx_px), <, 4 * sigma);
     g_assert_cmpfloat(sigma, <, 0.02 * truth.fx_px);
     g_assert_cmpfloat(result->rms_px, <, 0.15);
-    task.n_pictures = N_STOPS; /* flat alone */
+    task.n_pictures = N_STOPS; /* flat only */
     g_autoptr(Calibration) flat = calibration_new(&rig);
     g_assert_null(cameras_calibrate_lens(flat, &task, &error));
     g_test_message("%s", error->message);

@@ -113,7 +113,7 @@ TEST(bad_charts) {
     for (int i = 0; i < 8; i++) /* another chart */
         to_xyz(patches[(i * 3 + 1) % 8].rgb, patches[i].xyz);
     refused(patches, 8, COLOUR_ERROR_MISFIT);
-    for (int i = 0; i < 8; i++) /* greys alone */
+    for (int i = 0; i < 8; i++) /* greys only */
         for (int k = 0; k < 3; k++)
             patches[i].rgb[k] = 0.1 * (i + 1);
     refused(patches, 8, COLOUR_ERROR_TOO_FEW);
@@ -187,7 +187,7 @@ static void session(void) {
     for (int i = 0; i < 9; i++)
         g_assert_cmpfloat(fabs(found.matrix[i] - truth[i]), <, 0.015);
     g_assert_cmpfloat(found.residual, <, 1);
-    g_array_index(fields, struct chart_field, 0).x_mm = 300; /* beside the sample */
+    g_array_index(fields, struct chart_field, 0).x_mm = 300; /* next to the sample */
     g_assert_false(chart_session(opened, fields, patches, &error));
     g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE);
     g_clear_pointer(&opened, session_close);

@@ -11,7 +11,7 @@ static const double places_mm[][2] = {{32, 0}, {0, 32}, {-32, 0}, {0, -32}};
 #define BRIGHT "width_mm=57\nheight_mm=57\nbase_mm=3.9\nalbedo=0.4\n"
 static const char *sample = DARK;
 
-/* A sample with four fiducials beside it; the turntable may be off by a slip. */
+/* A sample with four fiducials next to it; the turntable may be off by a slip. */
 static World *fiducials_world(int seed, const char *cam1_keys, double drift_pct) {
     g_autoptr(GString) objects = g_string_new("[sample]\nkind=flat\n");
     g_string_append(objects, sample);

@@ -248,7 +248,7 @@ TEST(two_highlights) {
 }
 
 /* Off by up to 3 % the circle is put right, by more it is refused; where no outline is to be seen,
- * a highlight beside the circle tells. */
+ * a highlight next to the circle tells. */
 TEST(wrong_circle) {
     const struct xyz truth = polar(50, 120);
     const struct lamp lamp = {truth, FALSE, 3, 20};

@@ -61,7 +61,7 @@ static struct calibration *calibrate(const char *board, int width, int height, i
     return g_steal_pointer(&calibration);
 }
 
-/* OpenCV 4.6 uses all of both, too; its focal lengths' standard error is 0.6 px. */
+/* OpenCV 4.6 uses all of both as well; its focal lengths' standard error is 0.6 px. */
 static const struct set {
     const char *path, *side;
     double opencv_focal_px, opencv_rms_px;

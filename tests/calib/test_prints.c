@@ -64,8 +64,8 @@ static double markers(double x, double y) {
     return u < 0 || v < 0 || u >= 1 || v >= 1 ? 1 : marker(6 * row + column, 1, u, v);
 }
 
-/* The same as Kalibr prints it. Its black squares reach beyond the grid, where this is asked for,
- * too. */
+/* The same as Kalibr prints it. Its black squares reach beyond the grid, where this is asked for
+ * as well. */
 static double kalibr(double x, double y) {
     const int column = CLAMP((int)floor(x), 0, 5), row = CLAMP((int)floor(y), 0, 3);
     const double u = (x - column - 0.125) / 0.75, v = (y - row - 0.125) / 0.75;
@@ -152,7 +152,7 @@ static double sample(const struct print *print, const struct view *view, double 
 }
 
 /* A mean over BLUR × BLUR pixels: of nine points if they agree, else of many that no straight edge
- * meets two of at once (Roberts's R2 sequence). */
+ * meets two of at the same time (Roberts's R2 sequence). */
 static double prints_mean(const struct print *print, const struct view *view, double grid_mm,
                           double x, double y) {
     double sum = 0;

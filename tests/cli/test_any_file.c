@@ -2,7 +2,7 @@
  * Property: any file that one command writes, every other command that takes this kind of file
  * reads. A session is captured; sessions are made of sessions by exporting and importing, and by
  * resampling, in random chains; random methods with random options compress them. Every command for
- * a session or a material then takes what came out, also beside files of other sessions with the
+ * a session or a material then takes what came out, also next to files of other sessions with the
  * same directions.
  */
 #include <stdlib.h>

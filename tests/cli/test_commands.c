@@ -40,7 +40,7 @@ static void each_command(const struct command *const *commands, CommandFunc func
 
 /* letters: from a letter to "--NAME of WHO", of the first that has it. */
 static void note_letter(GHashTable *letters, char letter, const char *name, const char *who) {
-    /* mesorig-view --render writes its output, too. */
+    /* mesorig-view --render writes its output as well. */
     const char *meaning = strcmp(name, "render") == 0 ? "output" : name;
     const char *said = g_hash_table_lookup(letters, GINT_TO_POINTER(letter));
     if (!said) {
@@ -64,7 +64,7 @@ static void note_letters(const struct command *command, gpointer letters) {
                 note_letter(letters, entry->short_name, entry->long_name, command->name);
 }
 
-/* The programs that were built beside mesorig. */
+/* The programs that were built next to mesorig. */
 static GPtrArray *programs(void) {
     GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GDir) dir = g_dir_open(BUILD_DIR "/bin", 0, NULL);

@@ -71,7 +71,7 @@ static void free_parts(struct exr_part **parts) {
         exr_part_free(parts[i]);
 }
 
-/* A plane is found again, but for what keeps it level; a lobe better than by the light beside it.
+/* A plane is found again, but for what keeps it level; a lobe better than by the light next to it.
  */
 TEST(between) {
     struct btf_view *view = new_view();
@@ -105,7 +105,7 @@ TEST(few) {
     struct btf_view *view = new_view();
     struct exr_part *parts[N] = {NULL};
     g_assert_null(btf_missing_weights(view, parts, 0));
-    /* One light alone: its reflectance, under the other's cosine. */
+    /* One light only: its reflectance, under the other's cosine. */
     take(view, parts, 2 * N_PHI, FALSE);
     struct exr_part *part = predict(view, parts, 0);
     g_assert_cmpfloat(fabs(part->planes[0][0] -

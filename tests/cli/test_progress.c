@@ -1,5 +1,5 @@
-/* What progress leaves in a log: nothing of a stage that is over at once, and few lines of a long
- * one. */
+/* What progress leaves in a log: nothing of a stage that is over at the same time, and few lines of
+ * a long one. */
 #include "common/progress.h"
 #include "common/work.h"
 

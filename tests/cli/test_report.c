@@ -85,7 +85,7 @@ static void page(void) {
     assert_has(text, "Ö. &quot;Perator&quot;");
     assert_has(text, "<svg");
     g_assert_null(strstr(text, "<b>"));
-    /* GMarkup knows neither doctypes nor tags without an end: the table and the figures alone. */
+    /* GMarkup knows neither doctypes nor tags without an end: the table and the figures only. */
     const GMarkupParser parser = {.start_element = counted};
     int images = 0;
     for (char *at = text; (at = strstr(at, "<figure>"));) {

@@ -1,7 +1,7 @@
 /*
  * What happens to every command when a file that it is given is a FIFO, a device without an end, a
- * directory or a link to nothing: it says so at once. And when a file of some kilobytes promises
- * more pixels than there is memory for.
+ * directory or a link to nothing: it says so at the same time. And when a file of some kilobytes
+ * promises more pixels than there is memory for.
  */
 #include <fcntl.h>
 #include <gio/gio.h>
@@ -178,7 +178,8 @@ TEST(commands) {
     }
 }
 
-/* Files within a copy of a good session, or in a folder beside it, that are not files: "COPY/…". */
+/* Files within a copy of a good session, or in a folder next to it, that are not files: "COPY/…".
+ */
 static const struct planted {
     const char *file, *command;
 } planted[] = {
@@ -210,7 +211,7 @@ static void run(const char *command) {
     g_assert_true(g_spawn_check_wait_status(status, NULL));
 }
 
-/* A glTF file whose buffer is a file beside it. */
+/* A glTF file whose buffer is a file next to it. */
 static void write_shape(const char *copy) {
     g_autofree char *path = g_build_filename(copy, "shape.gltf", NULL);
     g_assert_true(g_file_set_contents(
@@ -254,7 +255,7 @@ TEST(planted) {
     }
 }
 
-/* Playlists that FFmpeg would follow to whatever they name: here a FIFO beside them. */
+/* Playlists that FFmpeg would follow to whatever they name: here a FIFO next to them. */
 TEST(playlists) {
     static const char *const texts[] = {
         "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\npart.ts\n#EXT-X-ENDLIST\n",
@@ -399,7 +400,7 @@ TEST(own_zeros) {
     exr_file_free(file);
 }
 
-/* Headers alone, of 300 and of 30000 pixels each way: the former are let through to a decoder, the
+/* Headers only, of 300 and of 30000 pixels each way: the former are let through to a decoder, the
  * latter refused with their size. */
 TEST(headers) {
     static const struct {

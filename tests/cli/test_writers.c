@@ -1,5 +1,6 @@
-/* Programs that write the same file at once, and symbolic links where files are to be written: what
- * is there in the end is whole, who could not write says so, and nothing outside is touched. */
+/* Programs that write the same file at the same time, and symbolic links where files are to be
+ * written: what is there in the end is whole, who could not write says so, and nothing outside is
+ * touched. */
 #include <glib/gstdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -53,7 +54,7 @@ static int end(GSubprocess *child, const char *other) {
     return 1;
 }
 
-/* Two at once, the second a little later; how many said that they were done. */
+/* Two at the same time, the second a little later; how many said that they were done. */
 static int run_pair(const char *const *first, const char *const *second, gulong later_us,
                     int codes[2]) {
     g_autoptr(GSubprocess) a = spawn(first);
@@ -145,7 +146,7 @@ static void assert_untouched(const char *victim) {
     g_assert_cmpstr(is, ==, "precious");
 }
 
-/* In place of the file, and where it used to be written. */
+/* Instead of the file, and where it used to be written. */
 static void plant(const struct operation *run, const char *relative, const char *victim) {
     g_autofree char *path = g_build_filename(run->session, relative, NULL);
     g_autofree char *part = g_strconcat(path, ".part", NULL);

@@ -438,7 +438,7 @@ static void count(Interlock *interlock, gboolean closed, gpointer data) {
     ++*(int *)data;
 }
 
-/* The state is said again as if by the driver; whoever listens hears of changes alone. */
+/* The state is said again as if by the driver; whoever listens hears of changes only. */
 static void interlock_listeners(struct bench *bench) {
     int first = 0, second = 0;
     conformance_pass(bench->clock, 0.2);

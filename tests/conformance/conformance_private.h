@@ -7,7 +7,7 @@ struct bench; /* a suite's own */
 
 struct check {
     const char *name;
-    void (*run)(struct bench *bench); /* NULL: nothing beside what follows */
+    void (*run)(struct bench *bench); /* NULL: nothing besides what follows */
     gboolean reopens;                 /* opens and closes it twenty times: no file stays open */
     gboolean needs_fault;             /* calls conformance_fail() */
 };

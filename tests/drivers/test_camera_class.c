@@ -195,7 +195,7 @@ static void test_flaws(struct heard *heard, gconstpointer unused) {
         heard_next(heard, i ? CAMERA_REFUSED : CAMERA_FRAME);
         if (i)
             g_assert_error(heard->error, DEVICE_ERROR, code);
-        g_assert_true(camera_trigger(null, 701, NULL)); /* may be given again at once */
+        g_assert_true(camera_trigger(null, 701, NULL)); /* may be given again immediately */
         conformance_pass(heard->clock, 0.03);
         camera_report_frame(null, good_frame(heard->clock, 701, 12));
         heard_next(heard, CAMERA_FRAME);

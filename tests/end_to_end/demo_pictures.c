@@ -28,7 +28,7 @@ static void difference_colour(float difference, float most, guint8 *rgb) {
     rgb[2] = (guint8)(t > 0 ? 255 - 255 * t : 255);
 }
 
-/* Text beside the panels; y is the top of its line. */
+/* Text next to the panels; y is the top of its line. */
 struct caption {
     int x, y;
     gboolean to_left; /* x is its right end */

@@ -1,5 +1,5 @@
 /*
- * Pictures of what the demo measured beside the truth. Pure functions over plain data.
+ * Pictures of what the demo measured next to the truth. Pure functions over plain data.
  */
 #pragma once
 

@@ -1,6 +1,6 @@
 /*
  * How far a captured session is from the truth of the simulated world it was captured in: the
- * figures of demo/report.json, and pictures of what was measured beside the truth. With --nominal
+ * figures of demo/report.json, and pictures of what was measured next to the truth. With --nominal
  * the same frames processed as if the rig had not been calibrated are measured as well.
  */
 #include "base/work.h"
@@ -27,7 +27,7 @@ struct mdf_sums {
     double squares, squares_all;
     gint64 n, n_all, covered, seen, outliers, texels;
     GArray *errors;
-    double chi2; /* sum of the squares of errors relative to their error bars, beside no edge */
+    double chi2; /* sum of the squares of errors relative to their error bars, next to no edge */
     gint64 n_bars, beyond; /* with error bars; off by more than 3 of them */
 };
 
@@ -403,7 +403,7 @@ static void tell(const char *words, const char *unit, double scale, double befor
     g_printerr("\n");
 }
 
-/* The calibration's own errors, and those of what was made with it, beside the rig file's. */
+/* The calibration's own errors, and those of what was made with it, next to the rig file's. */
 static void report_calibration(struct report *report, const double figures[KINDS][FIGURES]) {
     struct demo_errors errors[KINDS];
     g_autoptr(GArray) steps = g_array_new(FALSE, FALSE, sizeof(struct demo_step));

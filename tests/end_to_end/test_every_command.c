@@ -270,7 +270,7 @@ static void place_calibrate(const struct place *place) {
     g_assert_true(calibration_write(calibration, path, &error));
 }
 
-/* What the calls need beside the small rig: a grey BRDF of UTIA's, a table, and a scene. */
+/* What the calls need next to the small rig: a grey BRDF of UTIA's, a table, and a scene. */
 static void place_fill(const struct place *place) {
     static const struct change changes[] = {
         {"[laser laser30]", "warm_up_ms = 250"}, {"[sample]", "texels = 16"}, {0}};

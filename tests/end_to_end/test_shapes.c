@@ -1,4 +1,4 @@
-/* Rigs of other shapes than the demo's, from beginning to end, beside the simulated truth: a dome
+/* Rigs of other shapes than the demo's, from beginning to end, next to the simulated truth: a dome
  * of 64 LEDs around one camera (etc/demo/dome), of which PTM and HSH are made; and four cameras and
  * sixteen lamps that stand around a turntable (etc/demo/fixed_lamps), whose lamps are calibrated,
  * of which a BTF is made; and two cameras on an arm (etc/demo/arm), whose poses and axis are
@@ -124,7 +124,7 @@ static int world_lamp(World *world, const struct rig *rig, int lamp) {
     return world_find_lamp(world, name);
 }
 
-/* Of a BTF's green values beside the truth, of every n-th light of every n-th view. */
+/* Of a BTF's green values next to the truth, of every n-th light of every n-th view. */
 static struct errors btf_errors(const char *session_path, const char *world_path, int texels,
                                 int every) {
     g_autoptr(GError) error = NULL;
@@ -370,9 +370,9 @@ static double plane_turn(const struct rig *rig, World *world, struct vec3 *ret_o
     return turn;
 }
 
-/* Of those cameras in a set of bits, beside where they truly are. The rig's azimuth 0 is free: it
+/* Of those cameras in a set of bits, next to where they truly are. The rig's azimuth 0 is free: it
  * is compared after a turn about z that brings the mean azimuths together; without a turntable
- * (still) the origin is free, too, in x and y. */
+ * (still) the origin is free as well, in x and y. */
 static struct camera_errors camera_errors(const struct rig *rig, World *world, guint32 of,
                                           gboolean still) {
     struct camera_errors worst = {0};

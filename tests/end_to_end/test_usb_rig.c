@@ -1,4 +1,4 @@
-/* A session through USB and V4L2 alone: the small rig's axes are Tics, its lamps and lasers hang on
+/* A session through USB and V4L2 only: the small rig's axes are Tics, its lamps and lasers hang on
  * relay boards, its cameras are V4L2's and one USB3 Vision's, all over one world, and the programs
  * capture it in real time. Its frames and products are those of the simulated drivers, but for the
  * noise. */

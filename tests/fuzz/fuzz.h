@@ -16,12 +16,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 /* A file with these bytes, the same one again at every call; the path stays the fuzzer's. */
 const char *fuzz_file(const uint8_t *data, size_t size);
 
-/* The same as a named file in a folder of its own, for readers that look beside it. */
+/* The same as a named file in a folder of its own, for readers that look next to it. */
 const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t size);
 
 /* As text, with a 0 behind it; g_free(). */
 char *fuzz_text(const uint8_t *data, size_t size);
 
-/* Every refusal has to say why: an error that is not set, or set beside a result, is a bug. Frees
+/* Every refusal has to say why: an error that is not set, or set next to a result, is a bug. Frees
  * the error, for the next reader. */
 void fuzz_check(gboolean ok, GError **error);

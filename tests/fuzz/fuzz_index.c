@@ -1,4 +1,4 @@
-/* Index maps of synthesized materials. What is read refers to texels of the sample alone, at every
+/* Index maps of synthesized materials. What is read refers to texels of the sample only, at every
  * level, and is the same when it is written and read again. */
 #include "fuzz.h"
 

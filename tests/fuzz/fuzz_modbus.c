@@ -1,5 +1,6 @@
 /* Answers on a Modbus line over TCP. What libmodbus asks of the kernel is answered here while a
- * line is at work: it connects at once, receives what the input says, and waits for nothing. */
+ * line is at work: it connects at the same time, receives what the input says, and waits for
+ * nothing. */
 #include "fuzz.h"
 
 #include "modbus/line.h"

@@ -1,4 +1,4 @@
-/* info.json of Relight, with planes of 4 × 3 pixels beside it. */
+/* info.json of Relight, with planes of 4 × 3 pixels next to it. */
 #include "fuzz.h"
 
 #include "base/png_bytes.h"

@@ -1,5 +1,5 @@
 /* Requests to the web server, as bytes on a connection. The rig behind it is replaced here: it
- * answers at once, or in the next round of the main loop. */
+ * answers immediately, or in the next round of the main loop. */
 #include "fuzz.h"
 
 #include "web/web_server.h"

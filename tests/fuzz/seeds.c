@@ -196,7 +196,7 @@ static void write_calibration(const char *folder, const char *rig_path) {
     g_assert_true(g_file_set_contents(path, text, -1, NULL));
 }
 
-/* A session with all of its tables filled, in small pages and without a log beside it. */
+/* A session with all of its tables filled, in small pages and without a log next to it. */
 static void write_database(const char *folder) {
     static const struct session_texts texts = {"[rig]\n", "[session]\n", "", "/etc/rig.conf"};
     const struct session_direction view = {.theta_deg = 30, .phi_deg = 10, .note = (char[]){"n"}};
@@ -277,7 +277,7 @@ static void write_raws(const char *folder) {
     }
 }
 
-/* A call as a message, and its options alone. */
+/* A call as a message, and its options only. */
 static void write_options(const char *folder) {
     static const char *const options[] = {
         "{'process': <true>, 'calibration': <'/c.conf'>}",

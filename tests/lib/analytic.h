@@ -42,7 +42,7 @@ void line_laser_position(const struct line_laser *laser, double arc, double *ret
 double line_laser_sweep(const struct line_laser *laser, double arc, const double *point);
 struct rig_laser line_laser_to_rig(const struct line_laser *laser, const char *name);
 
-/* A lamp on the arc, aimed at the origin; beside its aim it falls off with cos^exponent. */
+/* A lamp on the arc, aimed at the origin; next to its aim it falls off with cos^exponent. */
 struct arc_lamp {
     double theta, distance_mm, intensity;
     double exponent;

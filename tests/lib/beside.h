@@ -1,4 +1,4 @@
-/* What a program finds beside itself, replaced by scripts: a test program is copied into a folder
+/* What a program finds next to itself, replaced by scripts: a test program is copied into a folder
  * and runs one of its cases there. What goes wrong in here fails the test. */
 #pragma once
 
@@ -8,8 +8,8 @@
  * PATH begins with an empty folder. Returns what it printed, g_free(). */
 char *beside_run(const char *test_path);
 
-/* In the copy: a shell script beside it that runs these commands; text NULL: there is none. Returns
- * the folder, which belongs to this function. */
+/* In the copy: a shell script next to it that runs these commands; text NULL: there is none.
+ * Returns the folder, which belongs to this function. */
 const char *beside_write(const char *program, const char *text);
 
 /* The same in the folder that PATH begins with. */

@@ -138,7 +138,7 @@ void run_pass_time(struct run *run, int seconds) {
 }
 
 void run_check_safe(struct run *run) {
-    run_pass_time(run, 5); /* axes do not stop at once */
+    run_pass_time(run, 5); /* axes do not stop immediately */
     for (int i = 0; i < run->devices->geometry.n_lamps; i++)
         g_assert_false(lamps_is_on(run->devices->lamps[i].bank, run->devices->lamps[i].index));
     for (int i = 0; i < run->devices->geometry.n_lasers; i++)

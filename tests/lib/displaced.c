@@ -75,7 +75,7 @@ static void on_cylinder(const struct displaced_shape *s, const float mm[3], int 
     ret[2] = s->height * ((mm[1] / s->tile_mm + 0.5 + j) / s->tiles_v - 0.5);
 }
 
-/* On the upper (side = 1) or the lower end; FALSE: beside it. */
+/* On the upper (side = 1) or the lower end; FALSE: next to it. */
 static gboolean on_end(const struct displaced_shape *s, const float mm[3], int i, int j,
                        double side, float ret[3]) {
     double along = s->height / s->tiles_v / s->tile_mm;
@@ -133,7 +133,7 @@ static void add_sides(Displaced *d, const struct tile *tile) {
     attach_solid(d, geometry);
 }
 
-/* Tiles of which a corner may lie on an end; triangles with a corner beside it become points, so
+/* Tiles of which a corner may lie on an end; triangles with a corner next to it become points, so
  * that triangles keep their numbers. */
 static void add_end(Displaced *d, const struct tile *tile, double side) {
     const struct displaced_shape *s = &d->shape;

@@ -1,5 +1,5 @@
 /* The desktop's portal for files (org.freedesktop.portal.FileChooser) on a bus of its own, and a
- * user who answers its dialogs at once; and its service for notices. */
+ * user who answers its dialogs at the same time; and its service for notices. */
 #pragma once
 
 #include <glib.h>

@@ -6,7 +6,7 @@
 #define WHITE_DN 4095
 #define RESPONSE 6000
 
-#define AMBIENT 0.002 /* share of white of a frame of a sweep beside the line */
+#define AMBIENT 0.002 /* share of white of a frame of a sweep next to the line */
 #define SIGMAS  4.0   /* beyond it a sheet gives no light */
 
 /* What a ray meets. */

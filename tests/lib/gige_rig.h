@@ -33,7 +33,7 @@ void eye_trigger(struct eye *eye, guint64 shot);
 /* Triggers once and waits for what comes of it. */
 enum camera_event eye_shoot(struct eye *eye, guint64 shot);
 
-/* Triggers all of them at once, so many times; each must give that many pictures. */
+/* Triggers all of them at the same time, so many times; each must give that many pictures. */
 void eye_shoot_together(struct eye *eyes, int n, int shots);
 
 /* Arms and shoots again until a picture comes, as the sequencer does; fails after limit_s. */

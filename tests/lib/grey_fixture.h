@@ -17,7 +17,7 @@ char *grey_folder(void);
 /* Captures the tile and writes calibration.conf. */
 void grey_calibrate(const char *folder, int seed, struct tile_result *ret);
 
-/* Four greys beside each other, in a session of their own, and what the world says they are. */
+/* Four greys next to each other, in a session of their own, and what the world says they are. */
 static const double grey_values[] = {0.1, 0.2, 0.45, 0.85};
 static const double grey_mm[][2] = {{-12, 12}, {12, 12}, {-12, -12}, {12, -12}};
 

@@ -1,5 +1,5 @@
 /* A rig whose laser, lamps, interlock and axes are virtual Modbus devices, each on a line of its
- * own, so that each can fail alone. What goes wrong in here fails the test. */
+ * own, so that each can fail only. What goes wrong in here fails the test. */
 #pragma once
 
 #include "virtual/modbus.h"

@@ -25,7 +25,7 @@ void bench_end(struct bench *bench, gconstpointer unused);
 const struct config_section *bench_section(struct bench *bench, const char *header,
                                            const char *keys);
 
-void bench_open_axis(struct bench *bench, const char *keys); /* beside RIG_AXIS */
+void bench_open_axis(struct bench *bench, const char *keys); /* next to RIG_AXIS */
 void bench_open_bank(struct bench *bench, const char *keys);
 void bench_open_laser(struct bench *bench, const char *keys);
 void bench_open_door(struct bench *bench, const char *keys);

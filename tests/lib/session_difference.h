@@ -19,7 +19,7 @@ struct difference_sums {
     gint64 n, unequal, all;
 };
 
-/* folder: "frames", "products/btf" or, with holes, "products" for mdf.exr alone. Every file of
+/* folder: "frames", "products/btf" or, with holes, "products" for mdf.exr only. Every file of
  * session a must be in b. */
 gboolean difference_folder(const char *session_a, const char *session_b, const char *folder,
                            gboolean holes, struct difference *ret, GError **error);

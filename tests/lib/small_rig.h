@@ -4,7 +4,7 @@
 
 #include <glib.h>
 
-/* A line put below a section's head, in place of one for the same key. A list ends with an empty
+/* A line put below a section's head, instead of one for the same key. A list ends with an empty
  * one. */
 struct change {
     const char *head; /* "[lamps bank]" */

@@ -17,7 +17,7 @@ double twin_value(const char *name, const char *key);
 void twin_capture_simulated(const char *name, const char *seed);
 
 /* A session of tests/small that other drivers have captured differs from the simulated one by other
- * noise alone: no more than two simulated ones differ from each other, which are captured here. */
+ * noise only: no more than two simulated ones differ from each other, which are captured here. */
 void twin_assert_noise_alone(const char *name);
 
 /* mesorigd with a rig file, once it listens on an address of a socket. log: as process_start(). */

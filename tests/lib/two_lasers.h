@@ -9,6 +9,6 @@
 
 #define TWO_LASERS_FOCAL_PX 1800
 
-/* side: of the camera's picture, pixels; keys of [world] and [sample] beside those of all. */
+/* side: of the camera's picture, pixels; keys of [world] and [sample] besides those of all. */
 World *two_lasers_world(int side, double power_w, const char *world, const char *sample);
 struct rig two_lasers_rig(int side);

@@ -15,7 +15,7 @@ struct user {
     GDataInputStream *says;
 };
 
-/* Opens the window, of a session that has eigen-maps alone unless one is given, which is removed in
+/* Opens the window, of a session that has eigen-maps only unless one is given, which is removed in
  * the end; "": of nothing. FALSE: skipped, where there is no Xvfb. */
 gboolean user_sit_down(struct user *u, const char *session, const char *const *options);
 

@@ -116,7 +116,7 @@ static void test_locked(void) {
     g_assert_false(g_file_test(lock_path, G_FILE_TEST_EXISTS));
 }
 
-/* Once, whatever the locale and the number of processes; without MPI's help, too. */
+/* Once, whatever the locale and the number of processes; without MPI's help as well. */
 static void test_help(void) {
     static const char usage[] = "SESSION -o FILE — compress a BTF by several processes";
     const char *const alone[] = {"env", "-i", "LC_ALL=C", COMPRESS_MPI, "--help", NULL};

@@ -256,7 +256,7 @@ static void check_journal(const struct cell *cell, const char *said) {
         g_autofree char *unsafe = g_strconcat(lines_names[i], ": NOT safe: ", NULL);
         const gboolean failed = fails && i == (int)cell->line;
         const int n = count(said, failed ? unsafe : safe);
-        /* ExecStopPost has left a guardian, which may have named it, too. */
+        /* ExecStopPost has left a guardian, which may have named it as well. */
         const gboolean left = failed && reports == 1 && n == 2;
         if (i != DOOR && n != reports && !left)
             g_error("not %d times “%s” in: %s", reports, failed ? unsafe : safe, said);

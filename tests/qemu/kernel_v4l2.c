@@ -123,8 +123,9 @@ static void test_error_flag(struct rig *rig, gconstpointer unused) {
     shoot(rig, 99, CAMERA_FRAME);
 }
 
-/* Told to stamp frames at the start of their exposure, vivid hands them over at once: an exposure
- * of 60 ms that began just now is said to be over. That end lies in the future, and is refused. */
+/* Told to stamp frames at the start of their exposure, vivid hands them over at the same time: an
+ * exposure of 60 ms that began just now is said to be over. That end lies in the future, and is
+ * refused. */
 static void test_future(struct rig *rig, gconstpointer unused) {
     int n_refused = 0;
     shoot(rig, 1, CAMERA_FRAME);

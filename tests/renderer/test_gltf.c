@@ -212,7 +212,7 @@ static GByteArray *binary_file(void) {
     return file;
 }
 
-/* One file, or bytes in a file beside it. */
+/* One file, or bytes in a file next to it. */
 TEST(files) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GByteArray) file = binary_file(), bytes = buffer_bytes();

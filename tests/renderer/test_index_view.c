@@ -10,7 +10,7 @@
 #define MAP_H 10
 #define LOW   0.002F /* tolerance: maps are halves, and coordinates are rounded differently */
 
-/* Patches of the sample beside each other, in which each place has another source: seams of all
+/* Patches of the sample next to each other, in which each place has another source: seams of all
  * shapes, and texels that continue each other, within the map and where it repeats. */
 static struct index_map *new_map(int sample_width, int sample_height) {
     struct index_map *map = index_map_new(MAP_W, MAP_H, sample_width, sample_height, 1, "quilting");

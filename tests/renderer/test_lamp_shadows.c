@@ -32,7 +32,7 @@ static gboolean arrives(const float *p, int lamp) {
     return (lamp == 0 ? p[0] : lamp == 1 ? p[2] - p[0] : p[1] - p[0]) > 0.5F * BRIGHT;
 }
 
-/* Of one lamp's shadow on the floor, of which the traced picture knows alone. */
+/* Of one lamp's shadow on the floor, of which the traced picture knows only. */
 static double share(const struct viewer_settings *s, int lamp, const float *drawn,
                     const float *seen, Displaced *displaced) {
     struct viewer_settings alone = *s;

@@ -266,7 +266,7 @@ static void test_reference(gconstpointer data) {
         ok(reference_render_linear(reference, view, &s, WIDTH, HEIGHT, &relative, ERR));
     g_test_message("relative error %.5f", relative);
     g_assert_cmpfloat(relative, <, 0.005);
-    /* Not the first lamp alone. */
+    /* Not the first lamp only. */
     s.n_lamps = 0;
     g_autofree float *one = view_fixture_linear(view, &s, WIDTH, HEIGHT);
     double more = 0.0, all = 0.0;

@@ -427,7 +427,7 @@ TEST(table__grazing) {
 }
 
 /* A flat structure needs no raised relief. One whose flattest views end higher than its steep views
- * say needs a higher one, and grazing views over it end higher, too. */
+ * say needs a higher one, and grazing views over it end higher as well. */
 TEST(table__raised) {
     g_autoptr(MdfTable) flat = flat_mdf(32, 2.0);
     g_autoptr(MdfTable) waves = flat_mdf(32, 2.0);

@@ -157,7 +157,7 @@ static double spent_s(const char *pid) {
            (double)sysconf(_SC_CLK_TCK);
 }
 
-/* With nobody at it the window takes under 2 % of a core, and then answers at once. */
+/* With nobody at it the window takes under 2 % of a core, and then answers immediately. */
 TEST(idle) {
     struct user u;
     const double watched_s = 5;
@@ -178,7 +178,7 @@ TEST(idle) {
     g_free(user_leave(&u));
 }
 
-/* Adds the letters beside ASCII of a C file, without its comments, to a set. */
+/* Adds the letters next to ASCII of a C file, without its comments, to a set. */
 static void add_letters(GHashTable *to, const char *path) {
     g_autofree char *text = NULL;
     ok(g_file_get_contents(path, &text, NULL, ERR));

@@ -26,7 +26,7 @@ static const guint8 *pixel(const struct seen *s, int x, int y) {
 }
 
 /* Choosers lie below each other; all open by an arrow at their right, white on
- * blue. Beside it lies the blue alone. */
+ * blue. Beside it lies the blue only. */
 #define ARROW_X 147
 #define BLUE_X  140
 /* Middle of a chooser to that of the first item of its list, and from item to

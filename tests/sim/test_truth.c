@@ -255,7 +255,7 @@ static struct upright upright_at(const struct truth_surface *s, double x, double
 #define LINES 300
 
 /* From above only outer faces are seen. Blades and pipes overhang, blocks and reliefs do not;
- * pieces that repeat are alike, across the seams between them, too. */
+ * pieces that repeat are alike, across the seams between them as well. */
 static void overhangs(void) {
     static const struct {
         const char *kind;

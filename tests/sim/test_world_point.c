@@ -34,7 +34,7 @@ static void check(const struct surface *from, enum cfa_colour colour) {
     g_assert_cmpfloat_with_epsilon(to.v, from->v, 1e-5);
 }
 
-/* The axes and the octahedron's edges are among them: x, y and z run over −1, 0 and 1, too. */
+/* The axes and the octahedron's edges are among them: x, y and z run over −1, 0 and 1 as well. */
 TEST(all_directions) {
     struct surface surface = {.p = {-12.345f, 6.789f, 0.1f},
                               .albedo = {0.1f, 0.5f, 1},

@@ -1,5 +1,5 @@
 /*
- * What happens in a life of the daemon on the bus, decided by its seed alone: lines to the devices
+ * What happens in a life of the daemon on the bus, decided by its seed only: lines to the devices
  * that lose answers and are dead for a time, and what clients send, and when.
  */
 #pragma once
@@ -47,7 +47,7 @@ enum bus_flash { FLASH_CLOSED_FIRST, FLASH_CLOSED, FLASH_SHOWN, FLASH_LOOPS, FLA
 
 struct bus_step {
     gint64 after_us; /* since the step before; 0: nothing is handled in between */
-    int turns;       /* of the main loop after it, if the next one follows at once */
+    int turns;       /* of the main loop after it, if the next one follows at the same time */
     enum bus_action action;
     enum bus_flash flash;
     int client, n;

@@ -2,7 +2,7 @@
  * The simulated disk: calls of the C library that read and change files below one folder are
  * counted, made to fail as a schedule says, and written down, so that a power cut can be played
  * back on the folder (disk_model.h). disk_calls.c defines those functions in the program itself,
- * so that GLib, SQLite and OpenEXR call them, too. Everywhere else they do nothing.
+ * so that GLib, SQLite and OpenEXR call them as well. Everywhere else they do nothing.
  *
  * The journal is memory that a process shares with those that it forks: it outlives a killed one.
  */
@@ -63,5 +63,5 @@ char *disk_neutral(const struct disk *disk, const char *text);
 /* Adds a line to what happened, with the rig's time, neutral. */
 void disk_say(struct disk *disk, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
-/* Ends this process at once, as SIGKILL and power cuts do. */
+/* Ends this process at the same time, as SIGKILL and power cuts do. */
 G_NORETURN void disk_kill(struct disk *disk, gboolean cut);

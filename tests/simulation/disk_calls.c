@@ -538,7 +538,7 @@ int statvfs64(const char *path, struct statvfs64 *ret) {
 }
 
 /* Wall time goes with the rig's clock, and is set by operators. So does monotonic time, ahead of
- * the kernel's, so that who waits for another thread until some time waits for the thread alone. */
+ * the kernel's, so that who waits for another thread until some time waits for the thread only. */
 int clock_gettime(clockid_t id, struct timespec *ret) {
     const gboolean wall = id == CLOCK_REALTIME;
     if (!disk || !disk->active || (!wall && id != CLOCK_MONOTONIC))

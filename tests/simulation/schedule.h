@@ -1,5 +1,5 @@
 /*
- * What happens in one simulated run, decided by its seed alone: a few lives of the daemon, each
+ * What happens in one simulated run, decided by its seed only: a few lives of the daemon, each
  * with its faults of devices and disk, calls of operators and steps of the wall clock, and with its
  * end. After them comes a life in which nothing happens; it must finish the session.
  */
@@ -25,7 +25,7 @@ enum disk_kind {
     DISK_FOLDER, /* mkdir() */
     DISK_KINDS,
     DISK_ANY = DISK_KINDS, /* of a fault: all of them counted together */
-    DISK_STAT,             /* lstat(): of tests alone; counted apart, and not among all of them */
+    DISK_STAT,             /* lstat(): of tests only; counted apart, and not among all of them */
     DISK_COUNTS,
 };
 

@@ -1,5 +1,5 @@
 /*
- * Whether a session directory is what its database says, found with SQLite and GLib alone: nothing
+ * Whether a session directory is what its database says, found with SQLite and GLib only: nothing
  * of the session's own code is used. Reads a copy of the database, so that the session stays as a
  * killed daemon has left it.
  */

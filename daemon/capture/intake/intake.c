@@ -43,7 +43,7 @@ struct complete_sweep {
 };
 
 /* A camera's worker, of all of its stops if the arm carries it. Its thread owns all fields but
- * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end at once take seconds to
+ * batch, which is the main loop's. Eight sweeps of 1024 × 768 that end immediately take seconds to
  * evaluate and write: a second thread (finisher) does that, so that the frames that arrive
  * meanwhile are still accepted. */
 struct lane {
@@ -199,7 +199,7 @@ static void finish_dark(struct lane *lane, const struct job *job) {
     return_result(lane, job, result);
 }
 
-/* Finds the marks beside the sample; NULL if there are none. */
+/* Finds the marks next to the sample; NULL if there are none. */
 static GArray *measure_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
     const struct session_shot *shot = job->shot;
@@ -298,7 +298,7 @@ static void add_bytes(Intake *intake, gssize bytes) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
-/* The finisher's; setpriority() is of the calling thread alone, on Linux. */
+/* The finisher's; setpriority() is of the calling thread only, on Linux. */
 static void finish_sweep(gpointer data, gpointer lane_data) {
     struct complete_sweep *complete = data;
     struct lane *lane = lane_data;
@@ -365,7 +365,7 @@ static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct s
         sweep_add_some(*sweep, pixels, count);
 }
 
-/* Keeps the first frame of a sweep, and those beside its middle, for is_laser_seen(). */
+/* Keeps the first frame of a sweep, and those next to its middle, for is_laser_seen(). */
 static void keep_for_end(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const int n = job->shot->sweep_steps, step = shot_sweep_step(conf, job->shot, job->sub);
@@ -385,7 +385,7 @@ static gboolean is_brighter(const Frame *frame, const Frame *than, double margin
 
 /* Whether the last frame of a sweep, taken in its middle without the laser, shows the laser: many
  * pixels are brighter than their dark level, or than in the sweep's first frame, since the laser
- * may have lit the dark frames, too; or a few of the few that the laser lit in the middle. */
+ * may have lit the dark frames as well; or a few of the few that the laser lit in the middle. */
 static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const float *dark) {
     const double threshold_dn = lane->intake->setup.conf->laser_threshold_dn;
     const Frame *first = lane->sweep_first;
@@ -403,7 +403,7 @@ static gboolean is_laser_seen(const struct lane *lane, const Frame *last, const 
     return n_lit >= LASER_PIXELS || (n_still >= MIN_LASER_PIXELS && 2 * n_still >= n_line);
 }
 
-/* Frames of a sweep, one after the other; the one without the laser comes alone. */
+/* Frames of a sweep, one after the other; the one without the laser comes only. */
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[0];

@@ -8,9 +8,9 @@
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
  *   commanded; of a picture that was taken while the turntable turned, mesorig.turntable_deg is
  * where it was in the middle of the exposure, and mesorig.turning_deg_s its speed; with a camera
- * arm or a light probe mesorig.arm_deg, mesorig.probe_deg, too), mesorig.cfa (string, cfa_name()),
- * mesorig.exposures_us (string, "500;2000;8000"; the first is shorter than planned where too much
- * was saturated), mesorig.dark_dn (double, mean dark level at the longest exposure),
+ * arm or a light probe mesorig.arm_deg, mesorig.probe_deg as well), mesorig.cfa (string,
+ * cfa_name()), mesorig.exposures_us (string, "500;2000;8000"; the first is shorter than planned
+ * where too much was saturated), mesorig.dark_dn (double, mean dark level at the longest exposure),
  * mesorig.saturated (int, pixels)
  *
  * SHOT_LAMP: one part "radiance", channel "Y", half, the mosaic as it lies on the sensor;
@@ -27,7 +27,7 @@
  * With laser_short_us two frames are taken there, the short one first: see sweep_set_shorter().
  * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr (0000_short.exr),
  * part "frame", channel "Y", raw DN, float, or half up to 11 bits. When it was taken is said by the
- * session alone, so that a retaken shot's files, and what is made of them, are to the byte those of
+ * session only, so that a retaken shot's files, and what is made of them, are to the byte those of
  * an undisturbed one.
  */
 #pragma once

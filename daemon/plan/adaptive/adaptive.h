@@ -3,7 +3,7 @@
  * ([lasers] stop = covered), and lamps until what they would show is known ([lights] sampling =
  * adaptive). One of them, or both, may be on; each chooses for itself, by its own frames.
  *
- * The first round has what plan_first_sweeps() and plan_first_lamps() chose from geometry alone
+ * The first round has what plan_first_sweeps() and plan_first_lamps() chose from geometry only
  * when the session was planned.
  * Every frame is examined as it is committed (coverage/coverage_view.h; lamps.h). At the end of a
  * round:
@@ -15,7 +15,7 @@
  *   that lower the expected error most for their time. When it is expected to be below [lights]
  *   error_pct, or [lights] budget_min is used up, those that are left are left out for good.
  *
- * A choice is a function of the session's plan and of its files alone, and is stored before it is
+ * A choice is a function of the session's plan and of its files only, and is stored before it is
  * acted upon, so that a session that is killed and resumed goes on as if nothing had happened
  * (rounds.h): values "lasers.round.K" and "lights.round.K". Shots that are left out are skipped,
  * and their notes say why.

@@ -1,5 +1,5 @@
 /*
- * Threads that read frames beside the capture. In lockstep (drivers/clock.h) the main loop waits
+ * Threads that read frames next to the capture. In lockstep (drivers/clock.h) the main loop waits
  * for each of them, so that nothing overlaps, neither readers with each other nor with what the
  * main loop writes: their calls to the disk come in the same order in each run.
  */

@@ -1,4 +1,4 @@
-// The rig as mesorig-web tells it: /api/v1/events, with pictures and actions beside it.
+// The rig as mesorig-web tells it: /api/v1/events, with pictures and actions next to it.
 "use strict";
 
 const $ = id => document.getElementById(id);
@@ -180,7 +180,7 @@ function showPose() {
   shapes.push(table);
   let last = null;
   for (const at of places) {
-    const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // beside the lamp
+    const phi = at.phi_deg + (at.carried ? arc : 0), aside = at.class === "laser" ? 7 : 0; // next to the lamp
     let [x, y] = place(at.theta_deg, phi);
     x -= aside * Math.sin(phi * Math.PI / 180);
     y -= aside * Math.cos(phi * Math.PI / 180);

@@ -8,7 +8,7 @@
  *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i           (Meseth et al. 2003 eq. 1)
  *   ptm        Y_v(l) = C0 lx² + C1 ly² + C2 lx ly + C3 lx + C4 ly + C5
  *                                                                     (Malzbender et al. 2001)
- * Models of all views at once:
+ * Models of all views at the same time:
  *   lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · (vx lx, vy ly, vz lz)⟩^N_i)
  *                                                                     (Lafortune et al. 1997)
  *   ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ · diffuse + specular · s(v, l)

@@ -68,7 +68,7 @@ static void site_free(struct site *site) {
 #define QUEUE(site, code, word, ...)                                                               \
     operator_does((site)->run, code, "queue", word, "--address", (site)->address, __VA_ARGS__, NULL)
 
-/* Writes FOLDER/NAME.conf, the small session with another name and lines in place of those of the
+/* Writes FOLDER/NAME.conf, the small session with another name and lines instead of those of the
  * same keys; g_free(). */
 static char *write_session(const struct site *site, const char *name,
                            const struct change *changes) {
@@ -245,7 +245,7 @@ TEST(killed) {
     site_free(site);
 }
 
-/* A daemon that is ended in good order goes on where it was, too; the numbers go on. */
+/* A daemon that is ended in good order goes on where it was as well; the numbers go on. */
 TEST(restarted) {
     struct site *site = site_new(NULL);
     g_autofree char *first = write_session(site, "first", many);
@@ -324,7 +324,7 @@ TEST(changed) {
     site_free(site);
 }
 
-/* Mistakes of all files are told at once, and nothing is added. */
+/* Mistakes of all files are told immediately, and nothing is added. */
 TEST(mistakes) {
     static const struct change wrong[] = {
         {"[capture]", "sweep_steps = 3"}, {"[sample]", "texels = many"}, {NULL, NULL}};
@@ -388,7 +388,7 @@ TEST(laser_stays_on) {
     site_free(site);
 }
 
-/* Whoever ends a session, or makes the rig safe, is beside the rig: nothing further begins. */
+/* Whoever ends a session, or makes the rig safe, is next to the rig: nothing further begins. */
 TEST(ended_by_hand) {
     static const char *const ends[] = {"Abort", "SafeState"};
     for (gsize i = 0; i < G_N_ELEMENTS(ends); i++) {

@@ -81,7 +81,7 @@ static void check_round(void) {
     /* Nineteen directions, 20° apart, are all that the file was interpolated from: 3.5 %. */
     g_assert_cmpfloat(number_of(compared, "error"), <, 0.05);
 
-    /* A compressed material, too. */
+    /* A compressed material as well. */
     says(0, "export bsdf satin.session/products/eigenmaps.exr --isotropic -o maps.bsdf",
          "the mean of 4 × 4 texels");
 

@@ -128,7 +128,7 @@ struct hopeless {
     const char *told[2];
 };
 
-/* One key alone; a short exposure where the long one saturates. */
+/* One key only; a short exposure where the long one saturates. */
 TEST(single) {
     static const struct change fixed[] = {{"[capture]", "exposures_us = 4000; 16000"},
                                           {"[capture]", "laser_exposure_us = 1000000"},

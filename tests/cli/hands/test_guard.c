@@ -181,7 +181,7 @@ TEST(many_lamps) {
     }
 }
 
-/* White fiducials beside the sample: where the calibration has them, or not. */
+/* White fiducials next to the sample: where the calibration has them, or not. */
 TEST(fiducials) {
     static const struct {
         const char *line, *told; /* of the world's cam60 */

@@ -75,7 +75,7 @@ static void test_rights(void) {
             g_assert_cmpint(bus_caller_may_write(&stranger, paths[k], NULL), ==, cases[i].stranger);
         }
     }
-    /* What is above counts, too. */
+    /* What is above counts as well. */
     g_autoptr(GError) error = NULL;
     g_chmod(inner, 0777);
     g_chmod(folder, 0700);

@@ -266,7 +266,7 @@ static void test_validate(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "Start", start_parameters(SESSION, "here"), "BadPath", NULL);
 }
 
-/* A session too large is refused at once, and by file and line; one that is planned for long is
+/* A session too large is refused immediately, and by file and line; one that is planned for long is
  * given up when a limit is met, and the answer says which. */
 static void test_limits(struct fixture *fixture, gconstpointer data) {
     g_autofree char *endless = long_session_write(fixture->folder, "30:510; 60:510");

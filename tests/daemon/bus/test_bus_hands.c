@@ -245,7 +245,7 @@ TEST(park) {
     bus_peer_tell(peer, "MoveAxis", to("arc", 100));
     bus_peer_begin(peer->client, "MoveAxis", to("turntable", 170), &moves);
     bus_peer_wait(peer, some_hands);
-    park_arc(peer); /* beside another axis */
+    park_arc(peer); /* next to another axis */
     bus_peer_tell(peer, "SafeState", NULL);
     bus_peer_wait(peer, has_parked);
     assert_has(parked.error, "SafeState");
@@ -362,7 +362,7 @@ TEST(warming) {
     bus_peer_free(peer);
 }
 
-/* A client that sends a call and closes its connection at once leaves nothing on. */
+/* A client that sends a call and closes its connection at the same time leaves nothing on. */
 TEST(gone_at_once) {
     static const struct change real_clock[] = {{"[rig]", "clock = real"}, {0}};
     struct bus_peer *peer = bus_peer_open(real_clock);

@@ -146,7 +146,7 @@ static void append_calls(GByteArray *bytes, guint32 first, GDBusMessageFlags fla
     }
 }
 
-/* All at once, past GDBus of this process, which would take longer than the daemon. */
+/* All at the same time, past GDBus of this process, which would take longer than the daemon. */
 static void write_calls(GDBusConnection *connection, const GByteArray *bytes) {
     GSocketConnection *stream = G_SOCKET_CONNECTION(g_dbus_connection_get_stream(connection));
     const int fd = g_socket_get_fd(g_socket_connection_get_socket(stream));
@@ -209,7 +209,7 @@ static void test_queued_messages(struct fixture *fixture, gconstpointer data) {
     check_flood(fixture, G_DBUS_MESSAGE_FLAGS_NO_REPLY_EXPECTED);
 }
 
-/* A client that asks for no more than a few things at once is never refused. */
+/* A client that asks for no more than a few things at the same time is never refused. */
 static void test_others_served(struct fixture *fixture, gconstpointer data) {
     g_autoptr(GByteArray) bytes = g_byte_array_new();
     g_autoptr(GError) error = NULL;

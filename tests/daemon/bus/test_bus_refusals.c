@@ -1,4 +1,4 @@
-/* What the bus refuses, and what it says then: options, paths, callers, checks beside each other,
+/* What the bus refuses, and what it says then: options, paths, callers, checks next to each other,
  * the queue, and addresses that clients give. */
 #include "bus/bus_authority.h"
 #include "bus/bus_caller.h"

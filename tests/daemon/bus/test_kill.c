@@ -106,7 +106,7 @@ static void count_shots(const char *path, int *ret_done, int *ret_planned) {
 }
 
 /* Waits for a random number of files, and a moment more; how long a start takes differs too much
- * from machine to machine for times alone to hit what is between. */
+ * from machine to machine for times only to hit what is between. */
 static gboolean wait_for_moment(GPid pid, const char *session, GRand *random, gboolean *ret_ended) {
     const int wanted = files_of(session) + g_rand_int_range(random, -2, 12);
     const gint64 latest = g_get_monotonic_time() + 240 * G_USEC_PER_SEC;

@@ -337,8 +337,8 @@ static void test_abort(void) {
 }
 
 /* Killed at any moment: a new process finds what was committed and takes the rest. What it takes
- * first is stored at once, when the lasers are checked: the dark frames and a sweep of each laser,
- * 64 frames here. It comes that far again and again only if some lives are longer. */
+ * first is stored at the same time, when the lasers are checked: the dark frames and a sweep of
+ * each laser, 64 frames here. It comes that far again and again only if some lives are longer. */
 static void test_resume(void) {
     struct run *run = run_begin(NULL);
     gint64 frames = g_test_rand_int_range(1, 20);
@@ -362,7 +362,7 @@ static void test_resume(void) {
     run_free(run);
 }
 
-/* A frame's file that is gone is taken again; a dark frame's that cannot be read, too. */
+/* A frame's file that is gone is taken again; a dark frame's that cannot be read as well. */
 static void test_lost_files(void) {
     struct run *run = run_begin(NULL);
     run_to_end(run);
@@ -530,7 +530,7 @@ static double radiance_ratio(const char *a_path, const char *b_path,
 }
 
 /* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
- * says the same as one that was well exposed at once. */
+ * says the same as one that was well exposed at the same time. */
 static void test_too_bright(void) {
     struct run *run =
         run_begin((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});

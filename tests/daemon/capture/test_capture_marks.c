@@ -1,4 +1,4 @@
-/* Captures with white fiducials beside the sample, in a calibrated rig: what they show of the
+/* Captures with white fiducials next to the sample, in a calibrated rig: what they show of the
  * lamps' output is stored, and a rig that has moved since it was calibrated pauses the session,
  * once. The truth is the world's: where its fiducials and cameras are, and how bright its lamps. */
 #include <math.h>

@@ -1,5 +1,5 @@
-/* The program that processes beside a capture: found beside the daemon or in PATH, nice, told when
- * it fails, and ended with the capture, whatever it does. In its place are scripts. */
+/* The program that processes next to a capture: found next to the daemon or in PATH, nice, told
+ * when it fails, and ended with the capture, whatever it does. In its place are scripts. */
 #include "base/program.h"
 #include "capture/follower.h"
 

@@ -12,7 +12,7 @@ static double apart_deg(double a, double b) {
     return fabs(remainder(a - b, 360));
 }
 
-/* How far the arc had to be turned for a shot, told by its note alone. */
+/* How far the arc had to be turned for a shot, told by its note only. */
 static double shift_of(const struct session_shot *shot) {
     const char *said = shot->note ? strstr(shot->note, "shifted by ") : NULL;
     return said ? g_ascii_strtod(said + strlen("shifted by "), NULL) : 0;
@@ -232,7 +232,7 @@ static const char *const demo_directions =
     "[views]\npreset=12x5\n[lights]\npreset=12x5\noffset_deg=15\n"
     "[lasers]\npreset=26\noffset_deg=15\n";
 
-/* From lamps that are ready at once to lamps that are worth being left on during moves. */
+/* From lamps that are ready at the same time to lamps that are worth being left on during moves. */
 TEST(demo) {
     g_auto(SessionConf) conf = plan_case_conf(demo_directions);
     struct rig rig = plan_case_rig(demo_theta_deg, 5);

@@ -155,7 +155,7 @@ TEST(fixed_lamps) {
     plan_case_refused(&conf, &rig, &timing, PLAN_ERROR_BLOCKED, "lamp led1 and cam0");
 }
 
-/* An arc beside lamps that stand by themselves: it gives the lights at its lamps' elevations, they
+/* An arc next to lamps that stand by themselves: it gives the lights at its lamps' elevations, they
  * theirs, during which it stands at 0, or aside where it would be in the picture there. */
 TEST(arc_and_fixed_lamps) {
     g_auto(SessionConf) conf =

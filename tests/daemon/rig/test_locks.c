@@ -1,5 +1,5 @@
 /* One daemon has a device at a time: two daemons on the same boards and lines, which are virtual
- * ones; programs that make a rig safe beside a daemon; and a daemon that follows a killed one. */
+ * ones; programs that make a rig safe next to a daemon; and a daemon that follows a killed one. */
 #include "lib/find_guardian.h"
 #include "lib/lines.h"
 #include "lib/process.h"

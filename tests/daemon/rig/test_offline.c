@@ -1,4 +1,4 @@
-/* Timing from a rig file alone: that of the opened devices where they can be opened, and what the
+/* Timing from a rig file only: that of the opened devices where they can be opened, and what the
  * file says where nothing is there to open. */
 #include "lib/ok.h"
 #include "lib/test.h"
@@ -64,7 +64,7 @@ TEST(presets) {
     devices_close(devices);
 }
 
-/* port: the line's, in place of the file's /dev/ttyUSB0. */
+/* port: the line's, instead of the file's /dev/ttyUSB0. */
 static void append_file(GString *to, const char *name, const char *port) {
     g_autofree char *path = g_build_filename(SOURCE_DIR "/etc/devices", name, NULL), *text = NULL;
 

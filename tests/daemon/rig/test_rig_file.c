@@ -175,7 +175,7 @@ TEST(shapes) {
         double theta, phi;
         g_assert_true(ok(devices_read_geometry(path, &rig, ERR)));
         g_assert_cmpint(rig.lamps[0].fixed, ==, lamps[i].fixed);
-        /* the arc's angle matters to what it carries alone */
+        /* the arc's angle matters to what it carries only */
         rig_angles(rig_lamp_position_mm(&rig.arc, &rig.lamps[0], 1), &theta, &phi);
         g_assert_cmpfloat_with_epsilon(theta, 30 * G_PI / 180, 1e-9);
         g_assert_cmpfloat_with_epsilon(
@@ -184,8 +184,8 @@ TEST(shapes) {
     }
 }
 
-/* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith, too; about one
- * at azimuth 0 it moves it aside. */
+/* About an axis at azimuth 90 the arm lowers a camera at azimuth 0, past the zenith as well; about
+ * one at azimuth 0 it moves it aside. */
 TEST(arm) {
     static const struct {
         const char *rig;

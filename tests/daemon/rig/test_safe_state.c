@@ -206,7 +206,7 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
     }
 }
 
-/* An unknown key beside all that says which coil it is. */
+/* An unknown key next to all that says which coil it is. */
 static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
     replace(fixture, "coil = 3", "coil = 3\ncolour = red");
     write_lit_rig(fixture);
@@ -310,7 +310,7 @@ static void run_daemon(struct fixture *fixture) {
     g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_unlink(fixture->socket);
-    /* What the guardian prints of each device is for the log, too. */
+    /* What the guardian prints of each device is for the log as well. */
     fixture->daemon =
         process_start(G_SUBPROCESS_FLAGS_NONE, log,
                       (const char *[]){"/bin/sh", "-c", "exec \"$@\" >&2", "sh", MESORIGD,

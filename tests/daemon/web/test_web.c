@@ -336,7 +336,7 @@ static void faults(void) {
     site_free(site);
 }
 
-/* A server without a token offers the safe state alone, and names commands for the rest. */
+/* A server without a token offers the safe state only, and names commands for the rest. */
 TEST(shows_only) {
     struct site *site = site_new(SITE_SHOWS, NULL);
     Browser *browser = browser_new(390, 844);

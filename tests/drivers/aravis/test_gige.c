@@ -196,8 +196,8 @@ static void hardware_trigger(void) {
     g_rmdir(dir);
 }
 
-/* On plain sockets, all triggered at once, and nothing lost, not even of the first pictures: what
- * is asked for again does not come. */
+/* On plain sockets, all triggered at the same time, and nothing lost, not even of the first
+ * pictures: what is asked for again does not come. */
 static void eight_at_once(void) {
     struct eye eyes[8] = {0};
     struct virtual_camera_faults faults = {.no_resend = TRUE};

@@ -261,7 +261,7 @@ static void not_fed(struct bench *bench, gconstpointer unused) {
     g_assert_cmpint(bench->n, ==, 0);
 }
 
-/* Plugs the network cable in or out, in a network of this process alone. */
+/* Plugs the network cable in or out, in a network of this process only. */
 static gboolean plug(gboolean in) {
     struct ifreq request = {.ifr_name = "lo", .ifr_flags = in ? IFF_UP : 0};
     int any = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);

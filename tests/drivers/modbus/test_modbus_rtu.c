@@ -13,7 +13,7 @@
 
 /* Drivers over RTU, and what only RTU has: answers that cannot be told apart. */
 
-/* Long enough that a busy machine, too, sends an answer within the first. */
+/* Long enough that a busy machine as well, sends an answer within the first. */
 #define TIMEOUT_MS 120
 #define LATE_MS    300
 
@@ -128,7 +128,8 @@ static void late_is_not_the_next(void) {
 }
 
 /* A device that is held up, as a program is on a busy machine, and then answers all that it was
- * asked meanwhile at once: it lives, so its answers do not count as damaged or missing ones. */
+ * asked meanwhile at the same time: it lives, so its answers do not count as damaged or missing
+ * ones. */
 static void held_up_is_asked_again(void) {
     static const struct virtual_modbus_faults held_up[] = {{.late = 1, .late_ms = 500},
                                                            {.late = 1, .late_ms = 1000}};
@@ -213,7 +214,7 @@ static void note(const struct modbus_job *job, const GError *error, gpointer dat
     g_string_append_printf(data, "%d ", job->requests[0].address - VIRTUAL_MODBUS_PLAIN);
 }
 
-/* Commands keep their order, polls come last, results come from the main loop alone. */
+/* Commands keep their order, polls come last, results come from the main loop only. */
 static void order(struct opened *opened, gconstpointer unused) {
     g_autoptr(GString) text = g_string_new(NULL);
     struct virtual_modbus_faults slow = {.delay_us = 5000};

@@ -32,7 +32,7 @@ static double evaluate(const DirectionMesh *mesh, const double *points, int n, s
     return sum;
 }
 
-/* Any quadric comes back exactly, within and a little beside what was measured. */
+/* Any quadric comes back exactly, within and a little besides what was measured. */
 TEST(quadrics) {
     struct rings rings = near_field_twelve(7);
     near_field_add_ring(&rings, 0, 1, 0);

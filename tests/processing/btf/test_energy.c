@@ -98,7 +98,7 @@ TEST(horizon) {
     btf_matrix_free(btf);
 }
 
-/* Values that depend on the view alone: B / cos l = cos v / cos l, which exchanged is its inverse.
+/* Values that depend on the view only: B / cos l = cos v / cos l, which exchanged is its inverse.
  */
 static double lopsided(double theta_l, double theta_v, double between) {
     return cos(theta_v);

@@ -35,7 +35,7 @@ static struct {
     const struct rings *views, *lights;
 } near_world;
 
-/* What the simulator says in place of the formula, and where it has its devices. */
+/* What the simulator says instead of the formula, and where it has its devices. */
 static gboolean trace_part(struct exr_part *part, int view, int light) {
     const double turntable_deg = -(double)near_world.views->phi[view];
     double camera[3], lamp[3];

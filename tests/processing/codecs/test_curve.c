@@ -158,7 +158,7 @@ TEST(constant) {
 }
 
 static void cancel_packed(const struct work_progress *progress, gpointer data) {
-    if (g_str_equal(progress->stage, "weights")) /* of packed ones alone */
+    if (g_str_equal(progress->stage, "weights")) /* of packed ones only */
         g_cancellable_cancel(data);
 }
 

@@ -109,7 +109,7 @@ TEST(memory) {
     g_assert_no_error(error);
 }
 
-/* Threads in place of processes: each with the rows of its part alone. */
+/* Threads instead of processes: each with the rows of its part only. */
 #define MAX_RANKS 4
 struct table {
     GMutex lock;

@@ -20,7 +20,7 @@ static struct vec3 direction(const float *theta_deg, const float *phi_deg, int k
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-/* Rough and glossy texels of many colours, beside each other. */
+/* Rough and glossy texels of many colours, next to each other. */
 static struct btf_matrix *new_btf(void) {
     g_autoptr(GRand) random = g_rand_new_with_seed(4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);

@@ -286,7 +286,8 @@ static void ask_all(int asker, gpointer data) {
     }
 }
 
-/* What several threads find at once, each in another order, is the same to the last bit. */
+/* What several threads find at the same time, each in another order, is the same to the last bit.
+ */
 TEST(threads) {
     const struct set sets[] = {rig_set(), spiral_set(), grid_set()};
     g_autofree struct asked *asked = g_new0(struct asked, 1);

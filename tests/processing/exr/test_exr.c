@@ -59,7 +59,7 @@ TEST(half__every) {
     }
 }
 
-/* Many at once are what each is by itself, to the bit, whatever is among them. */
+/* Many at the same time are what each is by itself, to the bit, whatever is among them. */
 TEST(half__many) {
     g_autofree guint16 *halves = g_new(guint16, 0x10000);
     g_autofree float *many = g_new(float, 0x10000);
@@ -482,7 +482,7 @@ TEST(missing) {
     g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
 }
 
-/* A write that fails leaves the old file as it was and nothing beside it. */
+/* A write that fails leaves the old file as it was and nothing next to it. */
 TEST(failed_write) {
     g_autofree char *path = in_folder("kept.exr");
     g_autoptr(GError) error = NULL;

@@ -76,7 +76,7 @@ static const char *cfa = "mono";
 static gboolean target;
 static struct import_poses_result result;
 
-/* Imports a table's rows beside the pictures in a folder. */
+/* Imports a table's rows next to the pictures in a folder. */
 static gboolean import_rows(const char *dir, const char *rows, const char *path, GError **error) {
     g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
     g_autofree char *nominal = write_nominal(dir);

@@ -194,7 +194,7 @@ TEST(ball) {
     }
 }
 
-/* Masked pixels are holes, and what is dark beside them is not. */
+/* Masked pixels are holes, and what is dark next to them is not. */
 TEST(masks) {
     g_autoptr(GPtrArray) notes = g_ptr_array_new_with_free_func(g_free);
     const struct ball ball = {12, 0, 8, TRUE, .masked = TRUE, .told = &untold};

@@ -576,7 +576,7 @@ TEST(colour) {
                    "poses.csv:3: grey.exr is grey, but rgb.exr (line 2) of the same view is not");
 }
 
-/* Grey pictures of a sweep beside pictures in colour for the BTF, by one camera: the sweep is what
+/* Grey pictures of a sweep next to pictures in colour for the BTF, by one camera: the sweep is what
  * it is alone, and the grey rig's calibration serves for both. */
 TEST(colour_beside_grey) {
     g_autoptr(GError) error = NULL;

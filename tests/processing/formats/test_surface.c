@@ -1,4 +1,4 @@
-/* Points and maps of a structure that is known by formula, seen by cameras that are so, too. */
+/* Points and maps of a structure that is known by formula, seen by cameras that are so as well. */
 #include "base/data_error.h"
 #include "base/vec.h"
 #include "formats/export_surface.h"
@@ -152,7 +152,7 @@ TEST(height) {
         seen++;
     }
     g_assert_cmpint(holes, ==, result.holes);
-    g_assert_cmpfloat(sqrt(squares / seen), <, 0.05); /* a tenth of a texel, of points beside */
+    g_assert_cmpfloat(sqrt(squares / seen), <, 0.05); /* a tenth of a texel, of points next to */
     g_assert_true(export_as(path, file, EXPORT_NORMALS, FALSE, &result, &error));
     g_autoptr(ExrPart) normals = exr_read_part(file, "normals", &error);
     const struct vec3 wanted = normal_of(0.25, -0.25);

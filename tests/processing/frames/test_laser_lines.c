@@ -198,7 +198,7 @@ struct merged {
     int missing;
 };
 
-/* Errors of the sample's texels, with planes from lines, or (NULL) from the calibration alone. */
+/* Errors of the sample's texels, with planes from lines, or (NULL) from the calibration only. */
 static struct merged measure(const struct sweep *sweep, const struct laser_lines *lines) {
     const struct rig rig = rig_of(sweep);
     g_autoptr(MdfView) view = mdf_view_new(&rig.cameras[0], sweep->turntable, &grid);
@@ -363,7 +363,7 @@ TEST(region) {
                                    0.15 * hidden);
 }
 
-/* A rig of half and of ten times the size: as many pixels show the face beside a fiducial. */
+/* A rig of half and of ten times the size: as many pixels show the face next to a fiducial. */
 TEST(region_scale) {
     static const double scales[] = {1, 0.5, 10};
     g_autoptr(TestSweep) sweep = new_sweep();

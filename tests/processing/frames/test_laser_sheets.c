@@ -203,7 +203,7 @@ TEST(wrong_turn) {
 }
 
 /* Lines of the laser at 40° that are noted as those of another: one far from it is told by them
- * alone, one beside it by where it is found. */
+ * only, one next to it by where it is found. */
 static void exchanged(void) {
     static const struct {
         double other_deg;
@@ -257,7 +257,7 @@ static void assert_height(const char *message, const char *words, double is_mm) 
 
 /* A plate of another height than was said is told with the true one if two cameras see it. One that
  * sees a laser from all sides tells that it or the other plate is wrong: (560 − 1) / (560 − 20) is
- * (560 − 4.11) / (560 − 23). If it sees each plate at one angle of the arc alone, nothing tells. */
+ * (560 − 4.11) / (560 − 23). If it sees each plate at one angle of the arc only, nothing tells. */
 static void heights(void) {
     static const struct {
         int cameras;

@@ -49,7 +49,7 @@ static void expose(World *world, const struct world_state *state, gint64 us, gui
     sweep_add(sweep, pixels);
 }
 
-/* Errors of the texels that saturated, each position by itself, by the long exposure alone and with
+/* Errors of the texels that saturated, each position by itself, by the long exposure only and with
  * the short one. */
 struct figures {
     double squares[2];

@@ -1,4 +1,4 @@
-/* A sweep axis that has slipped, in the simulated world: the line on the turntable beside a weave
+/* A sweep axis that has slipped, in the simulated world: the line on the turntable next to a weave
  * tells, and the surface is found where it is. */
 #include "capture/intake/radiance.h"
 #include "frames/laser_pictures.h"

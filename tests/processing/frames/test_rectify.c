@@ -137,7 +137,7 @@ TEST(energy) {
     }
 }
 
-/* Stripes finer than red or blue pixels can show alone, of a colour all over: each colour follows
+/* Stripes finer than red or blue pixels can show only, of a colour all over: each colour follows
  * them as green does, and none goes below black. */
 TEST(detail) {
     static const double tint[3] = {0.8, 0.5, 0.1};
@@ -234,7 +234,7 @@ TEST(outside) {
 
 /* Of a picture in which a single pixel has a variance of 1, texels have the squares of their
  * derivatives by that pixel, as a small change of it shows. Colours vary, so that the excess over
- * the guide counts, too. */
+ * the guide counts as well. */
 TEST(variance) {
     const float change = 2e-3f;
     for (guint f = 0; f < G_N_ELEMENTS(filters); f++) {
@@ -294,7 +294,7 @@ static float *random_waves(guint32 seed, double shortest_px, double longest_px) 
 /* Squared errors of a camera with a colour filter, as they are and as it says: means over texels
  * and colours. Its truth are the values that a camera with all three colours in each pixel finds.
  * pattern and chroma are what a light adds to ln m, of all colours alike and of red. The guide
- * shows three flat colours, or (same) these, too. */
+ * shows three flat colours, or (same) these as well. */
 struct filter_errors {
     double squares, detail;
 };
@@ -333,7 +333,7 @@ static struct filter_errors find_filter_errors(double theta_deg, const float *pa
 }
 
 /* What changes all colours alike from light to light needs none of a colour filter's error bars,
- * however sharp it is: they are of the size of the few errors that there are. Where red alone
+ * however sharp it is: they are of the size of the few errors that there are. Where red only
  * changes at edges, they hold its errors. */
 TEST(colours) {
     g_autofree float *pattern = random_waves(1, 4, 20), *nothing = g_new0(float, 160 * 160);

@@ -54,7 +54,7 @@ static void bumps(double x, double y, double *ret_z, double ret_normal[3]) {
                      -0.4 * sin(1.1 * x + 0.3) * sin(0.8 * y), ret_normal);
 }
 
-/* What a light does to a texel beside Lambert's law. */
+/* What a light does to a texel next to Lambert's law. */
 enum trouble { NONE, SHADOW, SHINE };
 
 static struct btf_matrix *new_btf(Shape shape, enum trouble trouble) {

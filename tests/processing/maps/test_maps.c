@@ -474,7 +474,7 @@ TEST(kept) {
     g_assert_true(g_bytes_equal(exports[0], exports[2]));
     g_assert_false(g_bytes_equal(exports[0], exports[3]));
     g_assert_true(g_bytes_equal(exports[3], exports[4]));
-    /* A fit of the core model is kept beside the other. */
+    /* A fit of the core model is kept next to the other. */
     for (int i = 0; i < 2; i++) {
         g_autofree char *core = process_mesorig(0, "export gltf %s --core -o %s/core_%d.glb --json",
                                                 session, session_fixture_folder, i);

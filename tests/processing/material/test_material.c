@@ -27,7 +27,7 @@ struct plain {
     gpointer model;
     const struct btf_layout *layout;
     Directions *views, *lights;
-    float *values; /* of all texels, reconstructed; tables alone */
+    float *values; /* of all texels, reconstructed; tables only */
     int n_grid;
 };
 

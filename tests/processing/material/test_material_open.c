@@ -13,7 +13,7 @@ static char *in_folder(const char *name) {
     return g_build_filename(folder, name, NULL);
 }
 
-/* A session directory with a BTF alone. */
+/* A session directory with a BTF only. */
 static char *make_session(const char *name, const struct btf_matrix *btf) {
     char *session = in_folder(name);
     material_fixture_write_session(session, btf);

@@ -102,7 +102,7 @@ static gpointer ask(gpointer data) {
     return NULL;
 }
 
-/* The first calls come at once; all get the same. */
+/* The first calls come immediately; all get the same. */
 TEST(threads) {
     mesorig_material *material = open_codec("eigenmaps", "");
     struct asked asked[THREADS];
@@ -121,7 +121,7 @@ TEST(threads) {
     mesorig_material_close(material);
 }
 
-/* Many at once, lengths, and what is no direction. */
+/* Many at the same time, lengths, and what is no direction. */
 TEST(arguments) {
     mesorig_material *material = open_codec("eigenmaps", "");
     const float uv[4][2] = {{0.1F, 0.2F}, {0.1F, 0.2F}, {0.1F, 0.2F}, {NAN, 0.2F}};

@@ -1,5 +1,5 @@
-/* Four threads ask one material at once, of every codec. The target material_threads does the same
- * under ThreadSanitizer. */
+/* Four threads ask one material at the same time, of every codec. The target material_threads does
+ * the same under ThreadSanitizer. */
 #include "lib/material_fixture.h"
 #include "lib/material_threads.h"
 #include "lib/ok.h"

@@ -453,7 +453,7 @@ static void hide_strip_of_others(struct world *world, int laser) {
             world->peak[i] = -1;
 }
 
-/* Seen by one laser alone, but the surface around goes on there: believed, and said to be one. */
+/* Seen by one laser only, but the surface around goes on there: believed, and said to be one. */
 TEST(continued) {
     g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
     g_autofree struct merged *merged = merge(world, &five, NULL, hide_strip_of_others);

@@ -170,7 +170,7 @@ static void shifted_edge(struct exr_part *part, const struct session_shot *shot)
 }
 
 /* Where a printed edge lies half a pixel off, errors are as large as the error bars say if they
- * know of it, and far larger than noise and detail alone. */
+ * know of it, and far larger than noise and detail only. */
 static void test_edge(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(Calibration) calibration = calibrated(1);
     double known[3], unknown[3];

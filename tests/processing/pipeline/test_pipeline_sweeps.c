@@ -54,7 +54,7 @@ static void test_slipped(struct fixture *fixture, gconstpointer unused) {
     fixture_process_fails(fixture, DATA_ERROR_INVALID, "2.2;0.01;28;28");
 }
 
-/* Frames of a sweep, as it is said to have been seen, beside the sweep's file. */
+/* Frames of a sweep, as it is said to have been seen, next to the sweep's file. */
 static void write_frames(const char *folder, const char *name) {
     static const char *const channels[] = {"Y", NULL};
     g_autoptr(GError) error = NULL;

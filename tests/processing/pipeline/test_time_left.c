@@ -197,8 +197,8 @@ static void test_rates(void) {
     g_assert_cmpint(g_rmdir(g_get_user_cache_dir()), ==, 0);
 }
 
-/* A run that takes little of one kind of work mends that rate, too; a small run hardly changes it,
- * and what scatters from run to run is averaged. */
+/* A run that takes little of one kind of work mends that rate as well; a small run hardly changes
+ * it, and what scatters from run to run is averaged. */
 static void test_learned(void) {
     struct time_left_rates rates = {.unit_s = {[TIME_LEFT_BTF] = 0.2, [TIME_LEFT_MDF_FILE] = 7.2}};
     struct time_left_made made[TIME_LEFT_WORKS] = {[TIME_LEFT_BTF] = {0.1, 0.1}};

@@ -125,7 +125,8 @@ static void make_shots(void) {
 }
 
 /* The expected error falls with each choice, begins where the prediction is, and is what a
- * prediction would expect that has the chosen ones, too; all of it the same with other threads. */
+ * prediction would expect that has the chosen ones as well; all of it the same with other threads.
+ */
 TEST(choice) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Prediction) prediction = predict(0.25);

@@ -321,7 +321,7 @@ static gboolean run_in(const char *path, gsize k, GString *ret, GError **error) 
     return session && operations[k].run(session, ret, error);
 }
 
-/* Every row of the database, read by SQLite alone. */
+/* Every row of the database, read by SQLite only. */
 static char *dump(const char *path) {
     static const char *const tables[] = {"session",
                                          "text",
@@ -419,7 +419,7 @@ static void copy_session(const char *from, const char *to) {
     }
 }
 
-/* As a killed program leaves a session: the last rows are in the write-ahead log alone. */
+/* As a killed program leaves a session: the last rows are in the write-ahead log only. */
 static char *make_killed(const char *whole) {
     char *killed = g_build_filename(folder, "killed.session", NULL);
     g_autofree char *used = g_build_filename(folder, "used.session", NULL);

@@ -134,7 +134,7 @@ TEST(noisy_seam) {
     g_assert_cmpfloat(result.seams.seam, <=, result.seams.inside);
 }
 
-/* What only the relief shows counts, too: colours repeat every 9 texels, heights every 18. */
+/* What only the relief shows counts as well: colours repeat every 9 texels, heights every 18. */
 TEST(relief) {
     g_autoptr(BtfMatrix) btf = new_pattern(40, 40, 9, 9, 0);
     const float angles[2] = {0, 45};

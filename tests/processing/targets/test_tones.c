@@ -239,7 +239,7 @@ static void glare(void) {
     run(&effect, 0, 0.005);
 }
 
-/* A session file with one exposure alone: a lamp that flickers in a bracket pauses a session. */
+/* A session file with one exposure only: a lamp that flickers in a bracket pauses a session. */
 static char *with_one_exposure(const char *conf) {
     g_autoptr(GRegex) exposures = g_regex_new("exposures_us=[0-9;]*", 0, 0, NULL);
     return g_regex_replace_literal(exposures, conf, -1, 0, "exposures_us=4000", 0, NULL);

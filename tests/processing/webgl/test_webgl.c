@@ -97,7 +97,7 @@ static void webgl_test_draw_view(Viewer *viewer, const struct view *v) {
 }
 
 /* Drawn with silhouettes and shadows by both. A page that ignored either would be far off: without
- * shadows alone, the first picture differs by more than the bound. */
+ * shadows only, the first picture differs by more than the bound. */
 static void webgl_test_compare(Browser *browser, Viewer *viewer, enum relief_kind kind) {
     g_autofree char *page = g_strdup(in_folder("page.png"));
     struct picture_comparison found;
@@ -188,7 +188,7 @@ TEST(size) {
     g_assert_false(g_file_test(in_folder("few.html"), G_FILE_TEST_EXISTS));
 }
 
-/* The file by the description in its header alone: JSON by JSON-GLib, sections by zlib. */
+/* The file by the description in its header only: JSON by JSON-GLib, sections by zlib. */
 static void test_file(void) {
     g_autofree char *material = g_strdup(in_folder("small.exr")), *text = NULL;
     g_autofree char *file = g_strdup(in_folder("small.mesoweb"));
@@ -241,7 +241,7 @@ static void test_file(void) {
     g_assert_cmpuint(total, ==, 5);
 }
 
-/* Constant reflectance as a file; rings: of views, 0 for one alone. */
+/* Constant reflectance as a file; rings: of views, 0 for one only. */
 static void webgl_test_write_constant(const char *path, int rings, enum lpca_colours colours) {
     g_autoptr(GError) error = NULL;
     g_autoptr(BtfMatrix) btf = btf_fixture_of("constant", 4, 3, btf_fixture_rings(rings, 60, 0),
@@ -267,7 +267,7 @@ TEST(converted) {
     assert_has(of_one, "\"compressed\": false");
 }
 
-/* Linear brightness of the middle of a plane that is seen from above, under this light alone. */
+/* Linear brightness of the middle of a plane that is seen from above, under this light only. */
 static double webgl_test_plane(Browser *browser, double theta_deg, int phi_deg) {
     char theta[G_ASCII_DTOSTR_BUF_SIZE];
     g_autofree char *expression = g_strdup_printf(

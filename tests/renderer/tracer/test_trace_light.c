@@ -125,7 +125,7 @@ TEST(texture) {
     }
 }
 
-/* A picture that is damaged, and one that is not there: the colour alone, and a warning. */
+/* A picture that is damaged, and one that is not there: the colour only, and a warning. */
 TEST(texture_unread) {
     static const char *const uris[] = {"data:image/jpeg;base64,/9j/4A==", "nowhere.png"};
     static const char *const words[] = {"its picture, a JPEG", "nowhere.png"};

@@ -163,7 +163,7 @@ static void test_rgl(gconstpointer data) {
     g_assert_cmpstr(brdf_description(brdf), ==, "métal");
 }
 
-/* A copy of a file with one field left out, or others in place of it. */
+/* A copy of a file with one field left out, or others instead of it. */
 static char *copy_without(const char *path, const char *name, const struct tensor_field *with) {
     char *copy = in_folder("copy.bsdf");
     g_autoptr(TensorFile) file = tensor_file_read(path, NULL);
