@@ -311,7 +311,7 @@ static void cable(void) {
         test_skip_or_fail("no name spaces of networks");
         return;
     }
-    g_test_trap_subprocess("/modbus/dark/tcp/cable/child", 0, G_TEST_SUBPROCESS_INHERIT_STDERR);
+    g_test_trap_subprocess("/modbus-dark/cable-child", 0, G_TEST_SUBPROCESS_INHERIT_STDERR);
     g_test_trap_assert_passed();
     g_test_trap_assert_stdout("*dark*");
 }

@@ -153,7 +153,7 @@ TEST(watchdog_killed) {
         bench_begin(&bench, NULL);
         g_setenv("MESORIG_TEST_BUS", virtual_modbus_bus(bench.device), TRUE);
         g_setenv("MESORIG_TEST_KEYS", watchdog_keys[i], TRUE);
-        g_test_trap_subprocess("/modbus/watchdog/killed/child", 0, G_TEST_SUBPROCESS_DEFAULT);
+        g_test_trap_subprocess("/modbus-watchdog/killed-child", 0, G_TEST_SUBPROCESS_DEFAULT);
         g_test_trap_assert_stdout("*lit*");
         g_unsetenv("MESORIG_TEST_BUS");
         g_assert_cmpint(wait_dark(&bench, 9), <, AFTER_US + 300000);
