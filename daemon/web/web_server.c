@@ -534,7 +534,7 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
     else if (!answer_picture(server, message, what))
-        refuse(message, SOUP_STATUS_NOT_FOUND, "this path does not exist: see docs/web.md");
+        refuse(message, SOUP_STATUS_NOT_FOUND, "this path does not exist: see docs/operate/web.md");
 }
 
 /* FALSE: one of the options is no name. */

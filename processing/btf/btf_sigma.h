@@ -7,7 +7,7 @@
  *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
  *                                edges within pixels and colours that a pixel does not see; and
  *                                misregistration, as large as the calibration's residual of the
- *                                camera (rectify.h, docs/accuracy.md); the error of the veiling
+ *                                camera (rectify.h, docs/research/accuracy.md); the error of the veiling
  *                                glare; and what the white tile's residuals have in excess of noise
  *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
  *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* What light does on rough samples that no light enters is less: docs/accuracy.md. */
+/* What light does on rough samples that no light enters is less: docs/research/accuracy.md. */
 #define WIDE    1.1
 #define SCATTER 0.07
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 /* TOLERANCE, EPSILON, SHORTER, CUBIC and ONE_COLOUR were chosen with the weave and the brick of
- * tests/bench/fast_materials, see docs/fast.md. */
+ * tests/bench/fast_materials, see docs/lab/fast.md. */
 #define TOLERANCE 0.5  /* in texels, see T_i */
 #define ERRORS    2.0  /* in standard errors, see T_i */
 #define EPSILON   0.05 /* see w_i */

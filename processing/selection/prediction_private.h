@@ -56,7 +56,7 @@ void prediction_mean_fit(Prediction *prediction, const float *probes, const stru
                          int n_probes);
 
 /* Shots are chosen by the variances of this covariance, so that the variances of the remaining
- * shots are too small. On the eight materials of docs/fast.md, with a quarter of the shots, the
+ * shots are too small. On the eight materials of docs/lab/fast.md, with a quarter of the shots, the
  * errors were 1.1 … 1.6 times as large as predicted. */
 #define PREDICTION_CHOSEN 1.5
 

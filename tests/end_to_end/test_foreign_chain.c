@@ -1,5 +1,5 @@
 /*
- * The whole chain on pictures of somebody else's rig, as docs/foreign-rig.md tells it: boards,
+ * The whole chain on pictures of somebody else's rig, as docs/build-a-rig/your-own-rig.md tells it: boards,
  * balls, plates, a white tile and a colour chart calibrate it, and samples with known relief are
  * measured. Every picture is made by the formulas of lib/foreign_rig.h, which share no code with
  * sim/, calib/ or processing/, and goes in by a table of “mesorig import poses”.

@@ -1,6 +1,6 @@
 /*
  * Deterministic simulation of the daemon: seeds, each a run of its own (run_seed.h), in several
- * processes at the same time. docs/reliability.md says what is simulated and which invariants are
+ * processes at the same time. docs/develop/reliability.md says what is simulated and which invariants are
  * checked.
  */
 #include <errno.h>

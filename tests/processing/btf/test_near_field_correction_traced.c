@@ -1,5 +1,5 @@
 /* Sessions of the simulated world, resampled, against its own truth of cameras and lamps that are
- * far away. “--verbose” prints docs/accuracy.md's table. */
+ * far away. “--verbose” prints docs/research/accuracy.md's table. */
 #include "lib/near_field_fixture.h"
 
 #include "lib/ok.h"

@@ -624,7 +624,7 @@ static const struct foreign_sphere ball = {{6, -4, PLANE_MM + 2}, 2, {0.8, 0.8, 
 static const struct foreign_scene tutorial = {PLANE_MM, check_print, &ball, 1};
 static const double tutorial_turns_deg[] = {0, 90, 180};
 
-/* The pictures and the table of docs/foreign-rig.md. */
+/* The pictures and the table of docs/build-a-rig/your-own-rig.md. */
 static void write_tutorial(const char *dir) {
     const struct coding coding = {NULL, NULL, 12, 16, 256, FALSE, 0.25};
     g_autoptr(GString) rows =
@@ -701,7 +701,7 @@ static void add_errors(const struct exr_part *part, const struct foreign_shot *s
     }
 }
 
-/* The steps of docs/foreign-rig.md; returns the RMS error over what shows nothing but lit print. */
+/* The steps of docs/build-a-rig/your-own-rig.md; returns the RMS error over what shows nothing but lit print. */
 static double tutorial_error(const char *dir, const struct nominal *values) {
     g_autofree char *nominal = fill_template(dir, values);
     g_autofree char *name = g_strdup_printf("tutorial%d.session", (int)(values - nominals));
@@ -730,7 +730,7 @@ static double tutorial_error(const char *dir, const struct nominal *values) {
     return sqrt(sum / n);
 }
 
-/* The figures in docs/foreign-rig.md. FOREIGN_RIG=DIR keeps the pictures there instead. */
+/* The figures in docs/build-a-rig/your-own-rig.md. FOREIGN_RIG=DIR keeps the pictures there instead. */
 TEST(tutorial) {
     const char *kept = g_getenv("FOREIGN_RIG");
     g_autofree char *dir = kept ? g_strdup(kept) : new_folder();
