@@ -64,7 +64,7 @@ def write_bdi(signature, sparse):
     stored = [t for t in range(W * H) if not (sparse and is_hole(t))]
     for first in range(0, len(stored), 2 * W):
         chunk = b""
-        for t in stored[first:first + 2 * W]:
+        for t in stored[first : first + 2 * W]:
             for v in range(NV):
                 for l in range(NL):
                     chunk += halves(value(t, v, l, c) for c in order)
@@ -132,8 +132,9 @@ def colours(model, mean, m, p):
     if model == 9:
         return yuv(math.exp(p[0]) - eps, p[1], p[2])
     if model == 10:
-        return yuv(math.exp(p[0]) - eps,
-                   *[sign(x) * math.exp(abs(x) + math.log(eps)) for x in p[1:]])
+        return yuv(
+            math.exp(p[0]) - eps, *[sign(x) * math.exp(abs(x) + math.log(eps)) for x in p[1:]]
+        )
     if model == 11:
         y = math.exp(p[0]) - eps
         return yuv(y, p[1] * (y + eps), p[2] * (y + eps))
@@ -165,8 +166,9 @@ def write_dfmf(model, images):
 def write(kind, path, values_path):
     name, *flags = kind.split("-")
     if name == "bdi":
-        out, values = write_bdi(b"!BDI06R2!" if "short" in flags else b"!BDIF06R2!",
-                                "sparse" in flags)
+        out, values = write_bdi(
+            b"!BDI06R2!" if "short" in flags else b"!BDIF06R2!", "sparse" in flags
+        )
     elif name == "fmf":
         scalar = 4 if "float" in flags else 8 if "double" in flags else 2
         out, values = write_fmf("old" in flags, "images" in flags, "log" in flags, scalar)
@@ -199,7 +201,7 @@ class Reader:
     def raw(self, n):
         assert self.at + n <= len(self.data)
         self.at += n
-        return self.data[self.at - n:self.at]
+        return self.data[self.at - n : self.at]
 
 
 def read_header(r):
@@ -228,13 +230,18 @@ def read_bdi(r):
     stored = [t for t in range(w * h) if compression == 0 or mask[t]]
     abrdf = {}
     for first in range(0, len(stored), lines * w):
-        some = stored[first:first + lines * w]
+        some = stored[first : first + lines * w]
         assert r.take("I") == len(some) * nv * nl * 6
         for t in some:
             abrdf[t] = struct.unpack("<%de" % (nv * nl * 3), r.raw(nv * nl * 6))
     zero = [0] * (nv * nl * 3)
-    return [abrdf.get(t, zero)[(v * nl + l) * 3 + c]
-            for v in range(nv) for l in range(nl) for t in range(w * h) for c in range(3)]
+    return [
+        abrdf.get(t, zero)[(v * nl + l) * 3 + c]
+        for v in range(nv)
+        for l in range(nl)
+        for t in range(w * h)
+        for c in range(3)
+    ]
 
 
 def read_factors(r):
@@ -254,8 +261,13 @@ def read(path, values_path):
         assert r.take("I") == 0 and r.take("B") == 2 and r.take("3I") == (0, 0, 0)
         r.take("I")
         u, sv = read_factors(r)
-        values = [dot(u[(v * nl + l) * 3 + c], sv[t])
-                  for v in range(nv) for l in range(nl) for t in range(w * h) for c in range(3)]
+        values = [
+            dot(u[(v * nl + l) * 3 + c], sv[t])
+            for v in range(nv)
+            for l in range(nl)
+            for t in range(w * h)
+            for c in range(3)
+        ]
     else:
         assert signature == b"!DFMF08FCR"
         nv, nl, w, h = read_header(r)
@@ -264,8 +276,13 @@ def read(path, values_path):
         assert r.take("I") == 0
         r.take("12f")
         m = [read_factors(r) for _ in range(3)]
-        values = [dot(m[c][0][v * nl + l], m[c][1][t])
-                  for v in range(nv) for l in range(nl) for t in range(w * h) for c in range(3)]
+        values = [
+            dot(m[c][0][v * nl + l], m[c][1][t])
+            for v in range(nv)
+            for l in range(nl)
+            for t in range(w * h)
+            for c in range(3)
+        ]
     assert r.at == len(r.data)
     save(values, values_path)
 

@@ -25,15 +25,17 @@ def read_tensors(path):
     at, fields = 18, {}
     for _ in range(count):
         (length,) = struct.unpack_from("<H", data, at)
-        name = data[at + 2:at + 2 + length].decode()
+        name = data[at + 2 : at + 2 + length].decode()
         at += 2 + length
         rank, kind, offset = struct.unpack_from("<HBQ", data, at)
         shape = struct.unpack_from(f"<{rank}Q", data, at + 11)
         at += 11 + 8 * rank
         n = math.prod(shape)
         assert offset % 8 == 0 and offset + n * SIZES[kind] <= len(data)
-        fields[name] = (shape, struct.unpack_from("<%d%s" % (n, {1: "B", 10: "f"}[kind]), data,
-                                                  offset))
+        fields[name] = (
+            shape,
+            struct.unpack_from("<%d%s" % (n, {1: "B", 10: "f"}[kind]), data, offset),
+        )
     return fields
 
 
@@ -53,9 +55,11 @@ class Density:
         j = min(int(y), self.h - 2)
         f, i = y - j, min(int(until), self.w - 2)
         k, t = j * self.w, until - i
-        p = [(1 - f) * a + f * b for a, b in zip(self.v[k:k + i + 2],
-                                                 self.v[k + self.w:k + self.w + i + 2])]
-        return sum(p[:i + 1]) - (p[0] + p[i]) / 2 + t * (p[i] + t * (p[i + 1] - p[i]) / 2)
+        p = [
+            (1 - f) * a + f * b
+            for a, b in zip(self.v[k : k + i + 2], self.v[k + self.w : k + self.w + i + 2])
+        ]
+        return sum(p[: i + 1]) - (p[0] + p[i]) / 2 + t * (p[i] + t * (p[i + 1] - p[i]) / 2)
 
     def below(self, y):
         """Integral over all x, and over y from 0: rows are linear in y within a cell."""
@@ -93,8 +97,9 @@ def bilinear(v, width, height, x, y, first=0):
     i, j = min(int(x), width - 2), min(int(y), height - 2)
     a, b = x - i, y - j
     k = first + j * width + i
-    return ((1 - b) * ((1 - a) * v[k] + a * v[k + 1]) +
-            b * ((1 - a) * v[k + width] + a * v[k + width + 1]))
+    return (1 - b) * ((1 - a) * v[k] + a * v[k + 1]) + b * (
+        (1 - a) * v[k + width] + a * v[k + width + 1]
+    )
 
 
 def unit(a):
@@ -134,7 +139,7 @@ class Rgl:
             n = width * height
             mixed = [0.0] * n
             for k, weight in slices:
-                one = Density(self.f["vndf"][1][k * n:(k + 1) * n], width, height)
+                one = Density(self.f["vndf"][1][k * n : (k + 1) * n], width, height)
                 for i in range(n):
                     mixed[i] += weight * one.v[i] / one.total
             self.densities = {key: Density(mixed, width, height)}
@@ -144,9 +149,16 @@ class Rgl:
         i, a = place(self.phi, phi)
         j, b = place(self.theta, theta)
         n = len(self.theta)
-        return [(k, w) for k, w in ((i * n + j, (1 - a) * (1 - b)), (i * n + j + 1, (1 - a) * b),
-                                    ((i + 1) * n + j, a * (1 - b)), ((i + 1) * n + j + 1, a * b))
-                if w > 0]
+        return [
+            (k, w)
+            for k, w in (
+                (i * n + j, (1 - a) * (1 - b)),
+                (i * n + j + 1, (1 - a) * b),
+                ((i + 1) * n + j, a * (1 - b)),
+                ((i + 1) * n + j + 1, a * b),
+            )
+            if w > 0
+        ]
 
     def table(self, name, u, v):
         (height, width), values = self.f[name]
@@ -159,27 +171,39 @@ class Rgl:
         v = ((phi_m - (phi if self.isotropic else 0) + math.pi) / (2 * math.pi)) % 1.0
         slices = self.slices(theta, phi)
         x, y = self.density(slices).uniform(u, v)
-        factor = self.table("ndf", u, v) / (4 * self.table(
-            "sigma", math.sqrt(theta * 2 / math.pi), (phi + math.pi) / (2 * math.pi)))
+        factor = self.table("ndf", u, v) / (
+            4 * self.table("sigma", math.sqrt(theta * 2 / math.pi), (phi + math.pi) / (2 * math.pi))
+        )
         n = self.side * self.side
-        return [factor * sum(w * bilinear(self.values, self.side, self.side, x, y,
-                                          (k * self.channels + c) * n) for k, w in slices)
-                for c in range(self.channels)]
+        return [
+            factor
+            * sum(
+                w * bilinear(self.values, self.side, self.side, x, y, (k * self.channels + c) * n)
+                for k, w in slices
+            )
+            for c in range(self.channels)
+        ]
 
     def nodes(self):
         """Some of them, whose view lies well above the surface."""
         for p in range(0, len(self.phi), 5):
             for t in range(1, len(self.theta), 4):
                 density = self.density([(p * len(self.theta) + t, 1.0)])
-                light = [math.sin(self.theta[t]) * math.cos(self.phi[p]),
-                         math.sin(self.theta[t]) * math.sin(self.phi[p]), math.cos(self.theta[t])]
+                light = [
+                    math.sin(self.theta[t]) * math.cos(self.phi[p]),
+                    math.sin(self.theta[t]) * math.sin(self.phi[p]),
+                    math.cos(self.theta[t]),
+                ]
                 for i in range(3, self.side, 7):
                     for j in range(2, self.side, 9):
                         u, v = density.place(i / (self.side - 1), j / (self.side - 1))
                         theta_m = u * u * math.pi / 2
                         phi_m = (2 * v - 1) * math.pi + (self.phi[p] if self.isotropic else 0)
-                        m = [math.sin(theta_m) * math.cos(phi_m),
-                             math.sin(theta_m) * math.sin(phi_m), math.cos(theta_m)]
+                        m = [
+                            math.sin(theta_m) * math.cos(phi_m),
+                            math.sin(theta_m) * math.sin(phi_m),
+                            math.cos(theta_m),
+                        ]
                         twice = 2 * sum(a * b for a, b in zip(light, m))
                         view = [twice * a - b for a, b in zip(m, light)]
                         if view[2] > 0.05:
@@ -199,8 +223,11 @@ class Merl:
         # l turned by −φ_h about z keeps θ; then by −θ_h about y.
         x, y = math.sin(theta) * math.cos(phi - phi_h), math.sin(theta) * math.sin(phi - phi_h)
         z = math.cos(theta)
-        d = [math.cos(theta_h) * x - math.sin(theta_h) * z, y,
-             math.sin(theta_h) * x + math.cos(theta_h) * z]
+        d = [
+            math.cos(theta_h) * x - math.sin(theta_h) * z,
+            y,
+            math.sin(theta_h) * x + math.cos(theta_h) * z,
+        ]
         theta_d, phi_d = angles(d)
         if phi_d < 0:
             phi_d += math.pi
@@ -230,20 +257,34 @@ class Utia:
         theta, phi = (math.degrees(a) for a in angles(direction))
         theta, phi = min(theta, 75.0) / 15, (phi % 360) / 7.5
         i, j = min(int(theta), 4), int(phi)
-        return [((i + a) * 48 + (j + b) % 48,
-                 (theta - i if a else 1 - theta + i) * (phi - j if b else 1 - phi + j))
-                for a in (0, 1) for b in (0, 1)]
+        return [
+            (
+                (i + a) * 48 + (j + b) % 48,
+                (theta - i if a else 1 - theta + i) * (phi - j if b else 1 - phi + j),
+            )
+            for a in (0, 1)
+            for b in (0, 1)
+        ]
 
     def evaluate(self, light, view):
-        return [sum(wl * wv * self.v[(c * 288 + l) * 288 + v] for l, wl in self.around(light)
-                    for v, wv in self.around(view)) for c in range(3)]
+        return [
+            sum(
+                wl * wv * self.v[(c * 288 + l) * 288 + v]
+                for l, wl in self.around(light)
+                for v, wv in self.around(view)
+            )
+            for c in range(3)
+        ]
 
 
 def main(what, *rest):
     if what == "evaluate":
         kind, path, pairs, values = rest
-        brdf = {"merl": Merl, "utia": Utia}[kind](path) if kind in ("merl", "utia") else Rgl(
-            path, "rgb" if kind == "rgl" else "spectra")
+        brdf = (
+            {"merl": Merl, "utia": Utia}[kind](path)
+            if kind in ("merl", "utia")
+            else Rgl(path, "rgb" if kind == "rgl" else "spectra")
+        )
         with open(pairs, "rb") as file:
             numbers = file.read()
         with open(values, "wb") as file:
@@ -258,8 +299,9 @@ def main(what, *rest):
         with open(rest[0], "wb") as file:
             for c in range(3):
                 for light in range(288):
-                    file.write(struct.pack("<288d", *(utia_number(c, light, view)
-                                                      for view in range(288))))
+                    file.write(
+                        struct.pack("<288d", *(utia_number(c, light, view) for view in range(288)))
+                    )
 
 
 main(*sys.argv[1:])

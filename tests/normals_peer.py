@@ -28,8 +28,11 @@ def solve3(m, v):
     if abs(det) < 1e-9:
         return None
     s, t, u = a * f - c * c, b * c - a * e, a * d - b * b
-    return ((p * v[0] + q * v[1] + r * v[2]) / det, (q * v[0] + s * v[1] + t * v[2]) / det,
-            (r * v[0] + t * v[1] + u * v[2]) / det)
+    return (
+        (p * v[0] + q * v[1] + r * v[2]) / det,
+        (q * v[0] + s * v[1] + t * v[2]) / det,
+        (r * v[0] + t * v[1] + u * v[2]) / det,
+    )
 
 
 def weighted(lights, values, weights):
@@ -58,7 +61,9 @@ def median(values):
 def normal_of(lights, values, triples):
     best, least = None, float("inf")
     for i, j, k in triples:
-        b = weighted([lights[i], lights[j], lights[k]], [values[i], values[j], values[k]], [1, 1, 1])
+        b = weighted(
+            [lights[i], lights[j], lights[k]], [values[i], values[j], values[k]], [1, 1, 1]
+        )
         if b is None:
             continue
         off = median([abs(y - max(dot(b, l), 0)) for l, y in zip(lights, values)])
@@ -72,7 +77,7 @@ def normal_of(lights, values, triples):
         if len(facing) < 3:
             break
         # Three unknowns make the smallest residuals small: the median of the others.
-        scale = 1.4826 * median(sorted(facing)[min(3, len(facing) - 1):] or facing) + 1e-9
+        scale = 1.4826 * median(sorted(facing)[min(3, len(facing) - 1) :] or facing) + 1e-9
         weights = [max(1 - (r / (4.685 * scale)) ** 2, 0) ** 2 if faces else 0 for r, faces in rest]
         b = weighted(lights, values, weights)
         if b is None:
@@ -88,13 +93,13 @@ def main():
     for to, path in zip(data, sys.argv[2:4]):
         with open(path, "rb") as file:
             to.frombytes(file.read())
-    lights = [tuple(data[0][3 * i:3 * i + 3]) for i in range(n)]
+    lights = [tuple(data[0][3 * i : 3 * i + 3]) for i in range(n)]
     triples = list(itertools.combinations(range(n), 3))
     if len(triples) > MOST_TRIPLES:
         triples = random.Random(1).sample(triples, MOST_TRIPLES)
     out = array("d")
     for t in range(len(data[1]) // n):
-        out.extend(normal_of(lights, list(data[1][n * t:n * (t + 1)]), triples))
+        out.extend(normal_of(lights, list(data[1][n * t : n * (t + 1)]), triples))
     with open(sys.argv[4], "wb") as file:
         file.write(out.tobytes())
 

@@ -42,7 +42,7 @@ def read_ptm(path):
 
         if rgb:
             return [total(6 * (c * width * height + at)) for c in range(3)]
-        colour = data[6 * width * height + 3 * at:][:3]
+        colour = data[6 * width * height + 3 * at :][:3]
         return [total(6 * at) * c / 255 for c in colour]
 
     return width, height, texel
@@ -55,8 +55,8 @@ def read_png(path):
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     at, packed = 8, b""
     while at < len(data):
-        length, = struct.unpack_from(">I", data, at)
-        kind, body = data[at + 4:at + 8], data[at + 8:at + 8 + length]
+        (length,) = struct.unpack_from(">I", data, at)
+        kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
         if kind == b"IHDR":
             width, height, depth, colour = struct.unpack_from(">IIBB", body)
             assert depth == 8 and colour == 2 and body[12] == 0
@@ -64,7 +64,7 @@ def read_png(path):
         at += 12 + length
     raw, rows, before = zlib.decompress(packed), [], bytes(3 * width)
     for y in range(height):
-        kind, row = raw[y * (3 * width + 1)], bytearray(raw[y * (3 * width + 1) + 1:][:3 * width])
+        kind, row = raw[y * (3 * width + 1)], bytearray(raw[y * (3 * width + 1) + 1 :][: 3 * width])
         for i in range(3 * width):
             a, b = row[i - 3] if i > 2 else 0, before[i]
             c = before[i - 3] if i > 2 else 0
@@ -100,8 +100,14 @@ def read_relight(folder):
 
 def write_ptm(version, form, path):
     scale, bias = [1.5, 0.75, 0.5, 1.25, 2.0, 1.0], [100, 120, 140, 90, 128, 10]
-    out = "%s\n%s\n%d %d\n%s \n%s \n" % (version, form, W, H, " ".join(map(str, scale)),
-                                         " ".join(map(str, bias)))
+    out = "%s\n%s\n%d %d\n%s \n%s \n" % (
+        version,
+        form,
+        W,
+        H,
+        " ".join(map(str, scale)),
+        " ".join(map(str, bias)),
+    )
     cells = [(x, y) for y in reversed(range(H)) for x in range(W)]
     body = b""
     if form == "PTM_FORMAT_RGB":
@@ -110,8 +116,11 @@ def write_ptm(version, form, path):
     else:
         colours = [bytes(number(x, y, 9, c) for c in range(3)) for x, y in cells]
         sums = [bytes(number(x, y, j, 0) for j in range(6)) for x, y in cells]
-        body = (b"".join(sums) + b"".join(colours) if version == "PTM_1.2" else
-                b"".join(s + c for s, c in zip(sums, colours)))
+        body = (
+            b"".join(sums) + b"".join(colours)
+            if version == "PTM_1.2"
+            else b"".join(s + c for s, c in zip(sums, colours))
+        )
     with open(path, "wb") as file:
         file.write(out.encode() + body)
 
@@ -134,13 +143,17 @@ def harmonics(light, n):
     theta, phi = math.acos(max(light[2], math.sin(0.15))), math.atan2(light[1], light[0])
     c = math.cos(theta)
     s = math.sqrt(c - c * c)
-    return [1 / math.sqrt(2 * math.pi), math.sqrt(6 / math.pi) * math.cos(phi) * s,
-            math.sqrt(3 / (2 * math.pi)) * (2 * c - 1), math.sqrt(6 / math.pi) * s * math.sin(phi),
-            math.sqrt(30 / math.pi) * math.cos(2 * phi) * (c * c - c),
-            math.sqrt(30 / math.pi) * math.cos(phi) * (2 * c - 1) * s,
-            math.sqrt(5 / (2 * math.pi)) * (1 - 6 * c + 6 * c * c),
-            math.sqrt(30 / math.pi) * (2 * c - 1) * s * math.sin(phi),
-            math.sqrt(30 / math.pi) * (c * c - c) * math.sin(2 * phi)][:n]
+    return [
+        1 / math.sqrt(2 * math.pi),
+        math.sqrt(6 / math.pi) * math.cos(phi) * s,
+        math.sqrt(3 / (2 * math.pi)) * (2 * c - 1),
+        math.sqrt(6 / math.pi) * s * math.sin(phi),
+        math.sqrt(30 / math.pi) * math.cos(2 * phi) * (c * c - c),
+        math.sqrt(30 / math.pi) * math.cos(phi) * (2 * c - 1) * s,
+        math.sqrt(5 / (2 * math.pi)) * (1 - 6 * c + 6 * c * c),
+        math.sqrt(30 / math.pi) * (2 * c - 1) * s * math.sin(phi),
+        math.sqrt(30 / math.pi) * (c * c - c) * math.sin(2 * phi),
+    ][:n]
 
 
 def write_hsh(terms, path):
@@ -155,8 +168,10 @@ def write_hsh(terms, path):
 
     def texel(x, y, light):
         basis = harmonics(light, terms)
-        return [sum((number(x, y, j, c) / 255 * scale[j] + bias[j]) * basis[j]
-                    for j in range(terms)) for c in range(3)]
+        return [
+            sum((number(x, y, j, c) / 255 * scale[j] + bias[j]) * basis[j] for j in range(terms))
+            for c in range(3)
+        ]
 
     return W, H, texel
 

@@ -1,10 +1,10 @@
 /*
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
- * in docs/operate/web.md. Everyone who reaches the port may read and make the rig safe; requests that
- * change anything else need the token. Requests of other sites' pages are refused: Host must be a
- * name of this server (against DNS rebinding), Origin the same name with scheme and port, and no
- * response allows other origins. web_door.h says what a client may take. One thread, the one that
- * runs the main loop.
+ * in docs/operate/web.md. Everyone who reaches the port may read and make the rig safe; requests
+ * that change anything else need the token. Requests of other sites' pages are refused: Host must
+ * be a name of this server (against DNS rebinding), Origin the same name with scheme and port, and
+ * no response allows other origins. web_door.h says what a client may take. One thread, the one
+ * that runs the main loop.
  */
 #pragma once
 

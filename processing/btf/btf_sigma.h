@@ -7,17 +7,16 @@
  *   channel "sigma"              of each texel, in the unit of ρ; 0 for holes. Noise of the sensor;
  *                                edges within pixels and colours that a pixel does not see; and
  *                                misregistration, as large as the calibration's residual of the
- *                                camera (rectify.h, docs/research/accuracy.md); the error of the veiling
- *                                glare; and what the white tile's residuals have in excess of noise
- *   sigma.colour (v3d)           f_R f_G f_B: σ_c(x) = f_c · sigma(x)
- *   sigma.rms (double)           root mean square of σ_c(x) over texels and colours, without holes
- *   sigma.value (double)         root mean square of ρ over the same
- *   sigma.median (double)        median over texels of sigma(x), without holes
- *   sigma.relative (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS
- *   sigma.scale (v3d)            of R, G, B: relative standard error that all values of the light
- * have in common, from the calibrated response, intensity and colours, and from the flicker of the
- * lamp; it is in none of the others, and 0 where the radiometry is not calibrated. Errors of flat
- * field, fall-off and aim are left out: the calibration file does not say how they are correlated
+ *                                camera (rectify.h, docs/research/accuracy.md); the error of the
+ * veiling glare; and what the white tile's residuals have in excess of noise sigma.colour (v3d) f_R
+ * f_G f_B: σ_c(x) = f_c · sigma(x) sigma.rms (double)           root mean square of σ_c(x) over
+ * texels and colours, without holes sigma.value (double)         root mean square of ρ over the
+ * same sigma.median (double)        median over texels of sigma(x), without holes sigma.relative
+ * (double)      median over texels of σ / max(ρ, BTF_SIGMA_DARK), of colours' RMS sigma.scale (v3d)
+ * of R, G, B: relative standard error that all values of the light have in common, from the
+ * calibrated response, intensity and colours, and from the flicker of the lamp; it is in none of
+ * the others, and 0 where the radiometry is not calibrated. Errors of flat field, fall-off and aim
+ * are left out: the calibration file does not say how they are correlated
  *
  * Pictures that were left out on purpose and are predicted (pipeline/prediction_product.h) have
  * error bars of their prediction only. Errors of parts without the channel (other predicted

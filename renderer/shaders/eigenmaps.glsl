@@ -6,18 +6,19 @@ uniform int n_terms;
 uniform int n_layers; // layers per term: the lights, the pole, ambient
 
 #define BTF_PREPARED
-vec2 view_at;       // coordinates in the table
+vec2 view_at; // coordinates in the table
 uvec4 light_index;
 vec4 light_share;
 
 void btf_prepare(vec3 v, vec3 l, float lit) {
     vec2 table = vec2(textureSize(view_weights, 0).xy);
     view_at = (square(v) * (table - 1.0) + 0.5) / table;
-    light_share = direction_shares(light_indices, light_weights, l, light_index) * step(0.0, l.z) * lit;
+    light_share =
+        direction_shares(light_indices, light_weights, l, light_index) * step(0.0, l.z) * lit;
 }
 
-// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. E_i is interpolated between
-// up to four measured lights. W_i is looked up in a table over the hemisphere.
+// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. E_i is interpolated
+// between up to four measured lights. W_i is looked up in a table over the hemisphere.
 vec3 btf_texel(vec2 x) {
     vec3 sum = vec3(0.0);
     for (int first = 0; first < n_terms; first += 4) {

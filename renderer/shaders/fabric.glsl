@@ -1,6 +1,6 @@
-// A plain weave. Warp and weft yarns cross each other, and their directions and colours alternate (Kang
-// & Cho 2011 §IV.B). A yarn bends down at its sides and where it passes under the next one; see
-// microfacet_view.c.
+// A plain weave. Warp and weft yarns cross each other, and their directions and colours alternate
+// (Kang & Cho 2011 §IV.B). A yarn bends down at its sides and where it passes under the next one;
+// see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
 uniform vec3 weave; // yarns per tile in each direction, slope across a yarn, slope along it
@@ -23,6 +23,7 @@ vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     vec3 up = vec3(0.0, 0.0, 1.0);
     if (detail < 1.0)
         shown += (1.0 - detail) * 0.5 * (yarn(true, up, v, l) + yarn(false, up, v, l));
-    vec3 sky = specular + mix(0.5 * (diffuse + weft_diffuse), warp ? diffuse : weft_diffuse, detail);
+    vec3 sky =
+        specular + mix(0.5 * (diffuse + weft_diffuse), warp ? diffuse : weft_diffuse, detail);
     return lit * shown + ambient * sky;
 }

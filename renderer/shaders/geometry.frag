@@ -1,5 +1,5 @@
-// Outputs the values with which code outside the GPU shades a sample; see viewer_render_geometry(). The
-// light is that of the first lamp. With FURTHER it is that of the first further lamp.
+// Outputs the values with which code outside the GPU shades a sample; see viewer_render_geometry().
+// The light is that of the first lamp. With FURTHER it is that of the first further lamp.
 uniform int which;
 uniform float material; // 1 + the number of the material
 

@@ -1,5 +1,5 @@
-// Hemispherical harmonics of the light (Gautron et al. 2004), in the order and with the signs of hsh.h.
-// N_TERMS (4, 9 or 16) is a constant. For the pages of a slice, see hsh_view.c.
+// Hemispherical harmonics of the light (Gautron et al. 2004), in the order and with the signs of
+// hsh.h. N_TERMS (4, 9 or 16) is a constant. For the pages of a slice, see hsh_view.c.
 const float PI_INVERSE = 0.3183098861837907;
 
 // Computes H_0 … H_15. Those beyond N_TERMS are not used.

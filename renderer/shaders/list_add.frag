@@ -4,8 +4,8 @@ uniform uint room;
 
 void main() {
     bool front = gl_FrontFacing;
-    below ray = below_mesh(local_frame() * (front ? towards_eye() : -towards_eye()),
-                           level_of_detail());
+    below ray =
+        below_mesh(local_frame() * (front ? towards_eye() : -towards_eye()), level_of_detail());
     uint at = atomicAdd(n_faces, 1u);
     if (at >= room)
         return;

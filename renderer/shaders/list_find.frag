@@ -1,5 +1,5 @@
-// Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in a
-// pixel's list of faces. peel_back.frag and peel_front.frag find it layer by layer.
+// Finds the nearest front face behind which the ray meets the structure (Wang et al. 2005 §4.1), in
+// a pixel's list of faces. peel_back.frag and peel_front.frag find it layer by layer.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 uniform bool straight;
@@ -25,8 +25,7 @@ vec4 find_front(uint head, float z, vec2 back) {
     for (uint at = head; at != 0u; at = faces[at - 1u].next) {
         face f = faces[at - 1u];
         float way = back.x - f.z;
-        if (f.hit > 0.0 && f.z > z && way > 0.0 && f.z < found.x &&
-            meets(f.hit, back.y, way))
+        if (f.hit > 0.0 && f.z > z && way > 0.0 && f.z < found.x && meets(f.hit, back.y, way))
             found = vec4(f.z, min(f.hit, way), min(f.base, way), 1.0);
     }
     return found;

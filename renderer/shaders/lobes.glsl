@@ -1,5 +1,5 @@
-// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or one
-// for all views), N_LOBES and ROTATION are constants.
+// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (one slice per view, or
+// one for all views), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values;   // slice · n_pages + page
 uniform sampler2DArray ambients; // under an even sky: a layer per view, and one of their pole
 uniform usampler2D view_indices;
@@ -30,8 +30,8 @@ vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
         int n = textureSize(pole, 0).x;
         vec3 sum = vec3(0.0);
         for (int k = 0; k < n; k++)
-            sum += max(reflectance(texel, int(texelFetch(pole, ivec2(k, 0), 0).r), v, l),
-                       vec3(0.0));
+            sum +=
+                max(reflectance(texel, int(texelFetch(pole, ivec2(k, 0), 0).r), v, l), vec3(0.0));
         return sum / float(n);
     }
 #endif
@@ -78,8 +78,8 @@ vec3 at_level(vec2 x, uvec4 views, vec4 g, vec3 v, vec3 l, float lit) {
     return sum;
 }
 
-// See method.h. Parameters of a model cannot be filtered. The reflectances of both mip levels are mixed
-// instead.
+// See method.h. Parameters of a model cannot be filtered. The reflectances of both mip levels are
+// mixed instead.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     uvec4 views = uvec4(0u);
     vec4 g = vec4(0.0);

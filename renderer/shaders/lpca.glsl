@@ -1,5 +1,5 @@
-// Eigen-BRDFs as measured, for all nine pairs of the three views and the three lights around v and l
-// (Schneider 2004 §5):
+// Eigen-BRDFs as measured, for all nine pairs of the three views and the three lights around v and
+// l (Schneider 2004 §5):
 //   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
 uniform sampler2DArray brdfs; // x: light · (components + 1) + component; y and layer: see row()
 uniform samplerCube view_indices; // of measured directions, in 1/65535; nearest, like all of these
@@ -10,7 +10,8 @@ uniform int n_rows; // rows of a cluster: the views
 uniform int clusters_a_layer;
 uniform int ambient_column; // the column of an even sky; not used with logarithms
 #if LOG
-uniform sampler2DArray skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
+uniform sampler2DArray
+    skies; // with logarithms: reflectance of each texel under an even sky, a layer per view
 #endif
 
 ivec3 views, lights; // the three measured directions around v and l

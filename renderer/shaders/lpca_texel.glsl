@@ -1,8 +1,8 @@
-// The texels of a local PCA: the cluster and the weights of each. Each method mixes the eigen-BRDFs of
-// a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and
-// LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
-uniform sampler2DArray weights;  // four components per layer
-uniform usampler2D clusters;     // of a texel, those right of it and below it, and the diagonal one
+// The texels of a local PCA: the cluster and the weights of each. Each method mixes the eigen-BRDFs
+// of a cluster by these weights in a different way. N_COMPONENTS (without the mean), N_LEVELS,
+// NEAREST and LOG (logarithms are mixed, see lpca.h) are constants; see lpca_texels.h.
+uniform sampler2DArray weights; // four components per layer
+uniform usampler2D clusters;    // of a texel, those right of it and below it, and the diagonal one
 
 const int N_PAGES = (N_COMPONENTS + 3) / 4;
 
@@ -31,8 +31,8 @@ vec3 one_texel(vec2 x, int level) {
 }
 
 // Evaluates four texels of a tile. Within one cluster, reflectance is linear in the weights. The
-// weights of all texels of a cluster are therefore mixed, and the cluster is evaluated once. Usually
-// all four texels have the same cluster. With logarithms, each texel is evaluated.
+// weights of all texels of a cluster are therefore mixed, and the cluster is evaluated once.
+// Usually all four texels have the same cluster. With logarithms, each texel is evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;

@@ -1,7 +1,6 @@
-// The places of the sample that a point of the surface shows. Codecs, the MDF and everything else that
-// belongs to a texel are looked up at these places.
-// PLACES 0: the sample is repeated.
-// PLACES 1: an index map gives the texel of the sample for each texel of the surface; see
+// The places of the sample that a point of the surface shows. Codecs, the MDF and everything else
+// that belongs to a texel are looked up at these places. PLACES 0: the sample is repeated. PLACES
+// 1: an index map gives the texel of the sample for each texel of the surface; see
 // gl/index_texture.h.
 // PLACES 2: hexagons show parts of the sample, endlessly; see synthesis/endless.h.
 struct places {
@@ -15,12 +14,12 @@ struct places {
 // Derivatives of the surface point, in tiles. Places jump from pixel to pixel, so their derivatives
 // would be meaningless.
 vec2 place_dx, place_dy;
-#define PLACE_DX(x)         place_dx
-#define PLACE_DY(x)         place_dy
+#define PLACE_DX(x) place_dx
+#define PLACE_DY(x) place_dy
 #if PLACES_LEVEL
-// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. A level within a
-// quarter of an integer is rounded to it, so that one level is read instead of two. llvmpipe does the
-// same when it computes derivatives itself.
+// The mip level for llvmpipe, on which look-ups with explicit derivatives take longer. A level
+// within a quarter of an integer is rounded to it, so that one level is read instead of two.
+// llvmpipe does the same when it computes derivatives itself.
 float place_level(vec2 size) {
     vec2 dx = place_dx * size, dy = place_dy * size;
     float level = 0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), whole = floor(level);
@@ -46,16 +45,18 @@ places one_place(vec2 x) {
 }
 
 #if PLACES == 1
-uniform usampler2D index_map;   // all levels, at index_corners
+uniform usampler2D index_map;    // all levels, at index_corners
 uniform ivec2 index_corners[12]; // INDEX_MAP_LEVELS elements
 uniform ivec2 index_size;
 uniform int index_levels;
 uniform vec2 index_sample; // size of the sample in texels
 
-// Returns the shift, in texels, from a texel of the map to its texel of the sample. The map repeats.
+// Returns the shift, in texels, from a texel of the map to its texel of the sample. The map
+// repeats.
 vec2 index_shift(ivec2 texel, int level) {
     ivec2 inside = texel - index_size * ivec2(floor(vec2(texel) / vec2(index_size)));
-    inside += index_size * ivec2(lessThan(inside, ivec2(0))); // if the division was rounded towards zero
+    inside +=
+        index_size * ivec2(lessThan(inside, ivec2(0))); // if the division was rounded towards zero
     inside -= index_size * ivec2(greaterThanEqual(inside, index_size));
     ivec2 block = inside >> level;
     ivec2 from = ivec2(texelFetch(index_map, index_corners[level] + block, 0).rg);
@@ -86,9 +87,10 @@ void add_pair(inout places at, vec2 from, vec2 to, float part, vec2 shift_from, 
     add_place(at, to + shift_to, part * share);
 }
 
-// Level 0 is interpolated between four texels of the map. Texels that are also neighbours in the sample
-// are left to the sample's own filter. Most points therefore have one place, and points at a seam have
-// two to four. Coarser levels fit the size of the pixel, so only the nearest texel is used.
+// Level 0 is interpolated between four texels of the map. Texels that are also neighbours in the
+// sample are left to the sample's own filter. Most points therefore have one place, and points at a
+// seam have two to four. Coarser levels fit the size of the pixel, so only the nearest texel is
+// used.
 places find_places(vec2 x, float level) {
     vec2 p = x * index_sample;
     int whole = clamp(int(level), 0, index_levels - 1);
@@ -123,9 +125,10 @@ places find_places(vec2 x, float level) {
 #else
 #define ENDLESS_MEAN 1
 #endif
-uniform vec2 endless_cells;   // columns and rows of hexagons per tile
-uniform ivec2 endless_period; // columns and rows after which they repeat; the number of rows is even
-uniform vec2 endless_edge;    // half a texel, in tiles
+uniform vec2 endless_cells; // columns and rows of hexagons per tile
+uniform ivec2
+    endless_period;        // columns and rows after which they repeat; the number of rows is even
+uniform vec2 endless_edge; // half a texel, in tiles
 uniform vec2 endless_centres[ENDLESS_CENTRES]; // centres of hexagons in the sample, in tiles
 
 // The same as endless_hash().
@@ -153,8 +156,8 @@ vec2 endless_look_up(vec2 x, ivec2 vertex) {
     return clamp(at, endless_edge, 1.0 - endless_edge);
 }
 
-// Finds the vertices of the triangle around a point, the nearest first, and the nearness of the point
-// to each.
+// Finds the vertices of the triangle around a point, the nearest first, and the nearness of the
+// point to each.
 void endless_triangle(vec2 x, out ivec2 vertices[3], out vec3 near) {
     vec2 q = x * endless_cells, p = vec2(q.x - 0.5 * q.y, q.y), base = floor(p), f = p - base;
     int far = f.x + f.y > 1.0 ? 1 : 0;

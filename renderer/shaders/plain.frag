@@ -4,6 +4,7 @@ uniform int n_layers;
 
 void main() {
     vec3 l = local_frame() * light;
-    vec3 shown = texture(maps, vec3(texel, float(n_layers - 1))).rgb * (max(l.z, 0.0) + ambient_light);
+    vec3 shown =
+        texture(maps, vec3(texel, float(n_layers - 1))).rgb * (max(l.z, 0.0) + ambient_light);
     colour = vec4(gl_FrontFacing ? abs(shown) : vec3(0.02), 1.0);
 }

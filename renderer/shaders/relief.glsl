@@ -1,22 +1,24 @@
-// The distance that a viewing ray travels below the mesh until it meets the material's structure, from
-// the mesostructure distance function (Wang et al. 2005 §3 and §4.1).
+// The distance that a viewing ray travels below the mesh until it meets the material's structure,
+// from the mesostructure distance function (Wang et al. 2005 §3 and §4.1).
 in vec2 tile_size;
 in vec3 bending;
 
-uniform vec4 sight;  // w = 1: position of the eye; w = 0: unit vector towards a distant eye
-uniform float reach; // for w = 0: distances are measured from a plane at this distance from the origin
+uniform vec4 sight; // w = 1: position of the eye; w = 0: unit vector towards a distant eye
+uniform float
+    reach; // for w = 0: distances are measured from a plane at this distance from the origin
 
 // Depths below the reference plane, with a layer per view, or with four maps per layer; see
 // mdf_factors.h.
 uniform sampler2DArray mdf_depths;
-uniform vec2 mdf_range;             // for views, mm: depth = x + y · texel value
-uniform int mdf_layers;             // number of layers of maps; 0 if there are views
-uniform sampler2DArray mdf_factors; // weights of the maps over the hemisphere; the last layer has W_0
-uniform usampler2D mdf_indices;    // over the hemisphere; see directions.h
+uniform vec2 mdf_range; // for views, mm: depth = x + y · texel value
+uniform int mdf_layers; // number of layers of maps; 0 if there are views
+uniform sampler2DArray
+    mdf_factors;                // weights of the maps over the hemisphere; the last layer has W_0
+uniform usampler2D mdf_indices; // over the hemisphere; see directions.h
 uniform sampler2D mdf_weights;
 uniform vec2 mdf_size;     // size of a tile, mm
 uniform float mdf_deepest; // depth of the deepest structure, mm
-uniform bool straight;     // as if the mesh were flat under each ray, with the same scale for all axes
+uniform bool straight; // as if the mesh were flat under each ray, with the same scale for all axes
 
 const float MIN_SLOPE = 0.01;
 const int CHORDS = 3;
@@ -32,11 +34,12 @@ float distance_from_eye() {
 #ifdef MDF_VOLUME
 uniform sampler3D mdf_volume; // distances of views, as shares of the deepest; see mdf_texture.h
 uniform int mdf_rings;
-uniform vec4 mdf_ring[16]; // θ, centre of the first slice, number of slices, φ of the first in turns
+uniform vec4
+    mdf_ring[16]; // θ, centre of the first slice, number of slices, φ of the first in turns
 #endif
 
-// Returns the mip level for that axis of the texture which is less compressed. Near a contour the other
-// axis shrinks without limit, and a level that fits it would smooth the relief away.
+// Returns the mip level for that axis of the texture which is less compressed. Near a contour the
+// other axis shrinks without limit, and a level that fits it would smooth the relief away.
 float level_of_detail() {
 #ifdef MDF_VOLUME
     return 0.0;
@@ -113,29 +116,29 @@ struct below {
     float base; // distance to the point where the ray is as deep as the deepest structure
 };
 
-// Returns the step in the texture for a step x at some depth below a curved mesh. It is longer than on
-// the mesh, because the distance between two normals shrinks by 1 − depth · κ along each principal
-// curvature κ.
+// Returns the step in the texture for a step x at some depth below a curved mesh. It is longer than
+// on the mesh, because the distance between two normals shrinks by 1 − depth · κ along each
+// principal curvature κ.
 vec2 texture_step(vec2 x, float depth) {
     mat2 shrunk = mat2(1.0) - depth * mat2(bending.x, bending.y, bending.y, bending.z);
     return determinant(shrunk) > 0.0 ? inverse(shrunk) * x : x;
 }
 
 // v is the unit vector outwards along the ray, in the frame of the mesh. Under a mesh of normal
-// curvature bend, a straight ray is at depth t v_z − ½ bend t² after a distance t. The MDF is tabulated
-// only for straight rays over a flat surface, so CHORDS chords of this parabola are tested. All start
-// where the ray enters. The last one ends where the ray is as deep as the deepest structure, or at the
-// deepest point of the ray. A chord lies above the parabola, so a structure that the chord meets before
-// its end is also met by the ray. Along the texture, a chord has the length that texture_step() returns
-// for its far end, at the depth chord · end.
+// curvature bend, a straight ray is at depth t v_z − ½ bend t² after a distance t. The MDF is
+// tabulated only for straight rays over a flat surface, so CHORDS chords of this parabola are
+// tested. All start where the ray enters. The last one ends where the ray is as deep as the deepest
+// structure, or at the deepest point of the ray. A chord lies above the parabola, so a structure
+// that the chord meets before its end is also met by the ray. Along the texture, a chord has the
+// length that texture_step() returns for its far end, at the depth chord · end.
 below below_mesh(vec3 v, float level) {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
     if (straight)
         mm.xy = mm.zz;
-    float bend = straight ? 0.0
-                          : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y +
-                                bending.z * v.y * v.y;
+    float bend = straight
+                     ? 0.0
+                     : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y + bending.z * v.y * v.y;
     float slope = max(v.z, MIN_SLOPE), deepest = mdf_deepest * mm.z;
     float root = slope * slope - 2.0 * bend * deepest;
     float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
@@ -158,10 +161,10 @@ below below_mesh(vec3 v, float level) {
     return below(hit, mdf_deepest > 0.0 ? base : 1e30);
 }
 
-// Returns whether a ray that enters at a front face and leaves through a back face after the distance
-// way meets the structure between them. front and back are the MDF distances from either end. With
-// straight, it is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each half of the way
-// has a separate chord.
+// Returns whether a ray that enters at a front face and leaves through a back face after the
+// distance way meets the structure between them. front and back are the MDF distances from either
+// end. With straight, it is the test of Wang et al. 2005 §4.1, front + back ≤ way. Otherwise each
+// half of the way has a separate chord.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }

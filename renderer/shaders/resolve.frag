@@ -1,4 +1,5 @@
-// Averages samples × samples of the drawn picture, after exposure and tone curve, into one sRGB pixel.
+// Averages samples × samples of the drawn picture, after exposure and tone curve, into one sRGB
+// pixel.
 uniform sampler2D drawn;
 uniform int samples;
 uniform float exposure;

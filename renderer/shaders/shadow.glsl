@@ -1,4 +1,5 @@
-// The share of the first lamp's light that reaches a point, from a shadow map (Wang et al. 2005 §4.2).
+// The share of the first lamp's light that reaches a point, from a shadow map (Wang et al. 2005
+// §4.2).
 uniform bool shadows; // if FALSE, the light always arrives
 uniform sampler2DShadow shadow_map;
 uniform vec3 shadow_light; // unit vector towards the lamp

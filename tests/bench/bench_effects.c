@@ -1,7 +1,7 @@
 /*
- * What effects of real rigs do (docs/research/accuracy.md): with each of them in the simulated world, a part
- * of the demo's rig is calibrated from pictures of targets, a session is captured and processed,
- * and all of it is compared with the truth. A minute or two of processor time an effect.
+ * What effects of real rigs do (docs/research/accuracy.md): with each of them in the simulated
+ * world, a part of the demo's rig is calibrated from pictures of targets, a session is captured and
+ * processed, and all of it is compared with the truth. A minute or two of processor time an effect.
  */
 #include "bench.h"
 #include "lib/process.h"

@@ -4,8 +4,8 @@
  * are computed here: a pinhole above a plane, light that falls off, a blurred picture with noise,
  * and strips of dark, grey or white paper over the board's edge.
  *
- * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/operate/mistakes.md; a
- * number of 0 … 6 after it: of this print only.
+ * BUILD/bin/test_board_size --print counts over more sizes and views: for docs/operate/mistakes.md;
+ * a number of 0 … 6 after it: of this print only.
  */
 #include "cameras/board_size.h"
 #include "lib/ok.h"

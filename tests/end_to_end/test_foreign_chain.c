@@ -1,8 +1,8 @@
 /*
- * The whole chain on pictures of somebody else's rig, as docs/build-a-rig/your-own-rig.md tells it: boards,
- * balls, plates, a white tile and a colour chart calibrate it, and samples with known relief are
- * measured. Every picture is made by the formulas of lib/foreign_rig.h, which share no code with
- * sim/, calib/ or processing/, and goes in by a table of “mesorig import poses”.
+ * The whole chain on pictures of somebody else's rig, as docs/build-a-rig/your-own-rig.md tells it:
+ * boards, balls, plates, a white tile and a colour chart calibrate it, and samples with known
+ * relief are measured. Every picture is made by the formulas of lib/foreign_rig.h, which share no
+ * code with sim/, calib/ or processing/, and goes in by a table of “mesorig import poses”.
  *
  * The nominal values of the rig (foreign_album.h) are some millimetres off, as a ruler's are, and
  * say nothing of brightness.

@@ -30,8 +30,11 @@ def read_table(path):
 
 def find_rooms(root):
     """{folder: [files]} of every room; a file in a sub-folder of its room is SUB/NAME."""
-    parts = {os.path.normpath(os.path.join(folder, part)): (folder, part + "/")
-             for folder, (_, subs) in read_cmake(root).items() for part in subs}
+    parts = {
+        os.path.normpath(os.path.join(folder, part)): (folder, part + "/")
+        for folder, (_, subs) in read_cmake(root).items()
+        for part in subs
+    }
     rooms = {}
     for house in HOUSES:
         for folder, _, names in os.walk(os.path.join(root, house)):
@@ -82,13 +85,13 @@ def find_arrows(root, rooms):
                     continue
                 if not rest:
                     if header != "rig1-bus.h":
-                        wrong.append(f"{where}: is not in this room; say \"room/{header}\"")
+                        wrong.append(f'{where}: is not in this room; say "room/{header}"')
                 elif room not in folders or rest not in rooms[folders[room]]:
                     wrong.append(f"{where}: there is no such room or header")
                 elif folders[room] != folder:
                     arrows.setdefault((os.path.basename(folder), room), []).append(where)
                 elif os.path.dirname(name) == os.path.dirname(rest):
-                    wrong.append(f"{where}: is in this folder; say \"{os.path.basename(rest)}\"")
+                    wrong.append(f'{where}: is in this folder; say "{os.path.basename(rest)}"')
     return arrows, wrong
 
 
@@ -108,7 +111,9 @@ def check(root, table, rooms):
     listed = {folder: room for room, (folder, _) in table.items()}
     for folder in rooms:
         if listed.get(folder) != os.path.basename(folder):
-            wrong.append(f"{folder}/: ARCHITECTURE.md has no row `{os.path.basename(folder)}` for it")
+            wrong.append(
+                f"{folder}/: ARCHITECTURE.md has no row `{os.path.basename(folder)}` for it"
+            )
     for folder, room in listed.items():
         if folder not in rooms:
             wrong.append(f"ARCHITECTURE.md: `{room}`: there are no sources in {folder}/")
@@ -116,16 +121,23 @@ def check(root, table, rooms):
         if user in table and used not in table[user][1]:
             wrong += [f"{place}: `{user}` may not use `{used}`" for place in where]
         if user < used and (used, user) in arrows:
-            wrong.append(f"`{user}` and `{used}` include each other: {where[0]} and "
-                         f"{arrows[used, user][0]}")
+            wrong.append(
+                f"`{user}` and `{used}` include each other: {where[0]} and "
+                f"{arrows[used, user][0]}"
+            )
     for room, (_, uses) in table.items():
-        wrong += [f"ARCHITECTURE.md: `{room}` may use `{used}`, but does not"
-                  for used in sorted(uses) if (room, used) not in arrows]
+        wrong += [
+            f"ARCHITECTURE.md: `{room}` may use `{used}`, but does not"
+            for used in sorted(uses)
+            if (room, used) not in arrows
+        ]
     for folder, (uses, _) in read_cmake(root).items():
         row = table.get(os.path.basename(folder), ("", set()))[1]
         if uses != row:
-            wrong.append(f"{folder}: mesorig_room() and ARCHITECTURE.md differ in "
-                         + " ".join(sorted(uses ^ row)))
+            wrong.append(
+                f"{folder}: mesorig_room() and ARCHITECTURE.md differ in "
+                + " ".join(sorted(uses ^ row))
+            )
     circle = check_circles(table)
     if circle:
         wrong.append("ARCHITECTURE.md: no order of floors fits " + " ".join(circle))

@@ -1,7 +1,7 @@
 /*
  * Deterministic simulation of the daemon: seeds, each a run of its own (run_seed.h), in several
- * processes at the same time. docs/develop/reliability.md says what is simulated and which invariants are
- * checked.
+ * processes at the same time. docs/develop/reliability.md says what is simulated and which
+ * invariants are checked.
  */
 #include <errno.h>
 #include <glib/gstdio.h>

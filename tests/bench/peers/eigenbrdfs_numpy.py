@@ -19,11 +19,14 @@ def read(name, kind, *shape):
     return np.fromfile(f"{folder}/{name}", kind).reshape(shape)
 
 
-n, width, height, n_views, n_lights, n_clusters, c = map(int, open(f"{folder}/sizes").read().split())
+n, width, height, n_views, n_lights, n_clusters, c = map(
+    int, open(f"{folder}/sizes").read().split()
+)
 clusters = read("clusters", np.int32, -1)
 # With a weight of 1 for the mean.
-weights = np.concatenate([np.ones((width * height, 1), np.float32),
-                          read("weights", np.float32, -1, c)], axis=1)
+weights = np.concatenate(
+    [np.ones((width * height, 1), np.float32), read("weights", np.float32, -1, c)], axis=1
+)
 brdfs = read("brdfs", np.float32, n_clusters, c + 1, n_views, n_lights, 3)
 uv, expected = read("uv", np.float32, n, 2), read("rgb", np.float32, n, 3)
 four = np.dtype([("index", np.int32, 4), ("weight", np.float32, 4)])
@@ -36,8 +39,10 @@ part = at - first
 x = (first[:, :1] + [0, 1, 0, 1]) % width
 y = (first[:, 1:] + [0, 0, 1, 1]) % height
 texels = y * width + x
-shares = (np.where(np.arange(4) % 2, part[:, :1], 1 - part[:, :1])
-          * np.where(np.arange(4) // 2, part[:, 1:], 1 - part[:, 1:])).astype(np.float32)
+shares = (
+    np.where(np.arange(4) % 2, part[:, :1], 1 - part[:, :1])
+    * np.where(np.arange(4) // 2, part[:, 1:], 1 - part[:, 1:])
+).astype(np.float32)
 
 
 def one(k):
@@ -54,11 +59,19 @@ def all_points():
     pairs = (views["weight"][:, :, None] * lights["weight"][:, None, :]).reshape(n, 16)
     value = np.zeros((n, 3), np.float32)
     for k in range(4):
-        table = brdfs[clusters[texels[:, k]][:, None, None], :, views["index"][:, :, None],
-                      lights["index"][:, None, :]]
-        value += shares[:, k:k + 1] * np.einsum("np,npic,ni->nc", pairs,
-                                                table.reshape(n, 16, c + 1, 3), weights[texels[:, k]],
-                                                optimize=True)
+        table = brdfs[
+            clusters[texels[:, k]][:, None, None],
+            :,
+            views["index"][:, :, None],
+            lights["index"][:, None, :],
+        ]
+        value += shares[:, k : k + 1] * np.einsum(
+            "np,npic,ni->nc",
+            pairs,
+            table.reshape(n, 16, c + 1, 3),
+            weights[texels[:, k]],
+            optimize=True,
+        )
     return value
 
 

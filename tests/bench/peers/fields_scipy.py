@@ -38,9 +38,15 @@ def main():
     cost = 0.0
     begun = time.process_time()
     for row, start in zip(rows, starts):
-        found = least_squares(lambda x: lobes(x, lights)[0] - row, start,
-                              lambda x: lobes(x, lights)[1], method="lm", ftol=1e-5, xtol=1e-7,
-                              max_nfev=80)
+        found = least_squares(
+            lambda x: lobes(x, lights)[0] - row,
+            start,
+            lambda x: lobes(x, lights)[1],
+            method="lm",
+            ftol=1e-5,
+            xtol=1e-7,
+            max_nfev=80,
+        )
         cost += 2 * found.cost
     seconds = time.process_time() - begun
     print('{"peer": "scipy", "seconds": %.6f, "cost": %.6g}' % (seconds, cost))

@@ -34,8 +34,9 @@ def lpca(rows, clusters, components, iterations):
     seeds = rows[random.choice(len(rows), clusters, replace=False)]
     labels = (((seeds**2).sum(axis=1) - 2 * rows @ seeds.T)).argmin(axis=1)
     for _ in range(iterations):
-        models = [axes_of(rows[labels == k], components)
-                  for k in range(clusters) if (labels == k).any()]
+        models = [
+            axes_of(rows[labels == k], components) for k in range(clusters) if (labels == k).any()
+        ]
         errors = np.stack([errors_of(rows, squares, *model) for model in models], axis=1)
         labels = errors.argmin(axis=1)
     weights = [(rows[labels == k] - mean) @ axes.T for k, (mean, axes) in enumerate(models)]
@@ -63,8 +64,16 @@ def main():
     found = lpca(rows, options.clusters, options.components, options.iterations)
     seconds = time.monotonic() - start[0], time.process_time() - start[1]
     error = error_of(rows, *found)
-    print(json.dumps({"peer": "numpy", "seconds": round(seconds[0], 3),
-                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
+    print(
+        json.dumps(
+            {
+                "peer": "numpy",
+                "seconds": round(seconds[0], 3),
+                "processor_s": round(seconds[1], 3),
+                "error": round(float(error), 5),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -69,8 +69,12 @@ def cluster(rows, clusters, components, random):
     for i in range(MEANS + MOST):
         labels, error = assign(rows, means, axes)
         if i + 1 < MEANS:
-            means = np.stack([rows[labels == k].mean(axis=0) if (labels == k).any() else means[k]
-                              for k in range(clusters)])
+            means = np.stack(
+                [
+                    rows[labels == k].mean(axis=0) if (labels == k).any() else means[k]
+                    for k in range(clusters)
+                ]
+            )
         else:
             axes = update(rows, labels, means, axes, components)
         if i > MEANS and error >= before * (1 - SETTLED):
@@ -116,8 +120,16 @@ def main():
     found = compress(rows, options.clusters, options.components)
     seconds = time.monotonic() - start[0], time.process_time() - start[1]
     error = error_of(rows, *found)
-    print(json.dumps({"peer": "NumPy, reduced first", "seconds": round(seconds[0], 3),
-                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
+    print(
+        json.dumps(
+            {
+                "peer": "NumPy, reduced first",
+                "seconds": round(seconds[0], 3),
+                "processor_s": round(seconds[1], 3),
+                "error": round(float(error), 5),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -47,8 +47,16 @@ def main():
     found = compress(rows, options.clusters, options.components)
     seconds = time.monotonic() - start[0], time.process_time() - start[1]
     error = error_of(rows, *found)
-    print(json.dumps({"peer": "scikit-learn", "seconds": round(seconds[0], 3),
-                      "processor_s": round(seconds[1], 3), "error": round(float(error), 5)}))
+    print(
+        json.dumps(
+            {
+                "peer": "scikit-learn",
+                "seconds": round(seconds[0], 3),
+                "processor_s": round(seconds[1], 3),
+                "error": round(float(error), 5),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -89,4 +89,6 @@ for _ in range(3):
         spent.setdefault(name, []).append(time.process_time() - start)
 peaks.tofile(out)
 best = {name: min(times) for name, times in spent.items()}
-print(json.dumps({"peer": "numpy", "to_peaks": min(best["at_once"], best["maxima_to_peaks"]), **best}))
+print(
+    json.dumps({"peer": "numpy", "to_peaks": min(best["at_once"], best["maxima_to_peaks"]), **best})
+)

@@ -701,7 +701,8 @@ static void add_errors(const struct exr_part *part, const struct foreign_shot *s
     }
 }
 
-/* The steps of docs/build-a-rig/your-own-rig.md; returns the RMS error over what shows nothing but lit print. */
+/* The steps of docs/build-a-rig/your-own-rig.md; returns the RMS error over what shows nothing but
+ * lit print. */
 static double tutorial_error(const char *dir, const struct nominal *values) {
     g_autofree char *nominal = fill_template(dir, values);
     g_autofree char *name = g_strdup_printf("tutorial%d.session", (int)(values - nominals));
@@ -730,7 +731,8 @@ static double tutorial_error(const char *dir, const struct nominal *values) {
     return sqrt(sum / n);
 }
 
-/* The figures in docs/build-a-rig/your-own-rig.md. FOREIGN_RIG=DIR keeps the pictures there instead. */
+/* The figures in docs/build-a-rig/your-own-rig.md. FOREIGN_RIG=DIR keeps the pictures there
+ * instead. */
 TEST(tutorial) {
     const char *kept = g_getenv("FOREIGN_RIG");
     g_autofree char *dir = kept ? g_strdup(kept) : new_folder();

@@ -28,23 +28,25 @@ def unfilter(kind, line, before, bpp):
 
 def read_png(data):
     """Rows of pixels of 0 … 1, each a list of channels."""
-    assert data[:8] == b'\x89PNG\r\n\x1a\n'
-    at, packed = 8, b''
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, packed = 8, b""
     while at < len(data):
-        length, kind = struct.unpack('>I4s', data[at:at + 8])
-        body = data[at + 8:at + 8 + length]
-        if kind == b'IHDR':
-            width, height, bits, colour = struct.unpack('>IIBB', body[:10])
-        elif kind == b'IDAT':
+        length, kind = struct.unpack(">I4s", data[at : at + 8])
+        body = data[at + 8 : at + 8 + length]
+        if kind == b"IHDR":
+            width, height, bits, colour = struct.unpack(">IIBB", body[:10])
+        elif kind == b"IDAT":
             packed += body
         at += 12 + length
     assert bits == 8
     channels = {0: 1, 2: 3, 6: 4}[colour]
     raw, before, rows = zlib.decompress(packed), bytes(width * channels), []
     for y in range(height):
-        line = raw[y * (width * channels + 1):(y + 1) * (width * channels + 1)]
+        line = raw[y * (width * channels + 1) : (y + 1) * (width * channels + 1)]
         before = bytes(unfilter(line[0], bytearray(line[1:]), before, channels))
-        rows.append([[before[x * channels + c] / 255 for c in range(channels)] for x in range(width)])
+        rows.append(
+            [[before[x * channels + c] / 255 for c in range(channels)] for x in range(width)]
+        )
     return rows
 
 
@@ -67,59 +69,73 @@ def cross(a, b):
 
 class Material:
     def __init__(self, path):
-        data = open(path, 'rb').read()
-        length = struct.unpack('<I', data[12:16])[0]
-        self.root = json.loads(data[20:20 + length])
-        self.binary = data[20 + length + 8:]
-        self.m = self.root['materials'][0]
+        data = open(path, "rb").read()
+        length = struct.unpack("<I", data[12:16])[0]
+        self.root = json.loads(data[20 : 20 + length])
+        self.binary = data[20 + length + 8 :]
+        self.m = self.root["materials"][0]
         self.pictures = {}
 
     def texel(self, info, x, y):
-        index = info['index']
+        index = info["index"]
         if index not in self.pictures:
-            image = self.root['images'][self.root['textures'][index]['source']]
-            view = self.root['bufferViews'][image['bufferView']]
-            first = view.get('byteOffset', 0)
-            self.pictures[index] = read_png(self.binary[first:first + view['byteLength']])
+            image = self.root["images"][self.root["textures"][index]["source"]]
+            view = self.root["bufferViews"][image["bufferView"]]
+            first = view.get("byteOffset", 0)
+            self.pictures[index] = read_png(self.binary[first : first + view["byteLength"]])
         return self.pictures[index][y][x]
 
     def evaluate(self, x, y, v, l):
-        pbr, more = self.m['pbrMetallicRoughness'], self.m.get('extensions', {})
-        base = [linear(c) for c in self.texel(pbr['baseColorTexture'], x, y)[:3]]
-        orm = self.texel(pbr['metallicRoughnessTexture'], x, y)
+        pbr, more = self.m["pbrMetallicRoughness"], self.m.get("extensions", {})
+        base = [linear(c) for c in self.texel(pbr["baseColorTexture"], x, y)[:3]]
+        orm = self.texel(pbr["metallicRoughnessTexture"], x, y)
         alpha, metallic = orm[1] ** 2, orm[2]
-        n = unit([2 * c - 1 for c in self.texel(self.m['normalTexture'], x, y)])
+        n = unit([2 * c - 1 for c in self.texel(self.m["normalTexture"], x, y)])
         weight, tint = 1.0, [1.0, 1.0, 1.0]
-        if 'KHR_materials_specular' in more:
-            s = more['KHR_materials_specular']
-            weight = self.texel(s['specularTexture'], x, y)[3] * s.get('specularFactor', 1)
-            tint = [f * linear(c) for f, c in zip(s['specularColorFactor'],
-                                                  self.texel(s['specularColorTexture'], x, y))]
+        if "KHR_materials_specular" in more:
+            s = more["KHR_materials_specular"]
+            weight = self.texel(s["specularTexture"], x, y)[3] * s.get("specularFactor", 1)
+            tint = [
+                f * linear(c)
+                for f, c in zip(
+                    s["specularColorFactor"], self.texel(s["specularColorTexture"], x, y)
+                )
+            ]
         nl, nv = dot(n, l), dot(n, v)
         if nl <= 1e-4 or nv <= 1e-4:
             return [0.0, 0.0, 0.0]
         h = unit([a + b for a, b in zip(v, l)])
-        if 'KHR_materials_anisotropy' in more:
-            lobe = self.anisotropic(more['KHR_materials_anisotropy'], x, y, alpha, n, v, l, h)
+        if "KHR_materials_anisotropy" in more:
+            lobe = self.anisotropic(more["KHR_materials_anisotropy"], x, y, alpha, n, v, l, h)
         else:
             nh, a2 = dot(n, h), alpha * alpha
             d = a2 / (math.pi * (nh * nh * (a2 - 1) + 1) ** 2)
-            g = 2 * nl * nv / (nl * math.sqrt(a2 + (1 - a2) * nv * nv) + nv * math.sqrt(a2 + (1 - a2) * nl * nl))
+            g = (
+                2
+                * nl
+                * nv
+                / (
+                    nl * math.sqrt(a2 + (1 - a2) * nv * nv)
+                    + nv * math.sqrt(a2 + (1 - a2) * nl * nl)
+                )
+            )
             lobe = d * g / (4 * nl * nv)
         f5 = (1 - abs(dot(v, h))) ** 5
         f0 = [min(0.04 * t, 1.0) for t in tint]
         fresnel = [f + (1 - f) * f5 for f in f0]
         ret = []
         for c in range(3):
-            dielectric = (1 - weight * max(fresnel)) * base[c] / math.pi + weight * fresnel[c] * lobe
+            dielectric = (1 - weight * max(fresnel)) * base[c] / math.pi + weight * fresnel[
+                c
+            ] * lobe
             metal = lobe * (base[c] + (1 - base[c]) * f5)
             ret.append(math.pi * nl * (dielectric + metallic * (metal - dielectric)))
         return ret
 
     def anisotropic(self, given, x, y, alpha, n, v, l, h):
-        r, g, b = self.texel(given['anisotropyTexture'], x, y)[:3]
+        r, g, b = self.texel(given["anisotropyTexture"], x, y)[:3]
         direction = unit([2 * r - 1, 2 * g - 1, 0])
-        at = alpha + (1 - alpha) * (b * given['anisotropyStrength']) ** 2
+        at = alpha + (1 - alpha) * (b * given["anisotropyStrength"]) ** 2
         along = dot(direction, n)
         t = unit([d - along * k for d, k in zip(direction, n)])
         bt = cross(n, t)
@@ -136,4 +152,4 @@ class Material:
 material = Material(sys.argv[1])
 for query in sys.stdin:
     q = [float(word) for word in query.split()]
-    print('%.7f %.7f %.7f' % tuple(material.evaluate(int(q[0]), int(q[1]), q[2:5], q[5:8])))
+    print("%.7f %.7f %.7f" % tuple(material.evaluate(int(q[0]), int(q[1]), q[2:5], q[5:8])))
