@@ -1,5 +1,5 @@
 # Writes shaders.c: a table of file names and texts. SHADERS is a list of paths.
-set(text "#include \"gl/shaders.h\"\n\nconst struct shader shaders[] = {\n")
+set(text "#include \"drawing/gl/shaders.h\"\n\nconst struct shader shaders[] = {\n")
 foreach(path ${SHADERS})
   get_filename_component(name ${path} NAME)
   file(READ ${path} source)

@@ -19,7 +19,6 @@ struct heard {
 };
 
 static World *get_world(void) {
-    GError *error = NULL;
     World *world = ok(world_get(WORLD, ERR));
     return world;
 }
