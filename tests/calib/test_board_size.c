@@ -185,7 +185,7 @@ static const struct mistake {
                  "8x6",
                  "square=10,marker=7,dictionary=5x5_1000",
                  "the pictures show 7 × 5 inner corners = 8 × 6 squares",
-                 {"7x5", "6x8", "9x6", "8x5"}},
+                 {"7x5", "6x8", "9x6", "6x6"}},
                 {"/board size/markers",
                  "6x4",
                  "marker=10,gap=3,dictionary=4x4_1000",

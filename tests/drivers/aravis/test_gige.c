@@ -239,7 +239,7 @@ static void by_serial(void) {
     eye.clock = clock_new_real();
     g_assert_null(camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                             "no camera \"NOBODY\" is found");
+                             "no camera \"NOBODY\" was found");
     section = config_find(config, "camera", "eye");
     eye.camera = ok(camera_open(&aravis_camera_driver, section, NULL, eye.clock, ERR));
     g_assert_true(g_str_has_prefix(eye.camera->device.identity, "Mesorig VirtualCamera"));

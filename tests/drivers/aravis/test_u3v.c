@@ -200,7 +200,7 @@ static void unplugged(void) {
     conformance_pass(eye.clock, 3);
     g_assert_false(camera_arm(eye.camera, &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                             "no camera \"EYE\" is found");
+                             "no camera \"EYE\" was found");
     virtual_u3v_plug(device);
     eye_recover(&eye, 2, 8);
     virtual_u3v_state(device, &state);
@@ -268,7 +268,7 @@ static void not_there(void) {
     GError *error = NULL;
     g_assert_false(eye_open(&eye, "", &error));
     conformance_expect_error(&error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                             "no camera \"NOBODY\" is found");
+                             "no camera \"NOBODY\" was found");
     eye_close(&eye);
 }
 
