@@ -65,12 +65,16 @@ char *help_text_lay_out(const char *help) {
     return g_string_free(text, FALSE);
 }
 
+static void print_help(GOptionContext *context) {
+    g_autofree char *help = g_option_context_get_help(context, TRUE, NULL);
+    g_autofree char *text = help_text_lay_out(help);
+    g_print("%s", text);
+}
+
 void help_text_answer(GOptionContext *context, int argc, char **argv) {
     for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++)
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
-            g_autofree char *help = g_option_context_get_help(context, TRUE, NULL);
-            g_autofree char *text = help_text_lay_out(help);
-            g_print("%s", text);
+            print_help(context);
             exit(0); /* main() may have registered a check of the output */
         }
 }

@@ -194,7 +194,7 @@ static void add_letters(GHashTable *to, const char *path) {
 
 /* The window's font has every letter that the sources of what it shows have. */
 TEST(glyphs) {
-    const char *const folders[] = {"window", "methods"};
+    const char *const folders[] = {"window", "drawing/methods"};
     g_autoptr(GHashTable) letters = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(folders); k++) {
         g_autofree char *folder = g_build_filename(SOURCE_DIR "/renderer", folders[k], NULL);
