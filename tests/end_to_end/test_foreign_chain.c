@@ -647,7 +647,9 @@ static void test_sample(gconstpointer data) {
               mdf[c].n, mdf[c].all, rms(edges[c].squares, edges[c].n), edges[c].chi2 / edges[c].n,
               edges[c].n, edges[c].all);
         g_assert_cmpfloat(rms(mdf[c].squares, mdf[c].n), <, 0.08);
-        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, >, 0.7);
+        /* The bars add errors of sheets and cameras as if they were independent, which they are
+         * not: the same cameras have calibrated the sheets. */
+        g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, >, 0.6);
         g_assert_cmpfloat(mdf[c].chi2 / mdf[c].n, <, 1.4);
         g_assert_cmpfloat(mdf[c].n + edges[c].n, >, 0.98 * (mdf[c].all + edges[c].all));
     }
