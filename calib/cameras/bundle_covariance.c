@@ -232,7 +232,7 @@ static gboolean camera_covariance(struct bundle_camera *camera, const struct fac
 static gboolean wobble_error(struct bundle *bundle, const struct factor *factor,
                              const struct bundle_linear *linear) {
     const int k = linear->n_wobble;
-    int columns[BUNDLE_WOBBLE];
+    int columns[BUNDLE_WOBBLE] = {0};
     double r[BUNDLE_WOBBLE * BUNDLE_WOBBLE], sum = 0;
     g_autofree double *q = g_new(double, (gsize)factor->n *BUNDLE_WOBBLE + 1);
     bundle->wobble_error_rad = 0;
