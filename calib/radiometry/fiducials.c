@@ -40,6 +40,7 @@ struct measuring {
     const struct rig_fiducial *fiducial;
     const char *cfa;
     const float *mosaic;
+    const float *glare;      /* of red, green and blue pixels, in the unit of mosaic */
     struct vec3 eye, middle; /* rig frame; middle: present estimate of the centre */
     int x0, x1, y0, y1;      /* range of pixels */
     struct node *nodes;
@@ -109,7 +110,8 @@ static gboolean look_at(const struct measuring *m, int x, int y, struct pixel *r
     white *= m->colour[ret->colour];
     if (!(white > 0))
         return FALSE;
-    ret->value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x] / white;
+    const float seen = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
+    ret->value = (double)(seen - m->glare[ret->colour]) / white;
     return isfinite(ret->value);
 }
 
@@ -339,13 +341,20 @@ static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
 
 int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,
                       GArray *seen) {
+    const struct rig_camera *camera = &scene->rig->cameras[scene->camera];
+    float glare[3] = {0};
+    double mean[3];
     int n = 0;
+    if (scene->radiometry->glare > 0)
+        radiometry_glare(scene->radiometry, cfa, camera->width, camera->height, mosaic, mean,
+                         glare);
     for (int i = 0; i < scene->rig->n_fiducials; i++) {
         struct measuring m = {.scene = scene,
-                              .camera = &scene->rig->cameras[scene->camera],
+                              .camera = camera,
                               .fiducial = &scene->rig->fiducials[i],
                               .cfa = cfa,
-                              .mosaic = mosaic};
+                              .mosaic = mosaic,
+                              .glare = glare};
         struct fiducial_seen found = {
             .camera = scene->camera, .fiducial = i, .turntable_rad = scene->turntable_rad};
         m.eye = rig_camera_centre_mm(m.camera);

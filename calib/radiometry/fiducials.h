@@ -29,8 +29,9 @@ struct fiducial_seen {
 };
 
 /* Appends (struct fiducial_seen) the fiducials that are wholly in the picture and lit; returns
- * their number. mosaic: height × width, DN per ms above dark; cfa as in frames/rectify.h. Fiducials
- * are found up to their radius away from their expected position. */
+ * their number. mosaic: height × width, DN per ms above dark; cfa as in frames/rectify.h. The
+ * camera's veiling glare is subtracted. Fiducials are found up to their radius away from their
+ * expected position. */
 int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const float *mosaic,
                       GArray *seen);
 

@@ -9,6 +9,8 @@
  * reflect more of one lamp's light than of another's. */
 #include "radiometry.h"
 
+#include "geometry/fit.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -128,11 +130,6 @@ static int compare(gconstpointer a, gconstpointer b, gpointer data) {
                                     : x->shot - y->shot;
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Sums of one pass over the groups: of all, and of each lamp. */
 struct glare_pass {
     double up, down, chi2;
@@ -151,7 +148,7 @@ static void add_group(const struct glare_cell *cells, int n, int lamp, double g,
     int kept = 0;
     for (int i = 0; i < n; i++)
         sorted[i] = share[i] = cells[i].signal / cells[i].mean;
-    qsort(sorted, (gsize)n, sizeof *sorted, by_value);
+    qsort(sorted, (gsize)n, sizeof *sorted, fit_compare);
     const double median = sorted[n / 2];
     if (n < FEW_SHOTS || !(median > 0) || median > DARK)
         return;
@@ -236,10 +233,10 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     return *ret_error < MAX_ERROR && g < pass.darkest + 3 * *ret_error;
 }
 
-void radiometry_subtract_glare(const struct radiometry_camera *radiometry, const char *cfa,
-                               int width, int height, float *mosaic, double ret_mean[3]) {
+void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,
+                      int height, const float *mosaic, double ret_mean[3], float ret_glare[3]) {
     const gsize n = (gsize)width * (gsize)height;
-    double counts[3] = {0}, by[3];
+    double counts[3] = {0};
     memset(ret_mean, 0, 3 * sizeof *ret_mean);
     for (gsize i = 0; i < n; i++) {
         const int colour =
@@ -251,11 +248,6 @@ void radiometry_subtract_glare(const struct radiometry_camera *radiometry, const
     }
     for (int k = 0; k < 3; k++) {
         ret_mean[k] = counts[k] > 0 ? ret_mean[k] / counts[k] : 0;
-        by[k] = radiometry->glare / (1 + radiometry->glare) * ret_mean[k];
+        ret_glare[k] = (float)(radiometry->glare / (1 + radiometry->glare) * ret_mean[k]);
     }
-    if (!(radiometry->glare > 0))
-        return;
-    for (gsize i = 0; i < n; i++)
-        mosaic[i] -=
-            (float)by[radiometry_colour_at(cfa, (int)(i % (gsize)width), (int)(i / (gsize)width))];
 }

@@ -50,12 +50,12 @@ struct radiometry_lamp { /* with rig.lamps */
 double radiometry_flat(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                        double x_px, double y_px);
 
-/* Subtracts the veiling glare from a picture: glare / (1 + glare) times the mean of the finite
- * pixels behind the same filter. mosaic: as in frames/rectify.h, in any unit; "rgb": of one plane
- * at a time, as "mono". ret_mean: means before; of red, green and blue, 0 for a colour without
- * pixels. */
-void radiometry_subtract_glare(const struct radiometry_camera *radiometry, const char *cfa,
-                               int width, int height, float *mosaic, double ret_mean[3]);
+/* Computes the veiling glare of a picture behind each filter: glare / (1 + glare) times the mean of
+ * the finite pixels there. mosaic is as in frames/rectify.h, in any unit. A picture with the cfa
+ * "rgb" is given one plane at a time, with "mono". ret_mean has the means of red, green and blue
+ * pixels with the glare; both are 0 for a colour without pixels. */
+void radiometry_glare(const struct radiometry_camera *radiometry, const char *cfa, int width,
+                      int height, const float *mosaic, double ret_mean[3], float ret_glare[3]);
 
 /* Colour behind the filter of a pixel: 0 red, 1 green (all of "mono"), 2 blue; cfa as in
  * frames/rectify.h. */

@@ -140,9 +140,6 @@ static void find_fiducials(struct guard *guard, int camera, int lamp, const Fram
                                          .arc_rad = guard->arc_deg * G_PI / 180,
                                          .radiometry = &known->camera_radiometry[camera],
                                          .lamp_radiometry = &known->lamp_radiometry[lamp]};
-    double mean[3];
-    radiometry_subtract_glare(scene.radiometry, cfa_name(frame->cfa), (int)frame->width,
-                              (int)frame->height, mosaic, mean);
     fiducials_measure(&scene, cfa_name(frame->cfa), mosaic, guard->fiducials);
 }
 

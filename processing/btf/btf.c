@@ -185,11 +185,15 @@ static gboolean is_in_pose(const struct btf_view *view, const struct btf_light *
 static void subtract_glare(const struct btf_view *view, const char *cfa, gsize plane, float *values,
                            struct mosaic *to) {
     double mean[3];
+    float glare[3];
+    const int width = view->camera->width;
     const gboolean rgb = strcmp(cfa, "rgb") == 0;
     if (!view->radiometry || !view->radiometry->known || !(view->radiometry->glare_error > 0))
         return;
-    radiometry_subtract_glare(view->radiometry, rgb ? "mono" : cfa, view->camera->width,
-                              view->camera->height, values, mean);
+    const char *filters = rgb ? "mono" : cfa;
+    radiometry_glare(view->radiometry, filters, width, view->camera->height, values, mean, glare);
+    for (int i = 0; i < width * view->camera->height && view->radiometry->glare > 0; i++)
+        values[i] -= glare[radiometry_colour_at(filters, i % width, i / width)];
     if (rgb)
         to->mean[plane] = mean[1];
     for (int c = 0; c < 3 && !rgb; c++)

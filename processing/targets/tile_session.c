@@ -375,12 +375,6 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
     struct exr_part *part = read_frame(run, &frame->input, &mosaic, &cfa);
     if (!part)
         return;
-    const struct rig_camera *camera = &known->rig.cameras[frame->camera];
-    g_autofree float *clear =
-        g_memdup2(mosaic, sizeof *mosaic * (gsize)camera->width * (gsize)camera->height);
-    double mean[3];
-    radiometry_subtract_glare(&known->camera_radiometry[frame->camera], cfa, camera->width,
-                              camera->height, clear, mean);
     struct fiducial_scene scene = {&known->rig,
                                    frame->camera,
                                    shot->lamp,
@@ -389,7 +383,7 @@ static void add_marks(struct run *run, const struct lit_frame *frame, GArray *se
                                    &known->camera_radiometry[frame->camera],
                                    &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
-    fiducials_measure(&scene, cfa, clear, seen);
+    fiducials_measure(&scene, cfa, mosaic, seen);
     for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
         g_array_index(seen, struct fiducial_seen, k).output /= run->fit.output[frame->shot];
         g_array_index(seen, struct fiducial_seen, k).output_error /= run->fit.output[frame->shot];

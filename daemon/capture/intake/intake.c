@@ -216,13 +216,7 @@ static GArray *measure_marks(const struct lane *lane, const struct job *job, con
         .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
     };
     GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct fiducial_seen));
-    const struct rig_camera *camera = &calibration->rig.cameras[job->camera];
-    g_autofree float *clear =
-        g_memdup2(mosaic, sizeof *mosaic * (gsize)camera->width * (gsize)camera->height);
-    double mean[3];
-    radiometry_subtract_glare(scene.radiometry, cfa_name(job->frame->cfa), camera->width,
-                              camera->height, clear, mean);
-    fiducials_measure(&scene, cfa_name(job->frame->cfa), clear, marks);
+    fiducials_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
     return marks;
 }
 
