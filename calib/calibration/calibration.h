@@ -105,9 +105,9 @@ struct calibration_laser { /* with rig.lasers; standard errors */
     double position_mm[3]; /* across the axis; along it the position is undetermined */
     double axis_rad, normal_rad, stretch;
     double bend_rad;
-    /* Whether the error of a value is that of the arc's axis as it was known before, because the
-     * lines do not determine it. The values' errors then cancel each other: sheet has those of the
-     * sheets. */
+    /* 1 if the lines do not determine a value. Its error is then the error of the arc's axis from
+     * an earlier calibration. Such errors cancel each other. The errors of the sheets are in
+     * sheet. */
     int from_prior[CALIBRATION_LASER_VALUES];
     /* Of the sheet near the sample, with what noise does not explain of the residual; 0 in files of
      * earlier versions. */

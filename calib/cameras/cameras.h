@@ -35,10 +35,10 @@
  * that was calibrated at two others, gets its pose from the axis; its errors are those of the
  * nearest stop, increased by how far the calibrated stops are from the axis.
  *
- * A wobble of the turntable's bearing (struct rig_wobble) is fitted if the pictures show one: its
- * harmonics as far as the number of angles determines them, at most RIG_WOBBLE_HARMONICS. It is
- * kept if χ² falls by more than four standard deviations of what as many parameters lower it by
- * chance, after division by the inflation of variances.
+ * The wobble of the turntable (struct rig_wobble) is fitted with as many harmonics as the number of
+ * angles determines, at most RIG_WOBBLE_HARMONICS. χ² is divided by the inflation of the variances.
+ * The same number of meaningless parameters also lowers χ². The wobble is kept if χ² falls by more
+ * than four standard deviations of that chance decrease.
  *
  * Errors include the scatter between pictures (bundle.h).
  *

@@ -35,8 +35,8 @@ int cameras_n_parameters(const struct cameras_work *work) {
            (work->bundle.wobble_harmonics > 0 ? 4 * work->bundle.wobble_harmonics - 2 : 0);
 }
 
-/* A corner's covariance is L Lᵀ with L = W⁻¹: its trace is the mean square of the corner's noise.
- * The fit leaves the share 1 − p / N of it, with p parameters and N residuals. */
+/* The covariance of a corner is L Lᵀ with L = W⁻¹. Its trace is the mean square of the noise. After
+ * a fit of p parameters to N residuals, the share 1 − p / N of the noise is left. */
 double cameras_expected_px(const struct cameras_work *work, int camera) {
     const struct bundle *b = &work->bundle;
     double sum = 0;

@@ -46,7 +46,7 @@ struct problem {
     int size_at[LAMP_MAX_MARKS];
     struct drive turntable, arc;
     int *turn, *swing; /* of each sight: index of the drive's angle; −1: none */
-    double (*tilt)[2]; /* of each sight: of the turntable's axis, by the wobble of its bearing */
+    double (*tilt)[2]; /* for each sight, the tilt of the turntable because of its wobble */
     double *shift; /* n × 4: derivative of its x and y by the camera's offset in pixels, across and
                       down */
     int n_parameters;

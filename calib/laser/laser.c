@@ -365,9 +365,9 @@ static void add_sheet_errors(const struct problem *problem, const struct fit_res
         }
 }
 
-/* Covariance of a laser's sheets near the sample: the mean over the arc's angles. The bend's own
- * error counts even if it was not significant. What noise does not explain of the residuals moves
- * the whole sheet. */
+/* Computes the covariance of the sheets of a laser near the sample, as the mean over the angles of
+ * the arc. The error of the bend is part of it, even if the bend was not significant. The part of
+ * the residuals that noise does not explain counts as an offset of the whole sheet. */
 static void laser_take_sheet(const struct problem *problem, const struct fit_result *fitted,
                              const double *x, const double *bend_error_rad, int laser,
                              struct laser_result *ret) {

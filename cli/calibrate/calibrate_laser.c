@@ -55,8 +55,7 @@ struct job {
 };
 
 /* planes: NULL if they are not given. */
-static gboolean cli_calibrate_laser_gather_session(struct job *job, int i, const double *planes,
-                                                   GError **error) {
+static gboolean gather_session(struct job *job, int i, const double *planes, GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = calibrate_open(&job->base, i, error);
     if (!session || !session_grid(session, &grid, error))
@@ -91,7 +90,7 @@ static gboolean gather(struct job *job, GError **error) {
         return FALSE;
     }
     for (int i = 0; i < n; i++)
-        if (!cli_calibrate_laser_gather_session(job, i, planes, error))
+        if (!gather_session(job, i, planes, error))
             return FALSE;
     if (job->base.frames->len > 0)
         return TRUE;

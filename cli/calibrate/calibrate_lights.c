@@ -71,7 +71,7 @@ static double cli_calibrate_lights_radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-static gboolean cli_calibrate_lights_step(struct job *job, GError **error) {
+static gboolean step(struct job *job, GError **error) {
     job->done++;
     return work_tell(job->base.work, "lights", MIN(job->done, job->total), job->total,
                      job->base.begun_us, error);
@@ -111,7 +111,7 @@ static void sort_into_views(struct job *job) {
     }
 }
 
-static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
+static gboolean gather(struct job *job, GError **error) {
     g_autoptr(Session) session = calibrate_open(&job->base, 0, error);
     g_autoptr(GPtrArray) frames = session ? calibrate_frames(session, SHOT_LAMP, error) : NULL;
     if (!frames)
@@ -139,8 +139,7 @@ static gboolean cli_calibrate_lights_gather(struct job *job, GError **error) {
     return TRUE;
 }
 
-static ShadowView *cli_calibrate_lights_load_view(struct job *job, const struct view *view,
-                                                  guint most, GError **error) {
+static ShadowView *load_view(struct job *job, const struct view *view, guint most, GError **error) {
     struct plate_map **map = &job->maps[view->camera];
     if (!*map)
         *map = plate_map_new(&job->rig.cameras[view->camera], &job->target);
@@ -165,9 +164,9 @@ static GPtrArray *load_some(struct job *job, GError **error) {
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func((GDestroyNotify)shadow_view_free);
     guint every = 1 + job->views->len / LOCATE_VIEWS;
     for (guint i = 0; i < job->views->len; i += every) {
-        ShadowView *view = cli_calibrate_lights_load_view(
-            job, &g_array_index(job->views, struct view, i), LOCATE_SHOTS, error);
-        if (!view || !cli_calibrate_lights_step(job, error)) {
+        ShadowView *view =
+            load_view(job, &g_array_index(job->views, struct view, i), LOCATE_SHOTS, error);
+        if (!view || !step(job, error)) {
             shadow_view_free(view);
             return NULL;
         }
@@ -182,7 +181,7 @@ static gboolean locate(struct job *job, GError **error) {
                                    REACH_MM, REACH_RAD, error);
 }
 
-static gboolean cli_calibrate_lights_adjust(struct job *job, GError **error) {
+static gboolean adjust(struct job *job, GError **error) {
     lamps_result_clear(&job->result);
     return lamps_fit(&job->base.calibration->rig, &job->target,
                      (const struct lamp_sight *)(gpointer)job->sights->data, (int)job->sights->len,
@@ -197,14 +196,14 @@ static gboolean measure_poles(struct job *job, GError **error) {
         g_array_set_size(job->sights, 0);
         g_ptr_array_set_size(job->base.rejected, 0);
         for (guint i = 0; i < job->views->len; i++) {
-            g_autoptr(ShadowView) view = cli_calibrate_lights_load_view(
-                job, &g_array_index(job->views, struct view, i), G_MAXUINT, error);
-            if (!view || !cli_calibrate_lights_step(job, error))
+            g_autoptr(ShadowView) view =
+                load_view(job, &g_array_index(job->views, struct view, i), G_MAXUINT, error);
+            if (!view || !step(job, error))
                 return FALSE;
             shadow_view_measure(view, &job->rig, &job->target, round > 0, job->sights,
                                 job->base.rejected);
         }
-        if (!cli_calibrate_lights_adjust(job, error))
+        if (!adjust(job, error))
             return FALSE;
         job->rig = job->result.rig;
         job->target = job->result.target;
@@ -223,12 +222,12 @@ static gboolean measure_balls(struct job *job, GError **error) {
                                                frame->camera,
                                                cli_calibrate_lights_radians(frame->turntable_deg),
                                                cli_calibrate_lights_radians(frame->arc_deg)};
-        if (!picture || !cli_calibrate_lights_step(job, error) ||
+        if (!picture || !step(job, error) ||
             !highlights_measure(&job->rig, &job->target, &from, REACH_MM, job->sights,
                                 job->base.rejected, error))
             return FALSE;
     }
-    return cli_calibrate_lights_adjust(job, error);
+    return adjust(job, error);
 }
 
 /* A mistake in what is noted of the pictures: the true angles are the noted ones times these
@@ -437,7 +436,7 @@ static gboolean cli_calibrate_lights_find(struct calibrate_job *base, GError **e
     struct job *job = (struct job *)base;
     const struct lamp_target target = job->target;
     g_autoptr(GError) cause = NULL;
-    if (!cli_calibrate_lights_gather(job, error))
+    if (!gather(job, error))
         return FALSE;
     const gboolean ok =
         (job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, &cause);

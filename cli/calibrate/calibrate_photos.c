@@ -46,8 +46,7 @@ static void clear_light(gpointer data) {
     g_free(((struct light *)data)->name);
 }
 
-static void cli_calibrate_photos_reject(struct job *job, const char *name, int ball,
-                                        const char *why) {
+static void reject(struct job *job, const char *name, int ball, const char *why) {
     g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
 }
 
@@ -199,8 +198,8 @@ static char *look_around(const struct job *job, const struct picture *picture,
 }
 
 /* Where a ball shows the light, in radii from the first one; NULL, or why not. */
-static char *cli_calibrate_photos_measure_ball(const struct job *job, const struct picture *picture,
-                                               int i, struct ball_ray *ret) {
+static char *measure_ball(const struct job *job, const struct picture *picture, int i,
+                          struct ball_ray *ret) {
     const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
     const double max_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
     const struct highlight_mean mean = {job->mean, job->n_mean};
@@ -275,9 +274,9 @@ static gboolean cli_calibrate_photos_measure(struct job *job, const struct pictu
     int balls[BALL_LIGHT_MAX], n = 0;
     struct light light;
     for (int i = 0; i < job->n_balls; i++) {
-        g_autofree char *why = cli_calibrate_photos_measure_ball(job, picture, i, &rays[n]);
+        g_autofree char *why = measure_ball(job, picture, i, &rays[n]);
         if (why)
-            cli_calibrate_photos_reject(job, picture->name, i, why);
+            reject(job, picture->name, i, why);
         else
             balls[n++] = i;
     }
@@ -289,7 +288,7 @@ static gboolean cli_calibrate_photos_measure(struct job *job, const struct pictu
         if (light.found.left_out[i]) {
             g_autofree char *why = g_strdup_printf("shows the lamp %.1f° from where the others do",
                                                    light.found.off_rad[i] * DEG);
-            cli_calibrate_photos_reject(job, picture->name, balls[i], why);
+            reject(job, picture->name, balls[i], why);
         }
     if (light.found.sigma_rad * DEG > photos_within_deg) {
         reject_unsure(job, picture->name, light.found.sigma_rad);

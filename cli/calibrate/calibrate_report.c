@@ -139,7 +139,7 @@ static double sigma(const struct calibration_camera *camera, int parameter) {
     return sqrt(camera->covariance[parameter][parameter]);
 }
 
-static void cli_calibrate_report_add_cameras(GString *to, const struct calibration *calibration) {
+static void add_cameras(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
     g_string_append_printf(to,
                            "<h2>Cameras</h2>\n<div class=\"wide\"><table><tr><th>camera</th><th>x, "
@@ -365,7 +365,7 @@ static char *page(const struct calibration *calibration, const char *path) {
     g_string_append_printf(to, "<h1>Calibration of rig %s</h1>\n", id);
     add_verdict(to, calibration);
     add_parts(to, calibration);
-    cli_calibrate_report_add_cameras(to, calibration);
+    add_cameras(to, calibration);
     calibrate_table_lamps(to, calibration);
     calibrate_table_lasers(to, calibration);
     calibrate_table_light(to, calibration);

@@ -63,8 +63,8 @@ static GVariant *start_options(Link *link, const char *session, const char *chos
 }
 
 /* With --json all states have already been printed; only an error is missing. */
-static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
-                                const char *directory, GError **error) {
+static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const char *directory,
+                    GError **error) {
     g_autofree char *summary = monitor_summary(monitor);
     const char *go_on = link_is_private(link) ? "resume" : "continue";
     const char *reason = monitor_reason(monitor);
@@ -127,7 +127,7 @@ static int cli_capture_run(const struct call *call, const char *rig, const char 
     monitor_set_answer(monitor, yes && simulated ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
-    const int code = cli_capture_tell_end(link, monitor, end, directory, error);
+    const int code = tell_end(link, monitor, end, directory, error);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
     /* The child of a private daemon, which makes the products, ends with the daemon. The remaining

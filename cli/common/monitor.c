@@ -135,7 +135,7 @@ static void cli_monitor_show(Monitor *monitor) {
     }
 }
 
-static void cli_monitor_finish(Monitor *monitor, enum monitor_end end) {
+static void finish(Monitor *monitor, enum monitor_end end) {
     if (monitor->ended)
         return;
     monitor->ended = TRUE;
@@ -189,10 +189,10 @@ static void check_prompt(Monitor *monitor) {
     }
 }
 
-static void cli_monitor_check(Monitor *monitor) {
+static void check(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     if (link_is_lost(monitor->link) || monitor->ended) {
-        cli_monitor_finish(monitor, MONITOR_LOST);
+        finish(monitor, MONITOR_LOST);
         return;
     }
     const char *state = bus_rig1_get_state(rig);
@@ -203,17 +203,17 @@ static void cli_monitor_check(Monitor *monitor) {
     cli_monitor_show(monitor);
     check_prompt(monitor);
     if (strcmp(state, "done") == 0) {
-        cli_monitor_finish(monitor, MONITOR_DONE);
+        finish(monitor, MONITOR_DONE);
     } else if (strcmp(state, "paused") == 0) {
         g_free(monitor->reason);
         monitor->reason = g_strdup(bus_rig1_get_reason(rig));
         if (monitor->interrupts > 0)
-            cli_monitor_finish(monitor, MONITOR_PAUSED);
+            finish(monitor, MONITOR_PAUSED);
         else if (monitor->faulty && !monitor->patient)
-            cli_monitor_finish(monitor, MONITOR_FAULT);
+            finish(monitor, MONITOR_FAULT);
     } else if (strcmp(state, "aborted") == 0 || strcmp(state, "idle") == 0 ||
                strcmp(state, "closed") == 0) {
-        cli_monitor_finish(monitor, MONITOR_ABORTED);
+        finish(monitor, MONITOR_ABORTED);
     }
 }
 
@@ -221,11 +221,11 @@ static void on_properties(GDBusProxy *proxy, GVariant *properties, GStrv invalid
                           gpointer data) {
     Monitor *monitor = data;
     if (g_main_loop_is_running(monitor->loop))
-        cli_monitor_check(monitor);
+        check(monitor);
 }
 
-static void cli_monitor_on_event(BusRig1 *rig, const char *level, const char *source,
-                                 const char *message, gpointer data) {
+static void on_event(BusRig1 *rig, const char *level, const char *source, const char *message,
+                     gpointer data) {
     Monitor *monitor = data;
     if (strcmp(level, "error") == 0)
         monitor->faulty = TRUE;
@@ -245,19 +245,19 @@ static void cli_monitor_on_event(BusRig1 *rig, const char *level, const char *so
 }
 
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
-    cli_monitor_finish(data, MONITOR_LOST);
+    finish(data, MONITOR_LOST);
 }
 
 static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
     Monitor *monitor = data;
     if (link_is_lost(monitor->link))
-        cli_monitor_finish(monitor, MONITOR_LOST);
+        finish(monitor, MONITOR_LOST);
 }
 
-static gboolean cli_monitor_check_idle(gpointer data) {
+static gboolean check_idle(gpointer data) {
     Monitor *monitor = data;
     monitor->check_id = 0;
-    cli_monitor_check(monitor);
+    check(monitor);
     return G_SOURCE_REMOVE;
 }
 
@@ -268,19 +268,19 @@ static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
     if (!monitor->control) {
-        cli_monitor_finish(monitor, MONITOR_DETACHED);
+        finish(monitor, MONITOR_DETACHED);
         return G_SOURCE_CONTINUE;
     }
     if (monitor->interrupts++ == 0) {
         progress_line(monitor->progress,
                       "pausing after the shot under way; Ctrl-C once more stops immediately");
         if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
-            cli_monitor_finish(monitor, MONITOR_PAUSED);
+            finish(monitor, MONITOR_PAUSED);
         else if (!monitor->check_id)
-            monitor->check_id = g_idle_add(cli_monitor_check_idle, monitor);
+            monitor->check_id = g_idle_add(check_idle, monitor);
     } else {
         bus_rig1_call_abort_sync(link_rig(monitor->link), NULL, NULL);
-        cli_monitor_finish(monitor, MONITOR_ABORTED);
+        finish(monitor, MONITOR_ABORTED);
     }
     return G_SOURCE_CONTINUE;
 }
@@ -294,7 +294,7 @@ Monitor *monitor_new(Link *link, gboolean control) {
     monitor->progress = progress_new("capture");
     BusRig1 *rig = link_rig(link);
     g_signal_connect(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
-    g_signal_connect(rig, "event", G_CALLBACK(cli_monitor_on_event), monitor);
+    g_signal_connect(rig, "event", G_CALLBACK(on_event), monitor);
     g_signal_connect(rig, "notify::g-name-owner", G_CALLBACK(on_owner), monitor);
     g_signal_connect(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), "closed",
                      G_CALLBACK(on_closed), monitor);
@@ -343,7 +343,7 @@ enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     while (g_main_context_iteration(NULL, FALSE))
         ;
     monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));
-    cli_monitor_check(monitor);
+    check(monitor);
     if (!monitor->ended)
         g_main_loop_run(monitor->loop);
     progress_end(monitor->progress);

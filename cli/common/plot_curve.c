@@ -14,7 +14,7 @@ struct axes {
     double ratio[2], error[2];
 };
 
-static double cli_plot_curve_x_of(const struct axes *axes, double ratio) {
+static double x_of(const struct axes *axes, double ratio) {
     return LEFT +
            (RIGHT - LEFT) * log(ratio / axes->ratio[0]) / log(axes->ratio[1] / axes->ratio[0]);
 }
@@ -54,8 +54,7 @@ static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, doubl
     g_autofree char *text =
         on_x ? g_strdup_printf("1:%g", value)
              : g_strdup_printf(value < 1.5 * LEAST ? "≤ %g %%" : "%g %%", 100 * value);
-    const double x = on_x ? cli_plot_curve_x_of(axes, value) : LEFT,
-                 y = on_x ? BOTTOM : y_of(axes, value);
+    const double x = on_x ? x_of(axes, value) : LEFT, y = on_x ? BOTTOM : y_of(axes, value);
     cairo_set_source_rgb(cr, 0.88, 0.89, 0.90);
     cairo_set_line_width(cr, 1);
     cairo_move_to(cr, x, y);
@@ -76,16 +75,16 @@ struct series {
     double name; /* height of its name's base line */
 };
 
-static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, double raw_bytes,
-                                       const struct series *series) {
+static void draw_series(cairo_t *cr, const struct axes *axes, double raw_bytes,
+                        const struct series *series) {
     plot_colour(cr, series->colour);
     cairo_set_line_width(cr, 2.2);
     for (int i = 0; i < series->n; i++)
-        cairo_line_to(cr, cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes),
+        cairo_line_to(cr, x_of(axes, raw_bytes / series->points[i].bytes),
                       y_of(axes, series->points[i].error));
     cairo_stroke(cr);
     for (int i = 0; i < series->n; i++) {
-        const double x = cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes);
+        const double x = x_of(axes, raw_bytes / series->points[i].bytes);
         const double y = y_of(axes, series->points[i].error);
         /* Markers are round, square or pointed, so that series differ not only in colour. */
         if (series->colour % 3 == 0) {
@@ -101,7 +100,7 @@ static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, dou
     }
 }
 
-static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
+static int by_height(gconstpointer a, gconstpointer b) {
     const struct series *p = a, *q = b;
     if (p->y != q->y)
         return p->y < q->y ? -1 : 1;
@@ -110,7 +109,7 @@ static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
 
 /* Names are placed in the order of their points, one below the other, so that few lines cross. */
 static void place_names(GArray *list) {
-    g_array_sort(list, cli_plot_curve_by_height);
+    g_array_sort(list, by_height);
     for (guint i = 0; i < list->len; i++) {
         struct series *series = &g_array_index(list, struct series, i);
         series->name = MAX(series->y + 6, i ? series[-1].name + LINE : TOP);
@@ -130,8 +129,7 @@ static GArray *part_series(const struct axes *axes, double raw_bytes,
         const struct series series = {.points = points + from,
                                       .n = end - from,
                                       .colour = (int)list->len,
-                                      .x =
-                                          cli_plot_curve_x_of(axes, raw_bytes / points[from].bytes),
+                                      .x = x_of(axes, raw_bytes / points[from].bytes),
                                       .y = y_of(axes, points[from].error)};
         g_array_append_val(list, series);
     }
@@ -168,6 +166,6 @@ gboolean plot_curve(const char *path, const char *name, double raw_bytes,
         cairo_set_dash(cr, NULL, 0, 0);
     }
     for (guint i = 0; i < list->len; i++)
-        cli_plot_curve_draw_series(cr, &axes, raw_bytes, &g_array_index(list, struct series, i));
+        draw_series(cr, &axes, raw_bytes, &g_array_index(list, struct series, i));
     return plot_finish(cr, path, error);
 }

@@ -81,7 +81,7 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
 
 /* The bar takes the width that the text leaves. A text that is too long loses its last parts, which
  * commas separate, so that the line never wraps and can be overwritten. */
-static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
+static void draw(Progress *progress, double fraction, const char *text) {
     struct winsize size;
     const int columns =
         ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
@@ -118,7 +118,7 @@ void progress_show(Progress *progress, double fraction, const char *text, gboole
         if (!now && now_us < progress->shown_us + INTERVAL_US)
             return;
         progress->shown_us = now_us;
-        cli_progress_draw(progress, fraction, text);
+        draw(progress, fraction, text);
         return;
     }
     /* If the output is not a terminal, prints a line for each stage of a second or more, then one

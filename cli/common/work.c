@@ -77,7 +77,7 @@ static void on_progress(const struct work_progress *progress, gpointer data) {
 }
 
 /* Cancels the work. The work has no main loop, so that a separate thread handles the signals. */
-static gboolean cli_work_on_signal(gpointer cancellable) {
+static gboolean on_signal(gpointer cancellable) {
     g_cancellable_cancel(cancellable);
     return G_SOURCE_CONTINUE;
 }
@@ -106,7 +106,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
     const gint64 begun_us = g_get_monotonic_time();
     struct bar bar = {.begun_us = begun_us};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
-        attach(context, g_unix_signal_source_new(numbers[i]), cli_work_on_signal, cancellable);
+        attach(context, g_unix_signal_source_new(numbers[i]), on_signal, cancellable);
     GThread *thread = g_thread_new("signals", wait_for_signals, loop);
     const struct work work = {.progress = on_progress, .data = &bar, .cancellable = cancellable};
     const gboolean ok = func(&work, data, error);

@@ -1,4 +1,4 @@
-/* export bsdf, merl: write the mean BRDF of a material's texels. */
+/* export bsdf, export merl: write the mean BRDF of all texels of a material. */
 #include "formats/reflectance/export_brdf.h"
 #include "base/plural.h"
 #include "common/work.h"
@@ -115,7 +115,7 @@ const struct command exchange_bsdf = {
     .name = "export bsdf",
     .arguments = "DIR|FILE -o FILE.bsdf",
     .examples = "  mesorig export bsdf weave.session -o weave.bsdf\n",
-    .help = "Write the mean BRDF of a material's texels in RGL's format.",
+    .help = "Write the mean BRDF of all texels of a material in the format of RGL.",
     .options = bsdf_entries,
     .min = 1,
     .max = 1,
@@ -125,7 +125,7 @@ const struct command exchange_merl = {
     .name = "export merl",
     .arguments = "DIR|FILE -o FILE.binary",
     .examples = "  mesorig export merl weave.session -o weave.binary\n",
-    .help = "Write the mean BRDF of a material's texels, isotropic, in MERL's format.",
+    .help = "Write the mean BRDF of all texels of a material, isotropic, in the format of MERL.",
     .options = merl_entries,
     .min = 1,
     .max = 1,

@@ -70,21 +70,21 @@ static gboolean work_curve(const struct work *work, gpointer data, GError **erro
     return compare->points && draw_curve(compare, btf->name, error);
 }
 
-static void cli_compare_add_sums(Record *to, const struct compare_sums *sums) {
+static void add_sums(Record *to, const struct compare_sums *sums) {
     record_double(to, "error", sums->error);
     record_double(to, "luminance_error", sums->luminance_error);
     record_double(to, "delta_e", sums->delta_e);
 }
 
-static int cli_compare_by_error(gconstpointer a, gconstpointer b, gpointer data) {
+static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
     const struct compare_sums *sums = data;
     const double x = sums[*(const int *)a].error, y = sums[*(const int *)b].error;
     return (x < y) - (x > y);
 }
 
 /* Adds all of them to the record. The text names the worst and the best. */
-static void cli_compare_tell_directions(Record *to, const char *what, const float *theta_deg,
-                                        const float *phi_deg, struct compare_sums *sums, int n) {
+static void tell_directions(Record *to, const char *what, const float *theta_deg,
+                            const float *phi_deg, struct compare_sums *sums, int n) {
     g_autofree char *key = g_strconcat(what, "s", NULL);
     g_autofree int *order = g_new(int, n);
     record_begin_list(to, key);
@@ -93,11 +93,11 @@ static void cli_compare_tell_directions(Record *to, const char *what, const floa
         record_begin(to, NULL);
         record_double(to, "theta_deg", (double)theta_deg[i]);
         record_double(to, "phi_deg", (double)phi_deg[i]);
-        cli_compare_add_sums(to, &sums[i]);
+        add_sums(to, &sums[i]);
         record_end(to);
     }
     record_end(to);
-    g_qsort_with_data(order, n, sizeof *order, cli_compare_by_error, sums);
+    g_qsort_with_data(order, n, sizeof *order, by_error, sums);
     record_say(to, "\n%-8s %7s %7s %10s %11s %6s\n", what, "theta", "phi", "error", "luminance",
                "ΔE");
     for (int i = 0; i < n; i++) {
@@ -113,7 +113,7 @@ static void cli_compare_tell_directions(Record *to, const char *what, const floa
 
 /* Reports the difference that the error bars predict, √(Σ σ_A² + Σ σ_B²) / ‖A‖, and its share of
  * the squared difference. B has error bars only if it is also a session. */
-static void cli_compare_tell_sigma(Record *to, const struct compare *compare) {
+static void tell_sigma(Record *to, const struct compare *compare) {
     const struct material_info *infos[] = {material_info(compare->of_a),
                                            material_info(compare->of_b)};
     const Material *const materials[] = {compare->of_a, compare->of_b};
@@ -153,7 +153,7 @@ static void cli_compare_tell(Record *to, const struct compare *compare) {
     record_string(to, "b_kind", b->kind);
     record_int(to, "a_bytes", a->bytes);
     record_int(to, "b_bytes", b->bytes);
-    cli_compare_add_sums(to, &c->all);
+    add_sums(to, &c->all);
     record_double(to, "largest", c->largest);
     record_say(to, "A          %s, %s, %s\n", a->label, a->kind, size_a);
     record_say(to, "B          %s, %s, %s, 1:%.3g\n", b->label, b->kind, size_b,
@@ -163,18 +163,18 @@ static void cli_compare_tell(Record *to, const struct compare *compare) {
     record_say(to, "ΔE         %.3f on average (CIEDE2000, white is the diffuser)\n",
                c->all.delta_e);
     record_say(to, "largest    %.4f\n", c->largest);
-    cli_compare_tell_sigma(to, compare);
-    cli_compare_tell_directions(to, "view", a->layout->views.theta_deg, a->layout->views.phi_deg,
-                                c->views, c->n_views);
-    cli_compare_tell_directions(to, "light", a->layout->lights.theta_deg, a->layout->lights.phi_deg,
-                                c->lights, c->n_lights);
+    tell_sigma(to, compare);
+    tell_directions(to, "view", a->layout->views.theta_deg, a->layout->views.phi_deg, c->views,
+                    c->n_views);
+    tell_directions(to, "light", a->layout->lights.theta_deg, a->layout->lights.phi_deg, c->lights,
+                    c->n_lights);
     if (compare->plot) {
         record_say(to, "\nplot       %s\n", plot_option);
         cli_tell_output(to, compare->plot);
     }
 }
 
-static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
+static void tell_curve(Record *to, const struct compare *compare) {
     const double raw = (double)material_info(compare->of_a)->bytes;
     record_string(to, "plot", curve_option);
     record_begin_list(to, "points");
@@ -200,7 +200,7 @@ static void cli_compare_tell_curve(Record *to, const struct compare *compare) {
 }
 
 /* Compares renderings of two materials. */
-static int cli_compare_run_pictures(Record *to, const char *a, const char *b, GError **error) {
+static int run_pictures(Record *to, const char *a, const char *b, GError **error) {
     struct picture_comparison found;
     if (!compare_pictures(a, b, &found, error))
         return CLI_FAILED;
@@ -236,7 +236,7 @@ static int cli_compare_run(const struct call *call, GError **error) {
         if (plot_option)
             return cli_usage(call->command,
                              "--plot draws the errors of materials; leave it out for pictures");
-        return cli_compare_run_pictures(call->record, a, b, error);
+        return run_pictures(call->record, a, b, error);
     }
     const char *drawn = curve_option ? curve_option : plot_option;
     g_autoptr(OutputFile) plot = NULL;
@@ -246,7 +246,7 @@ static int cli_compare_run(const struct call *call, GError **error) {
     const gboolean ok =
         cli_work_run(curve_option ? work_curve : work_compare, &compare, NULL, error);
     if (ok)
-        (curve_option ? cli_compare_tell_curve : cli_compare_tell)(call->record, &compare);
+        (curve_option ? tell_curve : cli_compare_tell)(call->record, &compare);
     material_free(compare.of_a);
     material_free(compare.of_b);
     comparison_free(compare.comparison);

@@ -20,9 +20,8 @@ struct compress {
     gint64 holes, bounds, raw_bytes, bytes, file_bytes;
 };
 
-static gboolean cli_compress_encode(struct compress *compress, const struct btf_matrix *btf,
-                                    const struct work *work, Checkpoint *checkpoint,
-                                    GError **error) {
+static gboolean encode(struct compress *compress, const struct btf_matrix *btf,
+                       const struct work *work, Checkpoint *checkpoint, GError **error) {
     const struct compress_asked *asked = compress->asked;
     const struct codec *codec = asked->method.codec;
     struct codec_result *result = &compress->result;
@@ -66,8 +65,7 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
     if (checkpoint_note(checkpoint))
         g_printerr("%s\n", checkpoint_note(checkpoint));
     const gboolean resumable = asked->method.codec->resumable && !output_file_streams(compress->to);
-    const gboolean ok =
-        cli_compress_encode(compress, btf, work, resumable ? checkpoint : NULL, error);
+    const gboolean ok = encode(compress, btf, work, resumable ? checkpoint : NULL, error);
     if (ok)
         checkpoint_remove(checkpoint);
     else if (!g_cancellable_is_cancelled(work->cancellable))
@@ -79,7 +77,7 @@ static gboolean compress_btf(struct compress *compress, const struct work *work,
 }
 
 /* Returns the file to write, or NULL with an error if it cannot be written. */
-static char *cli_compress_output(const struct compress_asked *asked, GError **error) {
+static char *output(const struct compress_asked *asked, GError **error) {
     if (asked->output)
         return g_strdup(asked->output);
     g_autofree char *directory = btf_matrix_session(asked->path);
@@ -90,7 +88,7 @@ static char *cli_compress_output(const struct compress_asked *asked, GError **er
 
 static gboolean cli_compress_work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
-    compress->written = cli_compress_output(compress->asked, error);
+    compress->written = output(compress->asked, error);
     if (!compress->written)
         return FALSE;
     compress->to = (compress->asked->output ? cli_output_locked : cli_output_product)(
@@ -98,7 +96,7 @@ static gboolean cli_compress_work(const struct work *work, gpointer data, GError
     return compress->to && compress_btf(compress, work, error);
 }
 
-static void cli_compress_add_values(Record *to, const struct compress *compress, double seconds) {
+static void add_values(Record *to, const struct compress *compress, double seconds) {
     const struct codec_result *result = &compress->result;
     const gboolean mips = options_find(compress->asked->method.options, "mips") != NULL;
     record_string(to, "file", compress->written);
@@ -129,7 +127,7 @@ static void cli_compress_tell(Record *to, const struct compress *compress, doubl
     g_autofree char *what = codec->describe(codec, result);
     g_autofree char *size = g_format_size((guint64)compress->bytes);
     g_autofree char *file = g_format_size((guint64)compress->file_bytes);
-    cli_compress_add_values(to, compress, seconds);
+    add_values(to, compress, seconds);
     record_say(to, "%s: done in %s: %s, error %.2f %%", compress->written, time, what,
                100 * result->error);
     if (result->packed)

@@ -20,8 +20,8 @@ void curve_free(GArray *points) {
         g_array_unref(points);
 }
 
-static gboolean cli_curve_add_point(const struct codec *codec, const struct codec_point *point,
-                                    gpointer data, GError **error) {
+static gboolean add_point(const struct codec *codec, const struct codec_point *point, gpointer data,
+                          GError **error) {
     struct curve *curve = data;
     double found = point->error, luminance;
     if (found < 0 &&
@@ -42,7 +42,7 @@ static int by_series_and_size(gconstpointer a, gconstpointer b) {
 }
 
 /* Leaves out each point for which a smaller one of its series is at least as good. */
-static void cli_curve_keep_best(GArray *points) {
+static void keep_best(GArray *points) {
     struct plot_point *list = &g_array_index(points, struct plot_point, 0);
     guint kept = 0;
     for (guint i = 0; i < points->len; i++) {
@@ -63,11 +63,11 @@ GArray *curve_measure(const struct btf_matrix *btf, const struct work *work, GEr
     work = work ? work : &none;
     curve.quiet.cancellable = work->cancellable;
     for (gsize i = 0; codecs[i]; i++)
-        if (!codecs[i]->curve(codecs[i], btf, work, cli_curve_add_point, &curve, error)) {
+        if (!codecs[i]->curve(codecs[i], btf, work, add_point, &curve, error)) {
             curve_free(curve.points);
             return NULL;
         }
     g_array_sort(curve.points, by_series_and_size);
-    cli_curve_keep_best(curve.points);
+    keep_best(curve.points);
     return curve.points;
 }

@@ -65,11 +65,11 @@ static void collect_takes(struct history *h) {
     g_array_sort(h->takes, by_time);
 }
 
-static void cli_history_set_colour(const struct history *h, struct colour c, double alpha) {
+static void set_colour(const struct history *h, struct colour c, double alpha) {
     cairo_set_source_rgba(h->cr, c.r, c.g, c.b, alpha);
 }
 
-static double cli_history_x_of(const struct history *h, double time_s) {
+static double x_of(const struct history *h, double time_s) {
     return LEFT + (RIGHT - LEFT) * time_s / MAX(h->end_s, h->bound_s);
 }
 
@@ -90,14 +90,14 @@ static void draw_time(const struct history *h, double top, double bottom, gboole
     const int n = (int)fmin(end / steps[i], 1000);
     for (int k = 0; k <= n; k++) {
         const int t = k * steps[i];
-        cli_history_set_colour(h, faint, 1);
-        draw_line(h, cli_history_x_of(h, t), top, cli_history_x_of(h, t), bottom);
-        cli_history_set_colour(h, ink, 1);
+        set_colour(h, faint, 1);
+        draw_line(h, x_of(h, t), top, x_of(h, t), bottom);
+        set_colour(h, ink, 1);
         g_autofree char *text = steps[i] < 60 ? g_strdup_printf("%d s", t)
                                 : end < 7200  ? g_strdup_printf("%d min", t / 60)
                                               : g_strdup_printf("%d:%02d h", t / 3600, t / 60 % 60);
         if (labels)
-            plot_text(h->cr, cli_history_x_of(h, t), bottom + 24, 0.5, text);
+            plot_text(h->cr, x_of(h, t), bottom + 24, 0.5, text);
     }
 }
 
@@ -106,9 +106,9 @@ static void draw_scale(const struct history *h, double top, double bottom, int t
     for (int v = 0; v <= to; v += step) {
         const double y = bottom - (bottom - top) * v / to;
         g_autofree char *text = g_strdup_printf("%d %s", v, unit);
-        cli_history_set_colour(h, faint, 1);
+        set_colour(h, faint, 1);
         draw_line(h, LEFT, y, RIGHT, y);
-        cli_history_set_colour(h, ink, 1);
+        set_colour(h, ink, 1);
         plot_text(h->cr, LEFT - 10, y + 6, 1, text);
     }
 }
@@ -119,18 +119,17 @@ static void draw_progress(const struct history *h, double top, double bottom) {
     draw_scale(h, top, bottom, 100, 25, "%");
     if (h->bound_s > 0) {
         const double dash[] = {8, 6};
-        cli_history_set_colour(h, ink, 0.7);
+        set_colour(h, ink, 0.7);
         cairo_set_dash(h->cr, dash, 2, 0);
-        draw_line(h, cli_history_x_of(h, h->bound_s), top, cli_history_x_of(h, h->bound_s), bottom);
+        draw_line(h, x_of(h, h->bound_s), top, x_of(h, h->bound_s), bottom);
         cairo_set_dash(h->cr, NULL, 0, 0);
-        plot_text(h->cr, cli_history_x_of(h, h->bound_s) - 8, bottom - 10, 1,
-                  "no order ends before");
+        plot_text(h->cr, x_of(h, h->bound_s) - 8, bottom - 10, 1, "no order ends before");
     }
-    cli_history_set_colour(h, turntable, 1);
+    set_colour(h, turntable, 1);
     cairo_set_line_width(h->cr, 3);
     cairo_move_to(h->cr, LEFT, bottom);
     for (guint i = 0; i < h->takes->len; i++)
-        cairo_line_to(h->cr, cli_history_x_of(h, g_array_index(h->takes, struct take, i).end_s),
+        cairo_line_to(h->cr, x_of(h, g_array_index(h->takes, struct take, i).end_s),
                       bottom - each * (i + 1));
     cairo_stroke(h->cr);
     cairo_set_line_width(h->cr, 1);
@@ -144,8 +143,8 @@ static void draw_events(const struct history *h, double top, double bottom) {
         const gboolean error = g_str_equal(event->level, "error");
         if (!error && !g_str_equal(event->level, "warning"))
             continue;
-        const double x = cli_history_x_of(h, CLAMP(event->time_s, 0, h->end_s));
-        cli_history_set_colour(h, error ? fault : warning, 0.9);
+        const double x = x_of(h, CLAMP(event->time_s, 0, h->end_s));
+        set_colour(h, error ? fault : warning, 0.9);
         draw_line(h, x, top, x, bottom);
         cairo_move_to(h->cr, x - 6, top);
         cairo_line_to(h->cr, x + 6, top);
@@ -162,8 +161,8 @@ static void draw_angles(const struct history *h, double top, double bottom) {
         const double degrees[2] = {take->shot->arc_deg, take->shot->turntable_deg};
         for (int k = 0; k < 2; k++) {
             const double turn = fmod(degrees[k], 360);
-            cli_history_set_colour(h, k ? turntable : arc, k ? 0.9 : 0.8);
-            cairo_arc(h->cr, cli_history_x_of(h, take->end_s),
+            set_colour(h, k ? turntable : arc, k ? 0.9 : 0.8);
+            cairo_arc(h->cr, x_of(h, take->end_s),
                       bottom - (bottom - top) * (turn < 0 ? turn + 360 : turn) / 360, 1.7, 0,
                       2 * G_PI);
             cairo_fill(h->cr);
@@ -186,8 +185,8 @@ static double homed_s(const struct history *h, double from_s, double to_s) {
 
 static void draw_span(const struct history *h, double from_s, double to_s, double top,
                       double bottom, struct colour colour) {
-    const double from = cli_history_x_of(h, from_s), to = cli_history_x_of(h, to_s);
-    cli_history_set_colour(h, colour, 1);
+    const double from = x_of(h, from_s), to = x_of(h, to_s);
+    set_colour(h, colour, 1);
     cairo_rectangle(h->cr, from, top, to - from + 0.3, bottom - top);
     cairo_fill(h->cr);
 }
@@ -220,17 +219,17 @@ static void draw_keys(const struct history *h, double y) {
     double x = LEFT;
     for (gsize i = 0; i < G_N_ELEMENTS(keys); i++) {
         cairo_text_extents_t size;
-        cli_history_set_colour(h, keys[i].colour, 1);
+        set_colour(h, keys[i].colour, 1);
         cairo_rectangle(h->cr, x, y - 11, 12, 12);
         cairo_fill(h->cr);
-        cli_history_set_colour(h, ink, 1);
+        set_colour(h, ink, 1);
         plot_text(h->cr, x + 18, y, 0, keys[i].name);
         cairo_text_extents(h->cr, keys[i].name, &size);
         x += 42 + size.x_advance;
     }
 }
 
-static gboolean cli_history_read_session(struct history *h, Session *session, GError **error) {
+static gboolean read_session(struct history *h, Session *session, GError **error) {
     g_autofree char *bound = session_value(session, "lower_bound_s");
     h->bound_s = bound ? g_ascii_strtod(bound, NULL) : 0;
     if (!(h->bound_s > 0 && isfinite(h->bound_s)))
@@ -251,7 +250,7 @@ static gboolean cli_history_read_session(struct history *h, Session *session, GE
 
 gboolean history_draw(Session *session, const char *path, GError **error) {
     struct history h = {0};
-    gboolean ok = cli_history_read_session(&h, session, error) && (h.cr = plot_new(path, error));
+    gboolean ok = read_session(&h, session, error) && (h.cr = plot_new(path, error));
     if (ok) {
         g_autofree char *time = report_duration(h.end_s);
         g_autofree char *retakes =

@@ -28,13 +28,13 @@ struct counts {
 };
 
 /* Takes the array. */
-static int cli_info_length_of(GPtrArray *array) {
+static int length_of(GPtrArray *array) {
     const int n = array ? (int)array->len : 0;
     g_clear_pointer(&array, g_ptr_array_unref);
     return n;
 }
 
-static gboolean cli_info_count(Session *session, struct counts *ret, GError **error) {
+static gboolean count(Session *session, struct counts *ret, GError **error) {
     g_autoptr(GPtrArray) shots = session_shots(session, error);
     g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
     if (!frames)
@@ -57,13 +57,13 @@ static gboolean cli_info_count(Session *session, struct counts *ret, GError **er
         ret->retakes += frame->retakes;
         ret->bytes += frame->bytes;
     }
-    ret->views = cli_info_length_of(session_views(session, NULL));
-    ret->lights = cli_info_length_of(session_lights(session, NULL));
-    ret->lasers = cli_info_length_of(session_lasers(session, NULL));
+    ret->views = length_of(session_views(session, NULL));
+    ret->lights = length_of(session_lights(session, NULL));
+    ret->lasers = length_of(session_lasers(session, NULL));
     return TRUE;
 }
 
-static int cli_info_by_name(gconstpointer a, gconstpointer b) {
+static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -74,7 +74,7 @@ static void list_products(const char *directory, const char *folder, GPtrArray *
     while (dir && (name = g_dir_read_name(dir)))
         if (g_str_has_suffix(name, ".exr"))
             g_ptr_array_add(to, g_build_filename(folder, name, NULL));
-    g_ptr_array_sort(to, cli_info_by_name);
+    g_ptr_array_sort(to, by_name);
 }
 
 /* Counts the flags of all views that can be read. */
@@ -310,8 +310,7 @@ gboolean info_session(const char *directory, Record *to, GError **error) {
     struct counts counts = {0};
     struct session_grid grid;
     g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
-    if (!session || !cli_info_count(session, &counts, error) ||
-        !session_grid(session, &grid, error))
+    if (!session || !count(session, &counts, error) || !session_grid(session, &grid, error))
         return FALSE;
     g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)

@@ -158,8 +158,7 @@ static void cli_resample_tell(Record *to, const struct near_field_correction_res
                    result->predicted);
 }
 
-static void cli_resample_tell_along(Record *to, const struct along_surface_result *result,
-                                    double seconds) {
+static void tell_along(Record *to, const struct along_surface_result *result, double seconds) {
     g_autofree char *time = report_duration(seconds);
     const double unseen = (double)result->unseen / (double)MAX(result->texels, 1);
     record_string(to, "session", output);
@@ -195,7 +194,7 @@ static int cli_resample_run(const struct call *call, GError **error) {
     if (!ok)
         return CLI_FAILED;
     if (along_surface)
-        cli_resample_tell_along(call->record, &job.along, seconds);
+        tell_along(call->record, &job.along, seconds);
     else
         cli_resample_tell(call->record, &job.result, seconds);
     near_field_correction_result_clear(&job.result);

@@ -18,7 +18,7 @@ struct verify {
     GError *not_noted;            /* why damaged frames could not be recorded for resume; or NULL */
 };
 
-static int cli_verify_by_name(gconstpointer a, gconstpointer b) {
+static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -81,7 +81,7 @@ static gboolean cli_verify_work(const struct work *work, gpointer data, GError *
         g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
     verify->unknown = g_ptr_array_new_with_free_func(g_free);
     find_unknown(verify, "", known);
-    g_ptr_array_sort(verify->unknown, cli_verify_by_name);
+    g_ptr_array_sort(verify->unknown, by_name);
     return TRUE;
 }
 

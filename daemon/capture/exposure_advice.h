@@ -9,7 +9,7 @@ struct exposure_retakes {
     gint64 shortest_us; /* the shortest exposure of such a repetition; 0 if there was none */
 };
 
-/* shortened_us is the argument of the sequencer's hook “retake”. */
+/* Counts a retake. The hook “retake” of the sequencer gives shortened_us. */
 void exposure_advice_count(struct exposure_retakes *retakes, gint64 shortened_us);
 
 /* Read and write the session's value "saturated_retakes", the sum over all runs.

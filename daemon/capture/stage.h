@@ -55,7 +55,7 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
  * stage_home() no hook except unsafe is called. */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* Returns the text of a device's error, followed by advice if the text does not contain it already;
+/* Returns the text of a device error. Advice follows if the text does not contain it already.
  * g_free(). text is the message of the error, or error_details_text() if the reader knows the
  * device. */
 char *stage_advise(const char *text, const GError *error);

@@ -67,8 +67,8 @@ gboolean plan_add_directions(struct plan_build *b, GError **error);
  * direction. Returns −1 if there is no such device. */
 int plan_fixed_device(const struct rig *rig, enum session_shot_kind kind, double theta_deg,
                       double phi_deg, double turntable_deg, double *ret_off_deg);
-/* Maximum distance of such a device, and of a ring's elevation from the elevation of a camera, lamp
- * or laser. */
+/* Maximum distance between a direction of the plan and such a device. It is also the maximum
+ * distance between the elevation of a ring and the elevation of a camera, lamp or laser. */
 #define PLAN_TOLERANCE_DEG 0.5
 
 gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */

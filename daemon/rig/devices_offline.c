@@ -1,6 +1,6 @@
-/* Reads the speeds and delays of a rig's devices from its file only. All drivers of a class have
- * the same names for the same options: those of AXIS_MOTION_OPTIONS for an axis, and those below
- * for other classes. */
+/* Reads the speeds and delays of the devices from the rig file, without opening a device. All
+ * drivers of a class use the same option names. For an axis these are the names of
+ * AXIS_MOTION_OPTIONS. For the other classes they are listed below. */
 #include "devices_private.h"
 
 #include <string.h>

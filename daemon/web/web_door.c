@@ -251,8 +251,9 @@ static gboolean look(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* Length of a request's head without the empty line that ends it, exactly as libsoup finds it; 0:
- * the head is not complete. libsoup takes no line for its end before the third byte. */
+/* Returns the length of the head of a request, without the empty line at its end. Returns 0 if the
+ * head is not complete. The result is the same as in libsoup, which accepts an empty line from the
+ * third byte on. */
 static gsize head_length(const char *text, gsize n) {
     const char *line = text;
     for (const char *end; (end = memchr(line, '\n', n - (gsize)(line - text))); line = end + 1) {

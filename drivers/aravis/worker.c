@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of a killed program, which is 3 s */
-#define OPEN_LIMIT_S   15  /* of all cameras; half the time-out of the service's watchdog */
+#define OPEN_LIMIT_S   15  /* for all cameras together: half the watchdog time of the service */
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
 #define CHECK_EVERY_US (G_USEC_PER_SEC / 2)

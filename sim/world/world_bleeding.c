@@ -3,7 +3,7 @@
 #define CELLS_PER_SCALE 3
 #define MAX_CELLS       2048 /* in one direction */
 #define REACH_SCALES    5    /* beyond this many scales nothing comes out */
-#define REACH_SIGMA     4    /* of the laser's profile, beyond which there is no light */
+#define REACH_SIGMA     4    /* there is no light farther from the middle of the laser's profile */
 #define KERNEL_STEPS    64   /* of a table of the kernel, per scale */
 
 enum cached { /* apart from those of world_light.c and world_laser.c */
