@@ -5,7 +5,7 @@
 #include "rectify_private.h"
 
 #define MAX_RATIO   100.0f
-#define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/research/accuracy.md */
+#define EDGE_DETAIL 0.05f /* κ² of rectify_structure(); measured: docs/lab/accuracy.md */
 
 /* Copies a texel's area weights to the window of its smooth weights, which holds all of them.
  * Without smooth weights (mono) the window is that of the area. Returns the window. */

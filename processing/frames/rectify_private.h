@@ -6,7 +6,7 @@
 #include "rectify.h"
 
 #define MAX_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
-#define CHROMA_PX  4.0   /* see rectify_structure(); measured: docs/research/accuracy.md */
+#define CHROMA_PX  4.0   /* see rectify_structure(); measured: docs/lab/accuracy.md */
 
 /* Adjacent pixels that one vector instruction sums. */
 #define LANES 8

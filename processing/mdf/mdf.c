@@ -25,7 +25,7 @@
 #define CONFIRM       2     /* neighbouring texels that must have the same distance */
 #define CLOSE         0.2f  /* factor of the agreement tolerance for smooth continuation */
 #define MIN_TEXEL_PX  0.1   /* for errors' sake */
-#define HIDDEN_REACH  2     /* of mdf_shown(); chosen: docs/research/accuracy.md */
+#define HIDDEN_REACH  2     /* of mdf_shown(); chosen: docs/lab/accuracy.md */
 #define HIDDEN_SWEEPS 8     /* least for add_hidden_errors(): of fewer, shadows say too little */
 #define MANY_SWEEPS   4     /* from this number of sweeps on, one is not believed against others */
 #define OVER          (-2.0f) /* in MdfView.pixel_mm: the line lies above the reference plane */

@@ -18,7 +18,7 @@
  * is kept next to the session (truth_N.bin), since tracing it takes minutes: remove it when the
  * world changes.
  *
- * --next to OTHER: instead, the products of another session of the same folder and directions, as
+ * --beside OTHER: instead, the products of another session of the same folder and directions, as
  * they are (of an adaptive capture, one with motion = continuous and so on), and how long its
  * capture took by the rig's own clock.
  *
