@@ -40,10 +40,8 @@ struct axis_state {
     gboolean unsafe;       /* a stop has failed; only with doubt */
     gboolean driver_moves; /* the driver has not reported yet; FALSE during settling */
     gboolean stopping;
-    gboolean
-        /* The axis was stopped on the way, so the next move takes up backlash in either
-         * direction. */
-        slack_unknown;
+    /* The axis was stopped on the way, so the next move takes up backlash in either direction. */
+    gboolean slack_unknown;
     gboolean another_leg;
     double target_deg; /* target of the present part of the move, as the driver counts angles */
     guint deadline, settle;

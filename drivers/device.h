@@ -105,7 +105,7 @@ struct device {
     /* Set only during the driver's open(), for errors that name file and line of the section. */
     const struct config_section *section;
     char *who;      /* class and name, the subject of its errors: "axis turntable" */
-    char *identity; /* see device_set_identity(); NULL: not known */
+    char *identity; /* see device_set_identity(); NULL if it is not known */
 
     /* Used only by device.c. */
     DevicePermit permit;
@@ -133,13 +133,14 @@ gboolean device_init(struct device *device, const struct driver_info *info,
                      GError **error);
 void device_clear(struct device *device);
 
-/* For drivers, when they have connected: which device answers, as it reports itself. model and
- * serial may be NULL or empty; address, where it is plugged in, counts only without a serial
- * number. A resumed session is told when another device answers than before. */
+/* For drivers, after they have connected: sets the identity of the device, with the model and the
+ * serial number that the device reports. Each of these may be NULL or empty. address says where the
+ * device is plugged in; it is used only if there is no serial number. The identities are kept with
+ * a session, and a change is reported when the session is resumed. */
 void device_set_identity(struct device *device, const char *model, const char *serial,
                          const char *address);
 
-/* For the open() of a driver that keeps real time: fails where the rig's clock is virtual. */
+/* For the open() of a driver that works only in real time: fails if the rig's clock is virtual. */
 gboolean device_check_real_clock(const struct device *device, GError **error);
 
 /* For classes: returns whether the device may give light or move now. */

@@ -65,11 +65,12 @@ enum light lamps_light(const LampBank *bank, int index);
 gboolean lamps_is_on(const LampBank *bank, int index);
 enum device_safety lamps_safety(const LampBank *bank); /* the state of all lamps together */
 
-/* Since when the device has confirmed that the lamp is on; -1: it has not. */
+/* Returns the time at which the device has confirmed that the lamp went on. Returns -1 if the lamp
+ * is not on. */
 gint64 lamps_on_since_us(const LampBank *bank, int index);
 
-/* For drivers: answers each set() once; for one lamp, in order. An answer after the deadline of the
- * class counts as well. Takes ownership of error. */
+/* For drivers: answers each set() once. The set() calls for one lamp are answered in order. An
+ * answer that comes after the deadline of the class still counts. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
 /* For drivers: reports that lamps have gone off by themselves, or that their state is unknown. The

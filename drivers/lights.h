@@ -38,5 +38,7 @@ void lights_report(struct lights *lights, int index, gboolean on, const GError *
 void lights_lost(struct lights *lights, const GError *error);
 
 enum light lights_light(const struct lights *lights, int index);
-enum device_safety lights_safety(const struct lights *lights);  /* of all its lights */
-gint64 lights_since_us(const struct lights *lights, int index); /* of the "on"; -1: none */
+enum device_safety
+lights_safety(const struct lights *lights); /* the state of all lights together */
+/* Returns the time at which the light was confirmed to have gone on, or -1 if it is not on. */
+gint64 lights_since_us(const struct lights *lights, int index);

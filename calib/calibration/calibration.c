@@ -9,7 +9,7 @@
 #include <string.h>
 
 #define MAX_BYTES (16 << 20)
-#define STEP      0.1 /* standard errors: step of a difference */
+#define STEP      0.1 /* step of a difference, in standard errors */
 
 const char *calibration_part_name(enum calibration_kind kind) {
     static const char *const names[] = {"cameras", "lights", "laser", "radiometry"};
@@ -125,7 +125,7 @@ void calibration_turn(struct calibration *calibration, double angle_rad) {
         swings[i]->centre_mm = rig_turn(swings[i]->centre_mm, angle_rad);
     }
     for (int k = 0; k < RIG_WOBBLE_HARMONICS; k++)
-        for (int of = 0; of < 2; of++) { /* of cos kτ, of sin kτ */
+        for (int of = 0; of < 2; of++) { /* the coefficients of cos kτ, then those of sin kτ */
             double *rad = rig->wobble.rad[k];
             const struct vec3 turned = rig_turn(vec3(rad[of], rad[2 + of], 0), angle_rad);
             rad[of] = turned.x;
@@ -150,22 +150,22 @@ char *calibration_checksum(const char *const *checksums, int n) {
     return g_strdup(g_checksum_get_string(sum));
 }
 
-/* The text is parsed again first: a calibration that cannot be read must not replace one that
- * can. */
+/* Parses the text again first, because a calibration that cannot be read must not replace one that
+ * can be read. */
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
     g_autoptr(Calibration) readable = calibration_from_text(text, path, error);
 
     if (!readable) {
-        g_prefix_error(error, "the calibration is not written, since it could not be read back: ");
+        g_prefix_error(error, "the calibration is not written, because it cannot be read back: ");
         return FALSE;
     }
     g_autofree char *whole = g_strconcat("# " OUTPUT_FILE_TEXT("calibration") "\n", text, NULL);
     return output_file_write(path, whole, strlen(whole), error);
 }
 
-/* At most MAX_BYTES are read. */
+/* Reads at most MAX_BYTES. */
 struct calibration *calibration_read(const char *path, GError **error) {
     GError *why = NULL;
     g_autofree char *text = input_file_read_text(path, MAX_BYTES, &why);
@@ -183,14 +183,16 @@ static char *differ(const char *what, int index, const char *name, int fixed,
     static const char *const stands[] = {"is carried by the arc", "stands by itself"};
 
     if (strcmp(name, nominal_name) != 0)
-        return g_strdup_printf("%s %d is %s, in the rig file %s", what, index, name, nominal_name);
+        return g_strdup_printf("its %s %d is %s, but in the rig file it is %s", what, index, name,
+                               nominal_name);
     if (fixed != nominal_fixed)
-        return g_strdup_printf("%s %s %s, in the rig file it %s", what, name, stands[fixed],
+        return g_strdup_printf("its %s %s %s, but in the rig file it %s", what, name, stands[fixed],
                                stands[nominal_fixed]);
     return NULL;
 }
 
-/* Names and sizes identify devices: their order is that of the rig file. */
+/* The devices are compared by index, because both have the order of the rig file. Names and sizes
+ * identify them. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
@@ -201,19 +203,20 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     else if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
              rig->n_lasers != nominal->n_lasers)
         why = g_strdup_printf(
-            "it has %d cameras, %d lamps and %d lasers where the rig file has %d, %d and %d",
+            "it has %d cameras, %d lamps and %d lasers, but the rig file has %d, %d and %d",
             rig->n_cameras, rig->n_lamps, rig->n_lasers, nominal->n_cameras, nominal->n_lamps,
             nominal->n_lasers);
     for (int i = 0; i < rig->n_cameras && !why; i++) {
         const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
         if (a->on_arm != b->on_arm || a->arm_deg != b->arm_deg || a->stop != b->stop)
-            why = g_strdup_printf("camera %d, %s, stops at another angle of the camera arm than "
-                                  "in the rig file",
+            why = g_strdup_printf("its camera %d, %s, stops at another angle of the camera arm "
+                                  "than in the rig file",
                                   i, a->name);
         if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
             why = g_strdup_printf(
-                "camera %d is %s with %d × %d pixels, in the rig file %s with %d × %d", i, a->name,
-                a->width, a->height, b->name, b->width, b->height);
+                "its camera %d is %s with %d × %d pixels, but in the rig file it is %s with "
+                "%d × %d",
+                i, a->name, a->width, a->height, b->name, b->width, b->height);
     }
     for (int i = 0; i < rig->n_lamps && !why; i++)
         why = differ("lamp", i, rig->lamps[i].name, rig->lamps[i].fixed, nominal->lamps[i].name,
@@ -223,13 +226,13 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
                      nominal->lasers[i].fixed);
     if (why)
         g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
-                    "%s: %s; a calibration is valid only for its own rig: calibrate this rig", path,
+                    "%s: %s; a calibration is valid only for one rig, so calibrate this rig", path,
                     why);
     return !why;
 }
 
-/* The camera with one parameter changed by a step; a small rotation ω about the rig's axes moves
- * the point to p + ω × p instead. */
+/* Returns the camera with one parameter changed by a step. For a small rotation ω about the rig's
+ * axes, moves the point to p + ω × p and does not change the camera. */
 static struct rig_camera camera_changed(const struct rig_camera *camera, int parameter, double step,
                                         struct vec3 *point_mm) {
     struct rig_camera c = *camera;
@@ -260,7 +263,8 @@ static struct rig_camera camera_changed(const struct rig_camera *camera, int par
     return c;
 }
 
-/* J C Jᵀ, with the derivatives J of the projection as differences over STEP standard errors. */
+/* Computes J C Jᵀ. The derivatives J of the projection are differences over STEP standard
+ * errors. */
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]) {
     enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };

@@ -1,15 +1,16 @@
 /*
- * The result of a calibration: values, standard errors, date and pictures used; and its key file.
+ * The result of a calibration (values, standard errors, date and pictures used) and its key file.
  *
- * The file contains all that rig_to_text() writes, so that rig_from_text() reads it: a
- * calibration may be given wherever a rig's geometry is expected. Then follow one section [part
- * NAME] for each calibrated part, sections of standard errors, and sections of others, which are
+ * The file begins with the text of rig_to_text(), so rig_from_text() can read it, and a calibration
+ * may be given wherever the geometry of a rig is expected. Then follow a section [part NAME] for
+ * each calibrated part, sections of standard errors, and sections of other programs, which are
  * preserved.
  *
- * A section of numbers is one row of the table in calibration_text.c: a struct that begins with
- * `gboolean known`, an array of them here, and its fields (fields.h). It is written if known.
+ * To add a section of numbers, add a row to the table in calibration_text.c, with the fields of a
+ * struct (fields.h), and a member of struct calibration with that struct or an array of it. The
+ * struct begins with `gboolean known`. The section is written if known is set.
  *
- * Plain data; any thread, one at a time.
+ * Plain data. Any thread may use a calibration, but only one thread at a time.
  */
 #pragma once
 
@@ -18,8 +19,8 @@
 #include "radiometry/radiometry.h"
 
 enum calibration_kind {
-    CALIBRATION_CAMERAS, /* and the turntable */
-    CALIBRATION_LIGHTS,  /* lamps and the arc */
+    CALIBRATION_CAMERAS, /* the cameras and the turntable */
+    CALIBRATION_LIGHTS,  /* the lamps and the arc */
     CALIBRATION_LASER,
     CALIBRATION_RADIOMETRY,
     CALIBRATION_PARTS,
@@ -30,13 +31,13 @@ struct calibration_part {
     char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
     char *method; /* one line */
     double residual_rms;
-    double residual_expected; /* what the noise of the data explains, in the same unit; 0: not known
-                               */
-    char *residual_unit;      /* "px", "%" … */
+    /* The residual that the noise of the data explains, in the same unit. 0 if it is not known. */
+    double residual_expected;
+    char *residual_unit; /* "px", "%" … */
     int degrees_of_freedom;
-    int pictures;        /* used, without the rejected ones */
-    char *checksum;      /* SHA-256 of all pictures' checksums in order; calibration_checksum() */
-    GPtrArray *rejected; /* of char *: "picture: reason"; empty if none */
+    int pictures;        /* number of pictures used, without the rejected ones */
+    char *checksum;      /* calibration_checksum() of the checksums of all pictures */
+    GPtrArray *rejected; /* of char *: "picture: reason"; empty if none was rejected */
 };
 
 /* Order of a camera's parameters in its covariance. The rotation is a small rotation vector ω in
@@ -65,33 +66,35 @@ enum calibration_camera_parameter {
     CALIBRATION_ALL_CAMERA_PARAMETERS,
 };
 
-struct calibration_camera { /* with rig.cameras */
+/* The next structs belong to the element of the rig's array with the same index. */
+
+struct calibration_camera { /* for rig.cameras */
     gboolean known;
-    /* In the units of the parameters; 0 in rows of fixed parameters. */
+    /* In the units of the parameters. The rows of fixed parameters are 0. */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
-    /* Rows k4, k5, k6 against all parameters. */
+    /* Covariances of k4, k5 and k6 with all parameters. */
     double further_covariance[3][CALIBRATION_ALL_CAMERA_PARAMETERS];
     double residual_rms_px;
-    double expected_px; /* what the noise of the corners explains of it; 0: not known */
-    int points;         /* corners it was calibrated from */
+    double expected_px; /* part of it that the noise of the corners explains; 0 if not known */
+    int points;         /* number of corners that were used */
 };
 
-struct calibration_lamp { /* with rig.lamps */
+struct calibration_lamp { /* for rig.lamps */
     gboolean known;
     double position_covariance_mm2[3][3];
 };
 
-struct calibration_turntable { /* with rig.wobble; standard error */
+struct calibration_turntable { /* for rig.wobble */
     gboolean known;
-    double wobble_rad; /* of the tilt, mean over a turn */
+    double wobble_rad; /* standard error of the tilt, mean over a turn */
 };
 
-struct calibration_arc { /* with rig.arc; standard errors, 0 for values that were not estimated */
+struct calibration_arc { /* for rig.arc; standard errors, 0 for values that were not estimated */
     gboolean known;
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
 
-/* Values of a laser that may be known from before rather than from its lines. */
+/* Values of a laser that its lines may leave undetermined. */
 enum calibration_laser_value {
     CALIBRATION_LASER_POSITION,
     CALIBRATION_LASER_AXIS,
@@ -100,30 +103,30 @@ enum calibration_laser_value {
     CALIBRATION_LASER_VALUES,
 };
 
-struct calibration_laser { /* with rig.lasers; standard errors */
+struct calibration_laser { /* for rig.lasers; standard errors */
     gboolean known;
-    double position_mm[3]; /* across the axis; along it the position is undetermined */
+    double position_mm[3]; /* across the axis; the position along the axis is undetermined */
     double axis_rad, normal_rad, stretch;
     double bend_rad;
     /* 1 if the lines do not determine a value. Its error is then the error of the arc's axis from
      * an earlier calibration. Such errors cancel each other. The errors of the sheets are in
      * sheet. */
     int from_prior[CALIBRATION_LASER_VALUES];
-    /* Of the sheet near the sample, with what noise does not explain of the residual; 0 in files of
-     * earlier versions. */
+    /* Errors of the sheet near the sample, including the part of the residual that noise does not
+     * explain. They are 0 in files of earlier versions. */
     struct rig_sheet_errors sheet;
     double residual_rms_mm;
-    double expected_rms_mm; /* what the noise of the lines explains of it; 0: not known */
-    double line_rad;        /* standard deviation of the line's profile on the plates, as a sweep
-                               angle; 0: not known */
+    double expected_rms_mm; /* part of it that the noise of the lines explains; 0 if not known */
+    /* Standard deviation of the line's profile on the plates, as a sweep angle. 0 if not known. */
+    double line_rad;
 };
 
-struct calibration_noise { /* with rig.cameras */
+struct calibration_noise { /* for rig.cameras */
     gboolean known;
     struct transfer transfer;
 };
 
-struct calibration_fiducial { /* with rig.fiducials; standard errors */
+struct calibration_fiducial { /* for rig.fiducials; standard errors */
     gboolean known;
     double centre_mm[3], reflectance[3];
 };
@@ -144,51 +147,56 @@ struct calibration {
     GKeyFile *extra; /* sections of other programs */
 };
 
-/* A calibration without results: the nominal rig. */
+/* Makes a calibration without results, which has the values of the nominal rig. */
 struct calibration *calibration_new(const struct rig *nominal);
 void calibration_free(struct calibration *calibration); /* NULL is ignored */
 typedef struct calibration Calibration;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 
-/* Turns the rig frame: azimuth a becomes a + angle, of cameras, lamps, lasers, arc, fiducials and
- * their errors. Their positions relative to each other stay as they are. */
+/* Turns the rig frame, so that every azimuth a becomes a + angle_rad. This applies to cameras,
+ * lamps, lasers, arc, fiducials and their errors. Their positions relative to each other do not
+ * change. */
 void calibration_turn(struct calibration *calibration, double angle_rad);
 
-/* "cameras", "lights", "laser", "radiometry". */
+/* Returns "cameras", "lights", "laser" or "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
-/* Returns one line for people: where the calibration is from and which parts it has; or, if there
- * is none, this and the text how_to, which says how to give one. g_free(). */
+/* Returns a line for users. It names the file that the calibration is from and the parts that it
+ * has. If it has no part, the line says so and contains the text how_to, which says how to give a
+ * calibration. Free it with g_free(). */
 char *calibration_line(const struct calibration *calibration, const char *from, const char *how_to);
 
-/* Replaces the description of a part, dated now. Takes ownership of rejected (of char *; NULL:
- * none). */
+/* Replaces the description of a part, with the present date, and returns it. Takes ownership of
+ * rejected, an array of char *; NULL means that no picture was rejected. */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
                                               int pictures, const char *checksum,
                                               GPtrArray *rejected);
 
-/* Checksum of n checksums (or other strings) in order; g_free(). */
+/* Returns the SHA-256 checksum of n checksums (or other strings) in their order. Free it with
+ * g_free(). */
 char *calibration_checksum(const char *const *checksums, int n);
 
-/* g_free() */
+/* Returns the text of the key file. Free it with g_free(). */
 char *calibration_to_text(const struct calibration *calibration);
-/* Also reads the text of rig_to_text(), as a calibration without results. NULL: RIG_ERROR with
- * path, section and key. */
+/* Reads the text of the key file. Also reads the text of rig_to_text(), as a calibration without
+ * results. On failure returns NULL, and the error is RIG_ERROR with path, section and key. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
 
-/* Writes atomically: a temporary file is renamed. */
+/* Writes the file atomically, by renaming a temporary file. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 
-/* Whether it belongs to this rig: id, and names and sizes of cameras, lamps and lasers. */
+/* Checks that the calibration belongs to this rig: the id, and the names and sizes of cameras,
+ * lamps and lasers must be the same. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
 
-/* Covariance of where a camera sees a point of the rig frame, in px², from the covariance of its
- * parameters. FALSE, and 0: it is not calibrated, or does not see the point. */
+/* Computes the covariance of the place, in px², at which a camera sees a point of the rig frame,
+ * from the covariance of the camera's parameters. Returns FALSE and a covariance of 0 if the camera
+ * is not calibrated, or does not see the point. */
 gboolean calibration_sight(const struct calibration *calibration, int camera, struct vec3 point_mm,
                            double ret_px2[2][2]);
 
-/* Days since a part was calibrated; −1: it was not. */
+/* Returns the number of days since a part was calibrated, or −1 if it was not calibrated. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind);

@@ -1,4 +1,4 @@
-/* Text of a calibration file: tables of fields map structs to sections and keys. The names of
+/* The text of a calibration file. Tables of fields map structs to sections and keys. The names of
  * sections and keys are the file format and must not change. */
 #include "calibration.h"
 #include "geometry/fields.h"
@@ -9,7 +9,8 @@
 static const char end[] = "\n[end]\ncomplete=yes\n";
 
 #define PART(member) offsetof(struct calibration_part, member)
-/* Fields of each section: key, offset, number of values, whether they are integers, and bounds. */
+/* The fields of each section: key, offset, number of values, whether they are integers, and
+ * bounds. */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
     {"residual_expected", PART(residual_expected), 1, FALSE, 0, FIELD_LARGE, TRUE, TRUE},
@@ -134,8 +135,9 @@ static const struct field colour_fields[] = {
     {NULL},
 };
 
-/* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set.
- * count: offset in struct rig of the number of elements; NONE: a single section "[PREFIX]". */
+/* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set. count
+ * is the offset in struct rig of the number of elements. With NONE there is a single section
+ * "[PREFIX]". */
 #define NONE G_MAXSIZE
 static const struct group {
     const char *prefix;
@@ -157,12 +159,12 @@ static const struct group {
     {"colour", NONE, ONE(colour), colour_fields},
 };
 
-/* Number of elements of a group, from the counts of the rig. */
+/* Returns the number of elements of a group, from the counts of the rig. */
 static int calibration_text_count_of(const struct group *group, const struct rig *rig) {
     return group->count == NONE ? 1 : *(const int *)((const char *)rig + group->count);
 }
 
-/* Name of the i-th section of a group. */
+/* Returns the name of the i-th section of a group. */
 static char *calibration_text_name_of(const struct group *group, int i) {
     return group->count == NONE ? g_strdup(group->prefix)
                                 : g_strdup_printf("%s %d", group->prefix, i);
@@ -216,7 +218,7 @@ struct reader {
     GHashTable *taken; /* names of the sections read */
 };
 
-/* Whether a section exists; it then counts as read. */
+/* Returns whether a section exists. If it does, it counts as read from now on. */
 static gboolean calibration_text_has(struct reader *r, const char *group) {
     if (!g_key_file_has_group(r->file, group))
         return FALSE;
@@ -224,8 +226,8 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* A part without a section was not calibrated. Its keys are strings, numbers, and rejected_0,
- * rejected_1 … without gaps. */
+/* Reads a part. A part without a section was not calibrated. The keys of a section are strings,
+ * numbers, and rejected_0, rejected_1 … without gaps. */
 static gboolean calibration_text_read_part(struct reader *r, struct calibration_part *part,
                                            const char *name, GError **error) {
     g_autofree char *group = g_strdup_printf("part %s", name);
@@ -237,7 +239,7 @@ static gboolean calibration_text_read_part(struct reader *r, struct calibration_
         char **to = (char **)((char *)part + part_strings[i].offset);
         *to = g_key_file_get_string(r->file, group, part_strings[i].key, NULL);
         if (!*to)
-            return fields_refuse(r->path, group, part_strings[i].key, error, "missing");
+            return fields_refuse(r->path, group, part_strings[i].key, error, "is missing");
         g_ptr_array_add(others, g_strdup(part_strings[i].key));
     }
     for (int i = 0;; i++) {
@@ -258,7 +260,7 @@ static gboolean calibration_text_read_part(struct reader *r, struct calibration_
                        part, error);
 }
 
-/* Symmetric, with a non-negative diagonal and |c_ij| ≤ √(c_ii c_jj). */
+/* Returns whether a matrix is symmetric, with a non-negative diagonal and |c_ij| ≤ √(c_ii c_jj). */
 static gboolean is_covariance(const double *c, int n) {
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
@@ -270,7 +272,7 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
-/* All parameters of a camera together. */
+/* Does the same for all parameters of a camera together. */
 static gboolean calibration_text_is_camera(const struct calibration_camera *camera) {
     enum { KNOWN = CALIBRATION_CAMERA_PARAMETERS, ALL = CALIBRATION_ALL_CAMERA_PARAMETERS };
     double c[ALL][ALL];
@@ -282,7 +284,8 @@ static gboolean calibration_text_is_camera(const struct calibration_camera *came
     return is_covariance(&c[0][0], ALL);
 }
 
-/* Numbers separated by semicolons; the last one may have a separator as well. */
+/* Returns whether a list has only finite numbers, separated by semicolons. A separator may also
+ * follow the last number. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
 
@@ -297,8 +300,8 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
-/* Copies sections that nothing else has read. Lists of numbers for reports (residuals, steps of a
- * sweep, errors of the turntable, drift of lamps) must be finite. */
+/* Copies the sections that were not read before. Lists of numbers for reports (residuals, steps of
+ * a sweep, errors of the turntable, drift of lamps) must be finite. */
 static gboolean calibration_text_keep_extra(const struct reader *r, struct calibration *to,
                                             GError **error) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift", NULL};
@@ -325,7 +328,8 @@ static gboolean calibration_text_keep_extra(const struct reader *r, struct calib
     return TRUE;
 }
 
-/* Parts, groups, then all other sections; then checks covariances of cameras, lasers and lamps. */
+/* Reads parts, groups, and then all other sections. Then checks the covariances of cameras, lasers
+ * and lamps. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
                                           GError **error) {
     static const char *const none[] = {NULL};

@@ -4,7 +4,7 @@
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
 #define ROUNDS    4                   /* rounds of fit and estimate */
-#define WORTH     4 /* weight of the prior, in angles: a few angles give a poor estimate */
+#define WORTH     4 /* weight of the prior, in angles, because few angles give a poor estimate */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};
@@ -36,8 +36,8 @@ gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *dr
             return FALSE;
         if (round == ROUNDS)
             return TRUE;
-        /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), C being the covariance of the errors x.
-         */
+        /* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), where C is the covariance of the errors
+         * x. */
         for (int k = 0; k < n_drives; k++) {
             double sum = WORTH * USUAL_RAD * USUAL_RAD;
             for (int i = drives[k]->at; i < drives[k]->at + drives[k]->n; i++)

@@ -1,8 +1,8 @@
 /*
- * Angle errors of a drive: the error at each commanded angle is a parameter of an adjustment
- * (fit.h), and their standard deviation is estimated from all of them.
+ * Angle errors of a drive. The error at each commanded angle is a parameter of an adjustment
+ * (fit.h). The standard deviation of these errors is estimated from all of them.
  *
- * Plain data; any thread.
+ * Plain data. Any thread may call the functions.
  */
 #pragma once
 
@@ -15,16 +15,16 @@ struct drive {
     double sigma_rad; /* standard deviation of the errors */
 };
 
-/* Allocates for at most `most` angles. */
+/* Allocates memory for at most `most` angles. */
 void drive_init(struct drive *drive, int most);
 void drive_clear(struct drive *drive);
 
-/* Returns the index of an angle, which it adds if it is new. */
+/* Returns the index of an angle. Adds the angle if it is new. */
 int drive_angle(struct drive *drive, double angle_rad);
 
 /* Alternates between fit_solve() and the estimate of the drives' sigma_rad from its result (EM,
- * Dempster, Laird and Rubin 1977). Priors have the mean 0 and the standard deviations sigma
- * (n_parameters); the function writes those of the drives into sigma. Returns and errors as
- * fit_solve(). */
+ * Dempster, Laird and Rubin 1977). The priors have the mean 0 and the standard deviations sigma,
+ * one for each parameter. The function writes the standard deviations of the drives' errors into
+ * sigma. The return value and ret are as in fit_solve(). */
 gboolean drive_fit(const struct fit *fit, double *sigma, struct drive *const *drives, int n_drives,
                    double *x, struct fit_result *ret);

@@ -1,5 +1,5 @@
-/* Writes and reads tables of numbers as key=value lines. g_ascii_dtostr() writes 17 significant
- * digits, which restore a double exactly whatever the locale. */
+/* Writes and reads tables of numbers as lines "key=value". g_ascii_dtostr() writes 17 significant
+ * digits, which restore a double exactly, and does not depend on the locale. */
 #include "fields.h"
 
 #include "rig.h"
@@ -48,10 +48,9 @@ static gboolean read_field(GKeyFile *file, const char *path, const char *group,
     g_autofree char *value = g_key_file_get_string(file, group, f->name, NULL);
     if (!value)
         return f->optional || fields_refuse(path, group, f->name, error,
-                                            "missing; calibrate again or restore the file");
+                                            "is missing; calibrate again or restore the file");
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
-    const char *why =
-        (int)g_strv_length(words) == f->n ? NULL : "has not as many numbers as it should have";
+    const char *why = (int)g_strv_length(words) == f->n ? NULL : "has the wrong number of numbers";
     for (int i = 0; i < f->n && !why; i++) {
         char *end;
         const double number = g_ascii_strtod(words[i], &end);
@@ -93,7 +92,7 @@ gboolean fields_read_name(GKeyFile *file, const char *path, const char *group, c
     g_autofree char *value = g_key_file_get_string(file, group, key, NULL);
 
     if (!value || !*value)
-        return fields_refuse(path, group, key, error, "missing");
+        return fields_refuse(path, group, key, error, "is missing");
     if (strlen(value) >= size)
         return fields_refuse(path, group, key, error, "is too long");
     g_strlcpy(to, value, size);

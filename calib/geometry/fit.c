@@ -1,7 +1,7 @@
-/* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)², r_i being the residuals
- * of observation i. The weights w are re-estimated in rounds: soft ones 1 / √(1 + (|r| /
- * SOFT·s)²), then 0 or 1; s is the robust scale. Each round runs Levenberg-Marquardt on the
- * normal equations (m: residuals, n: parameters). */
+/* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)², where r_i are the
+ * residuals of observation i. The weights w are estimated again in each round. First they are soft,
+ * 1 / √(1 + (|r| / SOFT·s)²) with the robust scale s, and later 0 or 1. Each round runs
+ * Levenberg-Marquardt on the normal equations, with m residuals and n parameters. */
 #include "fit.h"
 
 #include <lapacke.h>
@@ -9,16 +9,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOFT_ROUNDS 5 /* rounds with soft (Cauchy-like) weights, then */
-#define HARD_ROUNDS 3 /* rounds with outliers rejected */
+#define SOFT_ROUNDS 5 /* first rounds, with soft (Cauchy-like) weights */
+#define HARD_ROUNDS 3 /* last rounds, with outliers rejected */
 #define SOFT        2.5
-#define SINGULAR    1e-12 /* relative pivot of the scaled normal equations, at least */
+#define SINGULAR    1e-12 /* smallest relative pivot of the scaled normal equations */
 #define CONVERGED   1e-10
 #define STEPS       60
 #define DIFFERENCE  1.5e-8 /* √ε of a double: step of forward differences */
 #define MAX_DAMPING 1e8
 /* Lower bound of the scale of the residuals, relative to their expected size. Much smaller
- * residuals are rounding errors; with a scale as small as theirs, priors would have no weight. */
+ * residuals are rounding errors. If the scale were as small as they are, priors would have no
+ * weight. */
 #define MIN_SIGMA 1e-3
 
 struct work {
@@ -32,14 +33,14 @@ struct work {
     double *rows; /* Jacobian, m × n_depends */
 };
 
-/* Residual of the prior of parameter i. */
+/* Returns the residual of the prior of parameter i. */
 static double known_residual(const struct fit *fit, const double *x, int i) {
     return fit->known_sigma && fit->known_sigma[i] > 0
                ? (x[i] - fit->known[i]) / fit->known_sigma[i]
                : 0;
 }
 
-/* Computes the residuals f; returns the weighted sum of squares. */
+/* Computes the residuals f. Returns their weighted sum of squares. */
 static double evaluate(const struct work *work, const double *x, double *f) {
     const struct fit *fit = work->fit;
     double sum = 0;
@@ -53,9 +54,8 @@ static double evaluate(const struct work *work, const double *x, double *f) {
     return isfinite(sum) ? sum : G_MAXDOUBLE;
 }
 
-/* Jacobian by forward differences; all parameters of one column of `depends` are changed at the
- * same time.
- */
+/* Computes the Jacobian by forward differences. All parameters of one column of `depends` are
+ * changed at the same time. */
 static void differentiate(const struct work *work, const double *x) {
     const struct fit *fit = work->fit;
     const int n = work->n_depends;
@@ -79,7 +79,8 @@ static void differentiate(const struct work *work, const double *x) {
     }
 }
 
-/* h = Jᵀ W J / σ² plus priors, g = −Jᵀ W f / σ² of both; h has both triangles. */
+/* Computes h = Jᵀ W J / σ² and g = −Jᵀ W f / σ², and adds the priors to both. Both triangles of h
+ * are filled. */
 static void normal_equations(const struct work *work, const double *x, double *h, double *g) {
     const struct fit *fit = work->fit;
     const int n = work->n, k = work->n_depends;
@@ -105,7 +106,7 @@ static void normal_equations(const struct work *work, const double *x, double *h
         }
 }
 
-/* Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
+/* Runs Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
 static void do_solve(const struct work *work, double *x) {
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),
@@ -159,8 +160,9 @@ int fit_compare_floats(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* The robust scale is median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
- * deviates). hard: weights are 0 or 1. */
+/* Computes the weights from the residuals. The robust scale is median |r| / 0.6745 in one dimension
+ * and median |r| / 1.1774 in two (medians of normal deviates). If hard is set, the weights are 0 or
+ * 1. */
 static void weigh(struct work *work, gboolean hard) {
     const struct fit *fit = work->fit;
     g_autofree double *sizes = g_new(double, fit->n_observations);
@@ -176,7 +178,8 @@ static void weigh(struct work *work, gboolean hard) {
     }
 }
 
-/* Inverse of h by Cholesky decomposition with pivoting; rows of undetermined parameters are 0. */
+/* Returns the inverse of h, by Cholesky decomposition with pivoting. The rows of undetermined
+ * parameters are 0. */
 static double *invert(int n, const double *h, int *ret_undetermined) {
     g_autofree double *a = g_new(double, (gsize)n *(gsize)n), *scale = g_new0(double, n);
     g_autofree lapack_int *pivots = g_new(lapack_int, n);
@@ -200,9 +203,9 @@ static double *invert(int n, const double *h, int *ret_undetermined) {
     return inverse;
 }
 
-/* Final covariance. It is computed twice: first to find σ² = χ² per degree of freedom of the
- * observations used, then with the observations' errors scaled by σ, which sets their balance with
- * the priors. */
+/* Computes the final covariance. This is done twice: first to find σ² = χ² per degree of freedom of
+ * the observations used, then with the errors of the observations scaled by σ. The scale determines
+ * the weight of the observations relative to the priors. */
 static void finish(struct work *work, double *x, struct fit_result *ret) {
     const struct fit *fit = work->fit;
     const int n = work->n;
@@ -220,8 +223,8 @@ static void finish(struct work *work, double *x, struct fit_result *ret) {
         normal_equations(work, x, h, g);
         g_free(ret->covariance);
         ret->covariance = invert(n, h, &ret->undetermined);
-        /* Effective number of parameters determined by the observations rather than the priors:
-         * trace of H⁻¹ JᵀJ. */
+        /* The effective number of parameters that the observations, and not the priors, determine
+         * is the trace of H⁻¹ JᵀJ. */
         double sum = 0;
         for (int j = 0; j < work->n; j++) {
             const double sigma = fit->known_sigma ? fit->known_sigma[j] : 0;

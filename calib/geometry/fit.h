@@ -2,18 +2,19 @@
  * Robust non-linear least squares: Levenberg-Marquardt with outlier rejection, priors of
  * parameters, and the covariance of the result.
  *
- * An observation depends on few parameters only (one lamp, one angle), and parameters that share
- * no observation are differentiated at the same time (Curtis, Powell and Reid 1974): hundreds of
- * them cost as much as a dozen.
+ * Each observation may depend on only a few parameters, such as those of one lamp and of one angle.
+ * Parameters that share no observation are then differentiated at the same time (Curtis, Powell and
+ * Reid 1974), so that hundreds of parameters cost as much as a dozen.
  *
- * Pure; any thread.
+ * Pure functions. Any thread may call them.
  */
 #pragma once
 
 #include <glib.h>
 
-/* Residuals of all observations, each divided by its standard deviation. An observation that
- * cannot be predicted (behind a camera, …) gets FIT_LOST in all its residuals. */
+/* Computes the residuals of all observations, each divided by its standard deviation. If an
+ * observation cannot be predicted, for example because it is behind a camera, all its residuals are
+ * FIT_LOST. */
 #define FIT_LOST 1e3
 typedef void (*FitFunc)(const double *parameters, double *ret_residuals, gconstpointer data);
 
@@ -23,38 +24,39 @@ struct fit {
     int dimension; /* residuals per observation, 1 or 2; they are rejected together */
     FitFunc residuals;
     gconstpointer data;
-    double reject; /* observations whose residual exceeds this many robust standard deviations are
-                      rejected */
-    /* n_observations × n_depends: the parameters that each observation depends on, −1 where there
-     * are fewer. A parameter is in the same column for all of its observations. NULL: every
-     * observation depends on all. */
+    /* Observations whose residual exceeds this many robust standard deviations are rejected. */
+    double reject;
+    /* n_observations × n_depends: the indexes of the parameters that each observation depends on,
+     * filled up with −1. A parameter is in the same column for all of its observations. If depends
+     * is NULL, every observation depends on all parameters. */
     const int *depends;
     int n_depends;
-    /* Priors of the parameters: mean and standard deviation; 0: none. NULL: no priors at all. Not
-     * scaled by the residuals of the observations. */
+    /* Priors of the parameters, n_parameters each: mean and standard deviation. A parameter whose
+     * standard deviation is 0 has no prior. If known_sigma is NULL, no parameter has one. The
+     * standard deviations are not scaled by the residuals of the observations. */
     const double *known, *known_sigma;
 };
 
 struct fit_result {
-    double *covariance; /* n_parameters²; a row of an undetermined one is 0 */
+    double *covariance; /* n_parameters²; the row of an undetermined parameter is 0 */
     double *residuals;  /* n_observations × dimension, at the solution */
     guint8 *rejected;   /* n_observations */
-    int n_used;         /* observations */
+    int n_used;         /* number of observations that were not rejected */
     int degrees_of_freedom;
-    double sigma; /* √(χ² per degree of freedom) of the observations used; the covariance includes
-                     it */
-    int undetermined; /* first parameter that the observations do not determine; −1: none */
+    /* √(χ² per degree of freedom) of the observations used. The covariance includes this factor. */
+    double sigma;
+    int undetermined; /* first parameter that the observations do not determine, or −1 */
 };
 
-/* Minimises from initial parameters, which must be close enough. FALSE: there are not more
- * observations and priors than parameters, or an initial residual is not finite; do not clear ret
- * then. */
+/* Minimises from the given parameters, which must be close to the solution, and writes the solution
+ * into them. Returns FALSE if the observations and priors together are not more than the
+ * parameters, or if an initial residual is not finite; ret must then not be cleared. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 
-/* Standard error of a parameter; infinite if it is not determined. */
+/* Returns the standard error of a parameter, which is infinite if it is not determined. */
 double fit_error(const struct fit *fit, const struct fit_result *result, int parameter);
 
-/* Order of two doubles, and of two floats, for qsort(). */
+/* Compare two doubles, and two floats, for qsort(). */
 int fit_compare(gconstpointer a, gconstpointer b);
 int fit_compare_floats(gconstpointer a, gconstpointer b);

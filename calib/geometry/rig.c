@@ -1,11 +1,11 @@
-/* Camera, arc, lamp and laser models. Vectors are columns; a rotation matrix R maps rig to camera
- * coordinates, so that Rᵀ maps a viewing ray back. */
+/* The models of camera, arc, lamp and laser. Vectors are columns. A rotation matrix R maps rig to
+ * camera coordinates, and Rᵀ maps a viewing ray back. */
 #include "rig.h"
 
 #include <string.h>
 
 #define INVERSE_STEPS        60
-#define SAMPLED_RADII        16 /* at which a rational lens or fisheye must not fold back */
+#define SAMPLED_RADII        16 /* number of radii at which a lens is checked for folding back */
 #define INVERSE_TOLERANCE_PX 1e-11
 
 static const struct vec3 up = {0, 0, 1};
@@ -44,8 +44,8 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);
 
-    /* A camera that looks straight up or down has no horizontal direction of its own: take the
-     * limit of a camera at azimuth 0. */
+    /* The cross product does not determine the right of a camera that looks straight up or down.
+     * Take the limit of a camera at azimuth 0. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){
@@ -71,7 +71,8 @@ gboolean rig_lens_by_name(const char *name, enum rig_lens *ret) {
     return FALSE;
 }
 
-/* The radial factor g(s) of the polynomial and rational lens, s = r², and its derivative. */
+/* Returns the radial factor g(s) of the polynomial and rational lens for s = r², and its
+ * derivative. */
 static double radial(const struct rig_camera *c, double s, double *ret_slope) {
     const double above = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
     const double slope = c->k1 + s * (2 * c->k2 + s * 3 * c->k3);
@@ -85,8 +86,8 @@ static double radial(const struct rig_camera *c, double s, double *ret_slope) {
     return above / below;
 }
 
-/* x'' = x' g(r²) + 2 p1 x'y' + p2 (r² + 2x'²), y'' likewise; and {∂x''/∂x', ∂x''/∂y', ∂y''/∂x',
- * ∂y''/∂y'}. */
+/* Computes x'' = x' g(r²) + 2 p1 x'y' + p2 (r² + 2x'²), y'' in the same way, and the Jacobian
+ * {∂x''/∂x', ∂x''/∂y', ∂y''/∂x', ∂y''/∂y'}. */
 static void distort(const struct rig_camera *c, double x, double y, double *ret_x, double *ret_y,
                     double j[4]) {
     double s = x * x + y * y, slope, g = radial(c, s, &slope);
@@ -99,15 +100,15 @@ static void distort(const struct rig_camera *c, double x, double y, double *ret_
     j[3] = g + 2 * slope * y * y + 6 * c->p1 * y + 2 * c->p2 * x;
 }
 
-/* d(r'')/dr' = g + 2 s g'(s) without tangential distortion, s = r'². */
+/* Returns d(r'')/dr' = g + 2 s g'(s) without tangential distortion, for s = r'². */
 static double radial_slope(const struct rig_camera *c, double s) {
     double slope, g = radial(c, s, &slope);
     return g + 2 * s * slope;
 }
 
-/* Whether the distorted radius grows all the way from the centre to s = r'². The polynomial's slope
- * has its extremes where 3 k1 + 10 k2 s + 21 k3 s² = 0; the rational lens's is sampled, and its
- * denominator must not vanish. */
+/* Returns whether the distorted radius grows all the way from the centre to s = r'². The slope of
+ * the polynomial has its extremes where 3 k1 + 10 k2 s + 21 k3 s² = 0. The slope of the rational
+ * lens is sampled, and its denominator must not vanish. */
 static gboolean radius_grows(const struct rig_camera *c, double s) {
     double a = 21 * c->k3, b = 10 * c->k2, d = 3 * c->k1;
     double roots[2] = {-1, -1};
@@ -132,14 +133,14 @@ static gboolean radius_grows(const struct rig_camera *c, double s) {
     return radial_slope(c, s) > 0;
 }
 
-/* The fisheye's radius ρ(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), and dρ/dθ. */
+/* Returns the radius of a fisheye, ρ(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), and dρ/dθ. */
 static double fisheye_radius(const struct rig_camera *c, double theta, double *ret_slope) {
     const double s = theta * theta;
     *ret_slope = 1 + s * (3 * c->k1 + s * (5 * c->k2 + s * (7 * c->k3 + s * 9 * c->k4)));
     return theta * (1 + s * (c->k1 + s * (c->k2 + s * (c->k3 + s * c->k4))));
 }
 
-/* Whether ρ grows all the way to θ: its slope is sampled. */
+/* Returns whether ρ grows all the way to θ. Its slope is sampled. */
 static gboolean fisheye_grows(const struct rig_camera *c, double theta) {
     double slope;
     for (int i = 1; i <= SAMPLED_RADII; i++) {
@@ -150,14 +151,15 @@ static gboolean fisheye_grows(const struct rig_camera *c, double theta) {
     return TRUE;
 }
 
-/* Inverts ρ(θ): the first θ in [0, π] of that radius lies between two samples; then bisection. */
+/* Inverts ρ(θ). Finds the two samples between which the first θ in [0, π] of that radius lies, and
+ * then bisects. */
 static double fisheye_angle(const struct rig_camera *c, double radius) {
     const double step = G_PI / 256;
     double low = 0, slope;
 
     while (low < G_PI && fisheye_radius(c, low + step, &slope) < radius) {
         if (slope <= 0)
-            break; /* it folds back: no ray has that radius */
+            break; /* the lens folds back, so no ray has that radius */
         low += step;
     }
     double high = MIN(low + step, G_PI);
@@ -171,8 +173,8 @@ static double fisheye_angle(const struct rig_camera *c, double radius) {
     return (low + high) / 2;
 }
 
-/* p' = R p + t, then the lens, then the camera matrix. Refused where the model is not invertible:
- * the radius stops growing, or the Jacobian's determinant is not positive. */
+/* Applies p' = R p + t, then the lens, then the camera matrix. Fails where the model is not
+ * invertible, because the radius stops growing or the Jacobian's determinant is not positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
     struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);
@@ -201,7 +203,7 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
     return TRUE;
 }
 
-/* Inverts distort() by Newton's method from the distorted point; a step is halved while it
+/* Inverts distort() by Newton's method, starting at the distorted point. A step is halved while it
  * increases the error. */
 static void undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
     double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4], next[4];
@@ -247,7 +249,7 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 
-/* Rz(angle) · v. */
+/* Returns Rz(angle) · v. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad) {
     double c = cos(angle_rad), s = sin(angle_rad);
 
@@ -255,7 +257,7 @@ struct vec3 rig_turn(struct vec3 v, double angle_rad) {
 }
 
 /* Rodrigues' formula for the rotation vector t = (tx, ty, 0): v cos θ + sign (k × v) sin θ + k
- * (k·v)(1 − cos θ), θ = |t|, k = t/θ. */
+ * (k·v)(1 − cos θ), with θ = |t| and k = t/θ. */
 struct vec3 rig_tilt_point(const double t[2], struct vec3 v, double sign) {
     double angle = hypot(t[0], t[1]);
 
@@ -286,8 +288,8 @@ double rig_wobble_most_rad(const struct rig_wobble *wobble) {
     return most;
 }
 
-/* Rotates all that does not turn with the sample by sign · t. A camera sees the same with R Wᵀ
- * instead of R: each row of its rotation is rotated like a point. */
+/* Rotates everything that does not turn with the sample by sign · t. For a camera, R Wᵀ replaces R,
+ * so each row of its rotation is rotated like a point. */
 static void tilt(struct rig *rig, const double t[2], double sign) {
     if (t[0] == 0 && t[1] == 0)
         return;
@@ -345,14 +347,14 @@ struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct
     return rig_tilt_point(t, rig_turn(point_mm, turntable_rad), 1);
 }
 
-/* Tilt · Rz(α + zero) · d. */
+/* Returns tilt · Rz(α + zero) · d. */
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
     if (!arc)
         return rig_turn(direction, arc_rad);
     return rig_tilt_point(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
 }
 
-/* Tilt · Rz(α + zero) · p + centre. */
+/* Returns tilt · Rz(α + zero) · p + centre. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
     struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
 
@@ -366,7 +368,7 @@ struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct
     return rig_turn(rig_tilt_point(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
 }
 
-/* The three below: from the frame of a device's carrier to the rig frame, and back. */
+/* The next three functions convert between the frame of a device's carrier and the rig frame. */
 static struct vec3 carried_point(const struct rig_arc *arc, gboolean fixed, double arc_rad,
                                  struct vec3 point_mm) {
     return fixed ? point_mm : rig_arc_point(arc, arc_rad, point_mm);
@@ -392,7 +394,7 @@ struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp
     return carried_point_back(arc, lamp->fixed, arc_rad, point_mm);
 }
 
-/* E = intensity · cosⁿ(angle from the aim) / r², r in metres. */
+/* Returns E = intensity · cosⁿ(angle from the aim) / r², with r in metres. */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 path = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
@@ -414,7 +416,8 @@ struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *la
     return carried_direction(arc, laser->fixed, arc_rad, laser->axis);
 }
 
-/* The sheet's normal at sweep angle s: n cos s' + (axis × n) sin s', s' = s (1 + stretch). */
+/* The normal of the sheet at sweep angle s is n cos s' + (axis × n) sin s', with s' = s (1 +
+ * stretch). */
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad) {
     double s = sweep_rad * (1 + laser->stretch);
@@ -427,7 +430,8 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
-/* t² = a² / r², a = q·axis, r² = q·q − a², q being the point relative to the laser. */
+/* Returns bend·t², with t² = a² / r², a = q·axis and r² = q·q − a², where q is the point relative
+ * to the laser. */
 static double bent_rad(const struct rig_laser *laser, struct vec3 way) {
     const double along = vec3_dot(way, laser->axis);
     const double away2 = vec3_dot(way, way) - along * along;
@@ -444,8 +448,8 @@ double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *las
            (1 + laser->stretch);
 }
 
-/* s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), q being the point relative to the laser in
- * its carrier's frame. t does not depend on s. */
+/* Returns s = (atan2(q·n, q·beam) − bend·t²) / (1 + stretch), where q is the point relative to the
+ * laser in its carrier's frame. t does not depend on s. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way =
@@ -457,7 +461,7 @@ double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *la
     return (about - bent_rad(laser, way)) / (1 + laser->stretch);
 }
 
-/* The bend moves the sheet by bend·t² times the distance r from the axis, t² r = a² / r. */
+/* The bend moves the sheet by bend·t² times the distance r from the axis, and t² r = a² / r. */
 void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]) {
     const struct vec3 from = rig_laser_position_mm(arc, laser, arc_rad);
@@ -485,8 +489,8 @@ double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_lase
     return sqrt(MAX(variance, 0));
 }
 
-/* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the
- * radius of the cone of sight there. */
+/* Returns the distance between the arc and the line of sight at the arc's radius, minus half the
+ * arc's width, and minus the radius of the cone of sight there. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm) {
     struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
     double distance = vec3_length(eye), radius = rig->arc_radius_mm;

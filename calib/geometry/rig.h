@@ -1,23 +1,23 @@
 /*
- * The rig's geometry: positions of cameras, lamps, lasers and axes, and functions of them.
- * Nominal values come from the rig file, measured ones from calibration; both have this struct
+ * The geometry of a rig: positions of cameras, lamps, lasers and axes, and functions of them.
+ * Nominal values come from the rig file, and measured values from calibration. Both use this struct
  * and this file format.
  *
- * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
- * up. Sample frame: rotates with the turntable; at turntable angle τ (counter-clockwise seen from
- * above) a point p of the sample is at Rz(τ) p in the rig, if the bearing is perfect (struct
- * rig_wobble). A fixed camera at azimuth φ_c is seen
- * by the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ, one that stands
- * by itself at azimuth φ_l at φ_l − τ.
+ * The rig frame is right-handed and in millimetres. Its origin is on the turntable's axis in the
+ * plane of the turntable's top, and z is up. The sample frame rotates with the turntable. At the
+ * turntable angle τ (counter-clockwise seen from above) a point p of the sample frame is at Rz(τ) p
+ * in the rig frame, if the bearing is perfect (struct rig_wobble). In the sample frame, a fixed
+ * camera at azimuth φ_c is at φ_c − τ, a lamp on the arc at arc angle α is at α − τ, and a lamp
+ * that stands by itself at azimuth φ_l is at φ_l − τ.
  *
- * A rig may lack turntable and arc: an axis that is not there stands at 0.
+ * A rig need not have a turntable or an arc. An axis that the rig does not have stands at 0.
  *
- * A camera arm is an axis that carries cameras, a light probe one that carries lamps. They stop at
- * the angles that the rig file lists. Here each stop of a camera (or lamp) counts as a camera (or
- * lamp) of its own, named NAME@ANGLE, with a position that is calibrated separately. Stops of one
- * device follow each other. See swing.h.
+ * A camera arm is an axis that carries cameras, and a light probe is an axis that carries lamps.
+ * They stop at the angles that the rig file lists. Here each stop of a camera (or lamp) counts as a
+ * separate camera (or lamp), named NAME@ANGLE, whose position is calibrated separately. The stops
+ * of one device follow each other. See swing.h.
  *
- * Pure functions over plain data: any thread.
+ * Pure functions over plain data. Any thread may call them.
  */
 #pragma once
 
@@ -26,7 +26,7 @@
 #include "base/vec.h"
 #include "lens.h"
 
-#define RIG_MAX_CAMERAS   31 /* stops counted; bit 31 of a set of cameras has other uses */
+#define RIG_MAX_CAMERAS   31 /* each stop counts; bit 31 of a set of cameras has other uses */
 #define RIG_MAX_LAMPS     128
 #define RIG_MIN_RESPONSE  1e-6 /* DN/s per W/(sr m²), as in a rig file */
 #define RIG_MAX_RESPONSE  1e12
@@ -47,87 +47,93 @@ struct rig_camera {
     struct vec3 translation_mm;
     double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
     double response; /* DN per second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
-    int on_arm; /* 1: the camera arm carries it; its pose here is that with the arm at arm_deg */
+    int on_arm; /* 1 if the camera arm carries it; the pose above is then for the arm at arm_deg */
     double arm_deg;
-    int stop; /* number of the stop among those of its device, from 0; 0 if it has only one */
+    int stop; /* number of the stop within its device, from 0; 0 if the device has only one */
 };
 
-/* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,
- * which is the rig's z rotated by the rotation vector (tilt_x, tilt_y, 0). All 0: about the
- * turntable's axis, as designed. */
+/* The true rotation of the light arc. At arc angle α the arc is rotated by α + zero about an axis
+ * through centre_mm. The direction of this axis is the rig's z, rotated by the rotation vector
+ * (tilt_x, tilt_y, 0). If all values are 0, the arc turns about the turntable's axis, as
+ * designed. */
 struct rig_arc {
     double zero_rad;
     double tilt_rad[2];
     double centre_mm[2]; /* intersection of the axis with z = 0 */
 };
 
-/* A lamp on the light arc, or one that stands by itself (fixed): its position and aim are given in
- * the frame of its carrier, the arc's (at α + zero = 0 it stands over +x) or the rig's. Radiant
- * intensity in direction d: intensity · max(0, cos(d, aim))^n. */
+/* A lamp on the light arc, or a lamp that stands by itself (fixed). The position and aim of a lamp
+ * on the arc are given in the arc's frame: with α + zero = 0 it stands over +x. Those of a fixed
+ * lamp are given in the rig frame. The radiant intensity in the direction d is intensity · max(0,
+ * cos(d, aim))^exponent. */
 struct rig_lamp {
     char name[RIG_NAME];
     struct vec3 position_mm;
     struct vec3 aim; /* unit */
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
-    int fixed;        /* 1: it stands by itself; the arc does not move it */
-    int on_probe; /* 1: the probe carries it; its position here is that with the probe at probe_deg
-                   */
+    int fixed;        /* 1 if it stands by itself, so that the arc does not move it */
+    int on_probe;     /* 1 if the probe carries it; the position above is then for probe_deg */
     double probe_deg;
     int stop; /* number of the stop, as for a camera */
 };
 
-/* A line laser on the light arc, or one that stands by itself (fixed), as a lamp: a sheet of light
- * through position that rotates about an axis in that sheet. At sweep angle s the sheet's normal is
- * `normal` rotated about axis by s·(1 + stretch) (right-handed). All in its carrier's frame.
+/* A line laser on the light arc, or one that stands by itself (fixed): a sheet of light through
+ * position_mm that rotates about an axis in the sheet. At the sweep angle s the normal of the sheet
+ * is `normal` rotated about axis by s·(1 + stretch) (right-handed). All values are in the frame of
+ * the carrier, as for a lamp.
  *
- * The optics that spread a beam to a line bend it: rays that leave at an angle to the middle of the
- * line also leave the plane. With t the tangent of the angle between a ray's projection and the
- * sheet's middle (t = a / r for a point a along the axis and r away from it), the ray lies
- * bend_rad·t² further about the axis than the plane. A parabola whose vertex is elsewhere differs
- * from this one by a rotation about the beam and by another zero, which axis and normal describe.
- */
+ * The optics that spread a beam to a line also bend the line, so that rays at an angle to the
+ * middle of the line leave the plane. Let t be the tangent of the angle between a ray's projection
+ * and the middle of the sheet; t = a / r for a point that is a along the axis and r away from it.
+ * The ray then lies bend_rad·t² further about the axis than the plane. A parabola with another
+ * vertex differs from this one by a rotation about the beam and by another zero, which axis and
+ * normal describe. */
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
-    struct vec3 axis;   /* unit: tangential, so that the line lies across the sweep */
-    struct vec3 normal; /* unit, at s = 0, perpendicular to axis; at s = 0 the sheet goes through
-                           the origin (nominally) */
-    double stretch;     /* relative excess of the true over the commanded sweep angle, within ±
-                           RIG_MAX_STRETCH */
-    double bend_rad;    /* 0: the sheet is a plane; within ± RIG_MAX_BEND */
+    struct vec3 axis; /* unit; tangential, so that the line lies across the sweep */
+    /* Unit, perpendicular to axis: the normal at s = 0. Nominally, the sheet goes through the
+     * origin at s = 0. */
+    struct vec3 normal;
+    /* Relative excess of the true over the commanded sweep angle, within ± RIG_MAX_STRETCH. */
+    double stretch;
+    double bend_rad; /* within ± RIG_MAX_BEND; 0 if the sheet is a plane */
     int fixed;
 };
 
-/* A fiducial: a matt white disc, level next to the sample and fixed to the turntable. Its picture
- * measures a lamp's output and whether a camera or the turntable's zero has moved (fiducials.h). */
+/* A fiducial: a matt white disc that lies level next to the sample and is fixed to the turntable.
+ * Its pictures show the output of a lamp, and whether a camera or the turntable's zero has moved
+ * (fiducials.h). */
 struct rig_fiducial {
     char name[RIG_NAME];
-    struct vec3 centre_mm; /* of its face, sample frame */
+    struct vec3 centre_mm; /* centre of its face, sample frame */
     double radius_mm;
-    double reflectance[3]; /* at the cameras' red, green, blue */
+    double reflectance[3]; /* for the cameras' red, green and blue */
 };
 
-/* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps: a
- * line. What the arm or probe carries turns about this line by its angle (right-handed). */
+/* The axis of a camera arm, in the rig frame, or of a light probe, in the frame of its lamps. The
+ * axis is a line. The carried devices turn about this line by the angle of the arm or probe
+ * (right-handed). */
 struct rig_swing {
-    struct vec3 axis; /* unit; 0: the rig has no such axis */
+    struct vec3 axis; /* unit; 0 if the rig has no arm or probe */
     struct vec3 centre_mm;
 };
 
 #define RIG_WOBBLE_HARMONICS 4
-#define RIG_MAX_WOBBLE_RAD   0.02 /* of each coefficient */
+#define RIG_MAX_WOBBLE_RAD   0.02 /* bound of each coefficient */
 
-/* The wobble of the turntable's bearing: its axis is tilted by a rotation vector (x, y, 0) that is
- * a function of the turntable's angle τ, and the sample's point p is at W(τ) Rz(τ) p. Of harmonic k
- * = 1, 2, … x = c cos kτ + s sin kτ with {c, s} in [0] and [1], and y likewise in [2] and [3]. The
- * axis itself is the mean: there is no harmonic 0. All 0: a perfect bearing. */
+/* The wobble of the turntable's bearing. The axis is tilted by a rotation W(τ) with the rotation
+ * vector (x, y, 0), which is a function of the turntable's angle τ. A point p of the sample is at
+ * W(τ) Rz(τ) p. Harmonic k = 1, 2, … adds c cos kτ + s sin kτ to x, with c in [0] and s in [1]. The
+ * coefficients of y are in [2] and [3]. There is no harmonic 0, because the axis of the rig frame
+ * is the mean axis. If all coefficients are 0, the bearing is perfect. */
 struct rig_wobble {
     double rad[RIG_WOBBLE_HARMONICS][4];
 };
 
 struct rig {
-    char id[64]; /* identifies the rig; a calibration of another one is refused */
+    char id[64]; /* identifies the rig; a calibration with another id is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
     int n_cameras;
     struct rig_lamp lamps[RIG_MAX_LAMPS];
@@ -139,12 +145,12 @@ struct rig {
     struct rig_wobble wobble;
     struct rig_fiducial fiducials[RIG_MAX_FIDUCIALS];
     int n_fiducials;
-    double arc_radius_mm; /* radius of the arc's inner edge; 0: there is no arc */
-    double arc_width_mm;  /* width of arc and lamps, which hide parts of a camera's frame */
+    double arc_radius_mm; /* radius of the arc's inner edge; 0 if there is no arc */
+    double arc_width_mm;  /* width of arc and lamps, which may hide a part of a picture */
 };
 
-/* The number of a camera's first stop, and of a lamp's. Cameras (lamps) for which it is the same
- * are stops of one device. */
+/* Return the index of the first stop of a camera's device, and of a lamp's device. Cameras (or
+ * lamps) with the same index are stops of one device. */
 static inline int rig_camera_unit(const struct rig *rig, int camera) {
     return camera - rig->cameras[camera].stop;
 }
@@ -152,14 +158,15 @@ static inline int rig_lamp_unit(const struct rig *rig, int lamp) {
     return lamp - rig->lamps[lamp].stop;
 }
 
-/* Where the arm stands while a set of cameras (bits) takes pictures: at the angle that all cameras
- * of the set have that it carries. If it carries none of them, at the rig's first stop; 0 if there
- * is no arm. */
+/* Returns the angle of the arm while a set of cameras (bits) takes pictures. All cameras of the set
+ * that the arm carries must have the same angle. If the arm carries none of them, it stands at the
+ * first stop of the rig. Returns 0 if there is no arm. */
 double rig_arm_deg(const struct rig *rig, guint32 cameras);
-/* Does the same for the probe and a lamp; lamp −1: no lamp. */
+/* Does the same for the probe and a lamp. lamp is −1 if no lamp is used. */
 double rig_probe_deg(const struct rig *rig, int lamp);
 
-/* The name of the device that a camera or lamp NAME@ANGLE is a stop of, of at most RIG_NAME. */
+/* Writes the name of the device to ret: NAME for a camera or lamp NAME@ANGLE that is carried, and
+ * otherwise the name itself. */
 void rig_stop_device(const char *name, int is_carried, char ret[RIG_NAME]);
 
 #define RIG_ERROR rig_error_quark()
@@ -169,62 +176,66 @@ enum rig_error {
     RIG_ERROR_VALUE,  /* a value is missing, not finite, or out of range */
 };
 
-/* Text of the key file "calibration.conf". Numbers are restored bit for bit. */
-char *rig_to_text(const struct rig *rig); /* g_free() */
+/* Returns the text of the key file "calibration.conf". Numbers are restored bit for bit. Free it
+ * with g_free(). */
+char *rig_to_text(const struct rig *rig);
+/* Reads that text. path is used in errors, which are RIG_ERROR. On failure rig is not changed. */
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
 
-/* Places a camera at a point, looking at another; image x points to the right when seen from
- * above. */
+/* Places a camera at a point so that it looks at another point. The picture is upright: its x axis
+ * is horizontal. */
 void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm);
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
 
-/* Projects a point of the rig frame. FALSE if it is behind the camera (a fisheye sees to its side
- * and behind it as well) or so far out that the lens model folds back; it may lie outside the
- * picture. */
+/* Projects a point of the rig frame, also to a place outside of the picture. Returns FALSE if the
+ * point is behind the camera (a fisheye also sees to its side and behind itself), or if it is so
+ * far from the axis that the lens model folds back. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px);
 
-/* The viewing ray of a pixel: from the camera's centre, unit, in the rig frame. The lens model is
- * inverted to 1e-9 px; beyond the largest radius of a fisheye it is the ray at that radius. */
+/* Returns the viewing ray of a pixel, a unit vector from the camera's centre in the rig frame. The
+ * lens model is inverted to 1e-9 px. Beyond the largest radius of a fisheye, the ray at that radius
+ * is returned. */
 struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px);
 
-/* Rotates about z: from sample to rig frame by +τ, from rig to sample frame by −τ. */
+/* Rotates about z. The angle +τ converts from the sample to the rig frame, and −τ from the rig to
+ * the sample frame. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* The tilt (x, y, 0) of the turntable's axis at an angle, and the largest one over a turn. */
+/* Return the tilt (x, y, 0) of the turntable's axis at an angle, and the largest tilt in a turn. */
 void rig_wobble_tilt(const struct rig_wobble *wobble, double turntable_rad, double ret_rad[2]);
 double rig_wobble_most_rad(const struct rig_wobble *wobble);
 
-/* The same rig with the turntable at an angle, in the frame in which the axis is z also at this
- * angle: cameras, arc, and what stands by itself are tilted back by the wobble. In this frame
- * the sample turns by Rz only, and what lies on the turntable is level. The arc's axis is moved to
- * first order: the error is below 1 µm for wobbles below 0.1°. ret may be rig. */
+/* Returns the rig with the turntable at an angle, in the frame in which the tilted axis is z.
+ * Cameras, arc, and devices that stand by themselves are tilted back by the wobble. In this frame
+ * the sample turns only by Rz, and a thing that lies on the turntable is level. The arc's axis is
+ * moved to first order. The error of this is below 1 µm for wobbles below 0.1°. ret may be rig. */
 void rig_at(const struct rig *rig, double turntable_rad, struct rig *ret);
 /* The inverse of rig_at(). */
 void rig_back(const struct rig *rig, double turntable_rad, struct rig *ret);
 
-/* Rotates a point or direction by sign times such a tilt: W v, or back W⁻¹ v. */
+/* Rotates a point or direction by a tilt: to W v if sign is 1, and to W⁻¹ v if sign is −1. */
 struct vec3 rig_tilt_point(const double tilt_rad[2], struct vec3 v, double sign);
 
-/* A point of the sample in the rig frame, with wobble. */
+/* Converts a point from the sample frame to the rig frame, with wobble. */
 struct vec3 rig_sample_point(const struct rig *rig, double turntable_rad, struct vec3 point_mm);
 
-/* Transforms between the arc's frame at angle α and the rig frame. arc may be NULL here and
- * below: an ideal arc. */
+/* Transform between the arc's frame at the angle arc_rad and the rig frame. Here and below, arc may
+ * be NULL, which means an ideal arc. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 
-/* Position and aim in the rig frame with the arc at an angle, which does not matter to fixed
- * lamps. */
+/* Returns a lamp's position in the rig frame with the arc at an angle. The angle has no effect for
+ * fixed lamps. */
 struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                  double arc_rad);
 /* Transforms a point of the rig frame to the frame in which the lamp's position is given. */
 struct vec3 rig_lamp_point_back(const struct rig_arc *arc, const struct rig_lamp *lamp,
                                 double arc_rad, struct vec3 point_mm);
 
-/* Irradiance on a plane perpendicular to the direction of the lamp, W·m⁻². */
+/* Returns the irradiance on a plane perpendicular to the direction of the lamp, in W·m⁻². */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm);
 
@@ -233,7 +244,8 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
 struct vec3 rig_laser_axis(const struct rig_arc *arc, const struct rig_laser *laser,
                            double arc_rad);
 
-/* The sheet of light without its bend: points p of the rig frame with normal · p = offset_mm. */
+/* The sheet of light without its bend: the points p of the rig frame with normal · p =
+ * offset_mm. */
 struct rig_plane {
     struct vec3 normal; /* unit */
     double offset_mm;
@@ -241,45 +253,48 @@ struct rig_plane {
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad);
 
-/* By how much the sweep angle must be increased so that the plane of rig_laser_sheet() contains the
- * sheet's light at a point near it: bend_rad·t² / (1 + stretch). 0 for a flat sheet. */
+/* Returns the angle by which the sweep angle must be increased so that the plane of
+ * rig_laser_sheet() contains the light of the bent sheet at a point near it: bend_rad·t² / (1 +
+ * stretch). It is 0 for a flat sheet. */
 double rig_laser_bent_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                           struct vec3 point_mm);
 
-/* The sweep angle at which the sheet, bent as it is, contains a point. */
+/* Returns the sweep angle at which the bent sheet contains a point. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm);
 
-/* Errors of a laser's calibration as they move its sheet near the sample: by how much the sheet is
- * displaced across itself at a point, towards larger sweep angles, is linear in these parameters.
- * Gradients count from the rig's origin. */
+/* Parameters of the errors of a laser's calibration near the sample. The displacement of the sheet
+ * at a point, perpendicular to the sheet and towards larger sweep angles, is linear in these
+ * parameters. The gradients are relative to the rig's origin. */
 enum rig_sheet_parameter {
-    RIG_SHEET_OFFSET, /* mm */
-    RIG_SHEET_ALONG,  /* rad: by position along the laser's axis */
-    RIG_SHEET_ACROSS, /* rad: by position along the sheet's normal at sweep angle 0 */
-    RIG_SHEET_BEAM,   /* rad: by position along the beam */
-    RIG_SHEET_BEND,   /* of bend_rad */
+    RIG_SHEET_OFFSET, /* constant displacement, mm */
+    RIG_SHEET_ALONG,  /* gradient along the laser's axis, rad */
+    RIG_SHEET_ACROSS, /* gradient along the sheet's normal at sweep angle 0, rad */
+    RIG_SHEET_BEAM,   /* gradient along the beam, rad */
+    RIG_SHEET_BEND,   /* error of bend_rad */
     RIG_SHEET_PARAMETERS,
 };
 struct rig_sheet_errors {
     double covariance[RIG_SHEET_PARAMETERS][RIG_SHEET_PARAMETERS];
 };
 
-/* The displacement of the sheet at a point, in mm by a unit of each parameter. */
+/* Computes the lever: the displacement of the sheet at a point, in mm per unit of each
+ * parameter. */
 void rig_laser_sheet_lever(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm, double ret[RIG_SHEET_PARAMETERS]);
 
-/* Its standard deviation, √(jᵀ C j) with j the lever. */
+/* Returns the standard deviation of the displacement, √(jᵀ C j) with the lever j. */
 double rig_laser_sheet_error_mm(const struct rig_arc *arc, const struct rig_laser *laser,
                                 double arc_rad, const struct rig_sheet_errors *errors,
                                 struct vec3 point_mm);
 
-/* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
- * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of
- * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only (a
- * quarter circle). G_MAXDOUBLE if no part of the arc can be in the way. */
+/* Returns the free width between the light arc and the cone of sight from a camera to a disc of
+ * radius_mm around the origin. It is negative if the arc stands in the picture. The arc is a band
+ * with the radius arc_radius_mm in the vertical plane of azimuth α, from the zenith down to the
+ * horizon at α (a quarter circle). Returns G_MAXDOUBLE if no part of the arc can be in the way. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
 
-/* Spherical angles of a direction: θ from +z in [0, π], φ from +x, counter-clockwise in [0, 2π). */
+/* Convert between a direction and its spherical angles: θ from +z in [0, π], and φ from +x,
+ * counter-clockwise in [0, 2π). */
 void rig_angles(struct vec3 direction, double *ret_theta_rad, double *ret_phi_rad);
 struct vec3 rig_direction(double theta_rad, double phi_rad);

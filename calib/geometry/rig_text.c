@@ -136,7 +136,7 @@ static gboolean is_unit(struct vec3 v) {
     return fabs(vec3_length(v) - 1) < UNIT_TOLERANCE;
 }
 
-/* Rows of unit length, perpendicular, and row₀ × row₁ = row₂. */
+/* Returns whether the rows have unit length, are perpendicular, and row₀ × row₁ = row₂. */
 static gboolean is_rotation(const struct mat3 *m) {
     struct vec3 row[3];
 
@@ -146,8 +146,8 @@ static gboolean is_rotation(const struct mat3 *m) {
            vec3_length(vec3_sub(vec3_cross(row[0], row[1]), row[2])) < 4 * UNIT_TOLERANCE;
 }
 
-/* Refuses sections of devices beyond the counts: somebody has edited the sections or the counts.
- * Other sections are ignored. */
+/* Refuses sections of devices beyond the counts, because somebody has then edited the sections or
+ * the counts. Other sections are ignored. */
 static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const struct rig *rig,
                                       GError **error) {
     g_auto(GStrv) groups = g_key_file_get_groups(file, NULL);
@@ -162,7 +162,7 @@ static gboolean rig_text_check_groups(GKeyFile *file, const char *path, const st
                 continue;
             g_set_error(
                 error, RIG_ERROR, RIG_ERROR_FORMAT,
-                "%s: there is a section [%s], but the counts in [rig] allow sections 0 to %d only",
+                "%s: there is a section [%s], but the counts in [rig] allow only sections 0 to %d",
                 path, *group, rig_text_count(rig, k) - 1);
             return FALSE;
         }
@@ -193,11 +193,11 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
     for (int i = 0; i < rig->n_cameras; i++)
         if (rig->cameras[i].stop > (i > 0 ? rig->cameras[i - 1].stop + 1 : 0))
             return fields_refuse(path, rig->cameras[i].name, "stop", error,
-                                 "does not follow the camera's stop before");
+                                 "does not follow the previous stop of the camera");
     for (int i = 0; i < rig->n_lamps; i++)
         if (rig->lamps[i].stop > (i > 0 ? rig->lamps[i - 1].stop + 1 : 0))
             return fields_refuse(path, rig->lamps[i].name, "stop", error,
-                                 "does not follow the lamp's stop before");
+                                 "does not follow the previous stop of the lamp");
     for (int i = 0; i < rig->n_lamps; i++)
         if (!is_unit(rig->lamps[i].aim))
             return fields_refuse(path, rig->lamps[i].name, "aim", error, "is not a unit vector");
@@ -211,9 +211,9 @@ static gboolean rig_text_read_rig(GKeyFile *file, const char *path, struct rig *
     return TRUE;
 }
 
-/* Number (from 1) of the first line that is neither empty, a comment, a [group] nor key=value; 0:
- * none. The parser's own message is not shown, because it quotes the line, and the path may name a
- * file that only this program may read. */
+/* Returns the number, from 1, of the first line that is neither empty, a comment, a [group] nor
+ * key=value, or 0 if there is none. The parser's own message is not shown, because it quotes the
+ * line, and the path may name a file that only this program may read. */
 static int rig_text_bad_line(const char *text) {
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
 
@@ -234,7 +234,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, NULL)) {
         const int line = rig_text_bad_line(text);
         g_autofree char *what =
-            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("one of its lines is");
+            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("a line of it is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: not a calibration file: %s neither a [group] nor key=value", path, what);
         return FALSE;
@@ -244,7 +244,7 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     if (g_strcmp0(format, FORMAT) != 0) {
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
                     "%s: [rig] format: is '%s', not '" FORMAT
-                    "': this is not a calibration file of this version",
+                    "'; this is not a calibration file of this version",
                     path, format ? format : "");
         return FALSE;
     }

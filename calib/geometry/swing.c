@@ -21,7 +21,7 @@ struct vec3 rig_swing_point(const struct rig_swing *swing, double angle_rad, str
                     rig_swing_direction(swing, angle_rad, vec3_sub(point_mm, swing->centre_mm)));
 }
 
-/* The rows of R are the camera's own axes in the rig frame, which turn with it. */
+/* The rows of R are the camera's axes in the rig frame, which turn with the camera. */
 void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct rig_camera *camera) {
     const struct vec3 centre = rig_swing_point(swing, angle_rad, rig_camera_centre_mm(camera));
 
@@ -36,12 +36,12 @@ void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct ri
     camera->translation_mm = vec3_scale(mat3_mul_vec(&camera->rotation, centre), -1);
 }
 
-/* S v = R_kᵀ (R_j v). */
+/* Returns S v = R_kᵀ (R_j v). */
 static struct vec3 turned(const struct rig_camera *j, const struct rig_camera *k, struct vec3 v) {
     return mat3_mul_transposed(&k->rotation, mat3_mul_vec(&j->rotation, v));
 }
 
-/* The rotation vector of S. */
+/* Returns the rotation vector of S. */
 static struct vec3 rotation_vector(const struct rig_camera *j, const struct rig_camera *k) {
     const struct vec3 x = turned(j, k, vec3(1, 0, 0)), y = turned(j, k, vec3(0, 1, 0)),
                       z = turned(j, k, vec3(0, 0, 1));
@@ -69,7 +69,8 @@ static gboolean next_pair(const struct rig *rig, guint32 known, int *j, int *k) 
     }
 }
 
-/* Σ (I − S)ᵀ (I − S) c = Σ (I − S)ᵀ (C_k − S C_j), and a aᵀ c = 0, since c along a is free. */
+/* Solves Σ (I − S)ᵀ (I − S) c = Σ (I − S)ᵀ (C_k − S C_j) for c, with the condition a aᵀ c = 0,
+ * because c may be any point of the axis. */
 static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swing *swing) {
     const struct vec3 units[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double a[3] = {swing->axis.x, swing->axis.y, swing->axis.z};
@@ -82,7 +83,7 @@ static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swin
         const struct rig_camera *from = &rig->cameras[j], *to = &rig->cameras[k];
         const struct vec3 d =
             vec3_sub(rig_camera_centre_mm(to), turned(from, to, rig_camera_centre_mm(from)));
-        struct vec3 column[3]; /* of I − S */
+        struct vec3 column[3]; /* columns of I − S */
         for (int i = 0; i < 3; i++)
             column[i] = vec3_sub(units[i], turned(from, to, units[i]));
         for (int r = 0; r < 3; r++) {
@@ -97,7 +98,8 @@ static gboolean fit_centre(const struct rig *rig, guint32 known, struct rig_swin
     return TRUE;
 }
 
-/* The mean angle about the axis from each known camera's nominal centre to its own. */
+/* Returns the mean angle about the axis from the nominal centre of each known camera to its true
+ * centre. */
 static double mean_zero_rad(const struct rig *rig, guint32 known, const struct rig *nominal,
                             const struct rig_swing *swing) {
     double sum = 0;

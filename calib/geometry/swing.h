@@ -5,7 +5,7 @@
  * a is the direction of the axis (unit), c a point on it, and R(a, β) the right-handed rotation by
  * β about a.
  *
- * Pure functions over plain data: any thread.
+ * Pure functions over plain data. Any thread may call them.
  */
 #pragma once
 
@@ -14,7 +14,7 @@
 struct vec3 rig_swing_point(const struct rig_swing *swing, double angle_rad, struct vec3 point_mm);
 struct vec3 rig_swing_direction(const struct rig_swing *swing, double angle_rad,
                                 struct vec3 direction);
-/* Moves a camera as its arm does when the arm turns by a further angle. */
+/* Moves a camera as its arm moves it when the arm turns by a further angle. */
 void rig_swing_camera(const struct rig_swing *swing, double angle_rad, struct rig_camera *camera);
 
 /* The axis as a least squares fit to the poses of its stops, and the deviations of the poses from
@@ -24,13 +24,14 @@ struct rig_swing_fit {
     int n_pairs;          /* number of pairs of stops of one camera */
     double angle_rms_rad; /* RMS deviation of the pairs' rotations from rotations about the axis */
     double position_rms_mm; /* RMS deviation of the camera centres */
-    double zero_rad;        /* mean angle of the cameras beyond their nominal positions */
+    double zero_rad;        /* mean angle about the axis from the nominal to the found positions */
 };
 
-/* Finds the arm's axis from the poses of its cameras. known: the cameras (bits) whose poses are
+/* Finds the arm's axis from the poses of its cameras. known has a bit for each camera whose pose is
  * known. From stop j to stop k of one camera, the camera has turned by S = R_kᵀ R_j, a rotation
  * about a by β_k − β_j, and its centres obey (I − S) c = C_k − S C_j. a is the mean of the rotation
- * vectors of S over all such pairs, c the least squares solution nearest to the origin. nominal:
- * gives the zero of the angle. FALSE: no camera is known at two stops that are 1° or more apart. */
+ * vectors of S over all pairs of stops, and c is the least squares solution nearest to the origin.
+ * zero_rad is measured from the cameras of nominal. Returns FALSE if no camera is known at two
+ * stops that are at least 1° apart. */
 gboolean rig_swing_fit(const struct rig *rig, guint32 known, const struct rig *nominal,
                        struct rig_swing_fit *ret);

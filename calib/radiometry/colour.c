@@ -1,5 +1,5 @@
-/* XYZ = M · RGB by weighted least squares for each row m: m = (Σ w rgb rgbᵀ)⁻¹ Σ w rgb·xyz, w =
- * Y^(−4/3). */
+/* Fits XYZ = M · RGB by weighted least squares. Each row of M is m = (Σ w rgb rgbᵀ)⁻¹ Σ w rgb·xyz,
+ * with w = Y^(−4/3). */
 #include "colour.h"
 
 #include <lapacke.h>
@@ -9,7 +9,8 @@
 #define FEW_PATCHES 6
 #define MAX_OFF     10.0 /* ΔE*ab, RMS */
 #define DARK        0.01 /* Y below which all patches have the same weight */
-#define MIN_PIVOT   1e-6 /* over the trace: below, the patches do not span all colours */
+/* Smallest pivot relative to the trace. With a smaller one the patches do not span all colours. */
+#define MIN_PIVOT 1e-6
 
 G_DEFINE_QUARK(colour_error, colour_error)
 
@@ -38,12 +39,12 @@ static void colour_apply(const double matrix[9], const double rgb[3], double ret
         ret[i] = matrix[3 * i] * rgb[0] + matrix[3 * i + 1] * rgb[1] + matrix[3 * i + 2] * rgb[2];
 }
 
-/* The derivative of CIE L* by Y is proportional to Y^(−2/3); the weight is its square. */
+/* The derivative of CIE L* by Y is proportional to Y^(−2/3). The weight is the square of that. */
 static double colour_weight_of(const struct colour_patch *patch) {
     return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
 }
 
-/* Inverse of Σ w·rgb·rgbᵀ; FALSE if the patches do not span all colours. */
+/* Computes the inverse of Σ w·rgb·rgbᵀ. Returns FALSE if the patches do not span all colours. */
 static gboolean colour_invert(const struct colour_patch *patches, int n, double ret[9]) {
     memset(ret, 0, 9 * sizeof *ret);
     double trace = 0;
@@ -66,7 +67,7 @@ static gboolean colour_invert(const struct colour_patch *patches, int n, double 
     return TRUE;
 }
 
-/* One row of M and its standard errors √(Σ w r² / (n − 3) · (inverse)ₐₐ). */
+/* Computes one row of M and its standard errors √(Σ w r² / (n − 3) · (inverse)ₐₐ). */
 static void fit_row(const struct colour_patch *patches, int n, const double inverse[9], int row,
                     struct colour_matrix *ret) {
     double right[3] = {0}, squares = 0;
@@ -98,20 +99,21 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
             }
     if (n < FEW_PATCHES) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                    "%d patches are too few for nine unknowns and their errors; at least %d of "
-                    "different colours are needed",
+                    "%d patches are too few for nine unknowns and their errors; use a chart with "
+                    "at least %d patches of different colours",
                     n, FEW_PATCHES);
         return FALSE;
     }
     if (!colour_invert(patches, n, inverse)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
-                    "the patches are all of one kind: red, green and blue ones are needed");
+                    "the colours of the patches are too similar; use a chart with red, green and "
+                    "blue patches");
         return FALSE;
     }
     for (int row = 0; row < 3; row++)
         fit_row(patches, n, inverse, row, &found);
-    /* The colour of white is that of equal R, G, B. Its Y is 1, as in the chart's values: the
-     * matrix would scale it by how much darker the pictures are than the chart says. */
+    /* White has the chromaticity of equal R, G and B. Its Y is 1, as in the chart's values. The Y
+     * that the matrix gives is not used, because it depends on how dark the pictures are. */
     colour_apply(found.matrix, grey, scaled);
     const double white[3] = {scaled[0] / scaled[1], 1, scaled[2] / scaled[1]};
     for (int i = 0; i < n; i++) {
@@ -123,8 +125,8 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     found.residual = sqrt(sum);
     if (!(scaled[0] > 0 && scaled[1] > 0 && scaled[2] > 0) || !(found.residual < MAX_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                    "the patches differ from their values by %.1f ΔE on average: is it this chart, "
-                    "and does it lie as the file says?",
+                    "the patches differ from their values by %.1f ΔE on average; check that the "
+                    "file is that of this chart, and that the chart lies as the file says",
                     found.residual);
         return FALSE;
     }

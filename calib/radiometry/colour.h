@@ -1,21 +1,21 @@
 /*
- * Colour calibration: the conversion of a camera's colours to CIE XYZ, from a chart with known
- * patches. Pure functions; any thread.
+ * Colour calibration: finds the conversion of a camera's colours to CIE XYZ from a chart with known
+ * patches. Pure functions. Any thread may call them.
  */
 #pragma once
 
 #include <glib.h>
 
 struct colour_patch {
-    double rgb[3]; /* white balanced reflectance as seen by the camera: 1 is a perfect white */
-    double xyz[3]; /* as measured, Y = 1 for a perfect white */
+    double rgb[3]; /* white-balanced reflectance as seen by the camera; 1 for a perfect white */
+    double xyz[3]; /* the chart's values; Y = 1 for a perfect white */
 };
 
-/* Maps white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
- * illuminant of the chart's values. */
+/* Maps white-balanced R G B to CIE XYZ under the illuminant of the chart's values. R G B = 1 1 1 is
+ * a reflectance of 1. */
 struct colour_matrix {
     gboolean known;
-    double matrix[9], error[9]; /* rows X Y Z */
+    double matrix[9], error[9]; /* rows X Y Z; standard errors */
     double residual;            /* RMS of the patches' ΔE*ab */
     int patches;
 };
@@ -23,16 +23,17 @@ struct colour_matrix {
 #define COLOUR_ERROR colour_error_quark()
 GQuark colour_error_quark(void);
 enum colour_error {
-    COLOUR_ERROR_TOO_FEW, /* too few patches, or all of similar colours */
-    COLOUR_ERROR_MISFIT,  /* another chart, or in another orientation */
-    COLOUR_ERROR_FILE,    /* the file of the chart's values */
+    COLOUR_ERROR_TOO_FEW, /* there are too few patches, or all have similar colours */
+    COLOUR_ERROR_MISFIT,  /* it is another chart, or it lies in another orientation */
+    COLOUR_ERROR_FILE,    /* the file of the chart's values has a mistake */
 };
 
-/* Least squares for XYZ = matrix · RGB with each patch weighted for a uniform error in L* (dL* ∝
- * Y^(−2/3) dY). Refused if the patches differ by more than 10 ΔE*ab (CIE 1976) on average. White
- * has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not change ΔE. */
+/* Fits XYZ = matrix · RGB by least squares. Each patch is weighted for a uniform error in L* (dL* ∝
+ * Y^(−2/3) dY). Fails if the RMS of the patches' differences is 10 ΔE*ab (CIE 1976) or more. The
+ * white of ΔE*ab has the chromaticity of equal RGB and Y = 1, so that the scale of RGB does not
+ * change ΔE. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 
-/* ΔE*ab, CIE 1976. */
+/* Returns ΔE*ab, CIE 1976. */
 double colour_difference(const double xyz_a[3], const double xyz_b[3], const double white[3]);

@@ -1,34 +1,36 @@
-/* Fiducials are white discs. A pixel's value is divided by the expected value of white, w =
- * response · flat · cos θ · E / π; its share of white is s = (value − ground) / (level − ground).
- * The centroid Σ s x / Σ s over the window, minus that of the projected disc, gives the
- * displacement, and the mean value of the interior the lamp's output. */
+/* Fiducials are white discs. The value of a pixel is divided by the expected value of white, w =
+ * response · flat · cos θ · E / π. Its share of white is s = (value − ground) / (level − ground).
+ * The displacement is the centroid Σ s x / Σ s over the window, minus the centroid of the projected
+ * disc. The mean value of the interior gives the output of the lamp. */
 #include "fiducials.h"
 
 #include <string.h>
 
-#define WINDOW     1.4  /* radius of the window of the centroid, in radii of the fiducial */
-#define INNER      0.75 /* radius of its white interior */
-#define WHOLE      0.95 /* radius that contains the pixels used for the lamp's output */
-#define RING       1.9  /* the surround lies between window and ring */
+/* Radii, in radii of the fiducial. */
+#define WINDOW     1.4  /* the window of the centroid */
+#define INNER      0.75 /* the white interior, which gives the level of white */
+#define WHOLE      0.95 /* contains the pixels that are used for the lamp's output */
+#define RING       1.9  /* the surround lies between WINDOW and RING */
 #define PASSES     12
 #define FEW_PIXELS 6
 #define FEW_WHOLE  12
-#define CONTRAST   1.5 /* least ratio of white to surround */
+#define CONTRAST   1.5 /* smallest ratio of white to surround */
 #define UNEVEN     0.1 /* relative standard deviation of a fiducial that is half in shadow */
-/* Standard deviation of the share of white of an edge pixel, which is not linear in its value,
- * since real pixels do not integrate evenly over their area. */
+/* Standard deviation of the share of white of a pixel at the edge. Its value is not proportional to
+ * the covered area, because real pixels do not integrate evenly over their area. */
 #define EDGE_SHARE 0.12
-/* Displacement of the centroid, in radii, per unit of the surround's first moment, if the window
- * is as uneven as the ring: (WINDOW³ − 1) · 2/3. */
+/* Displacement of the centroid, in radii, per unit of the surround's first moment, if the window is
+ * as uneven as the ring. It is (WINDOW³ − 1) · 2/3. */
 #define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
-#define FARTHEST 1.0 /* in radii: largest distance from the expected position */
-/* Bounds of a lamp's relative output; outside, the fiducial is in shadow or something else. */
+#define FARTHEST 1.0 /* largest distance from the expected position, in radii */
+/* Bounds of a lamp's relative output. Outside of them, the fiducial is in shadow, or it is not the
+ * fiducial that was found. */
 #define MIN_OUTPUT 0.2
 #define MAX_OUTPUT 5
 
-/* Grid of nodes every few pixels: the point where the pixel's ray meets the plane of the
- * fiducial's face, and the expected value of white there. Values in between are interpolated,
- * which is much faster. */
+/* A grid of nodes, one every few pixels. A node has the point where the pixel's ray meets the plane
+ * of the fiducial's face, and the expected value of white there. The values in between are
+ * interpolated, which is much faster than computing them. */
 #define STEPS 64 /* nodes along a picture's diagonal: with 20 % vignetting the error is 1e-4 */
 struct node {
     double x_mm, y_mm, white; /* rig frame; DN per ms, before colour factors */
@@ -41,13 +43,13 @@ struct measuring {
     const char *cfa;
     const float *mosaic;
     const float *glare;      /* of red, green and blue pixels, in the unit of mosaic */
-    struct vec3 eye, middle; /* rig frame; middle: present estimate of the centre */
+    struct vec3 eye, middle; /* rig frame; middle is the present estimate of the centre */
     int x0, x1, y0, y1;      /* range of pixels */
     struct node *nodes;
     int node_x0, node_y0, node_columns, node_rows, step;
     double colour[3];
     double level[3], ground[3];
-    double moment[2]; /* first moment of the surround: mean of share of white × direction */
+    double moment[2]; /* first moment of the surround: mean of (share of white × direction) */
 };
 
 static void set_nodes(struct measuring *m) {
@@ -83,12 +85,12 @@ struct pixel {
     int colour;
     double from;     /* distance from the centre, in radii */
     double along[2]; /* unit direction from the centre; rig frame */
-    double reach;    /* distance of its farthest corner, in radii */
+    double reach;    /* distance of its farthest corner from the centre, in radii */
     double value;    /* relative to expected white */
 };
 
-/* Bilinear interpolation between nodes. FALSE: the pixel is expected to be dark, or outside of
- * the range. */
+/* Computes a pixel by bilinear interpolation between nodes. Returns FALSE if the pixel is outside
+ * of the range, expected to be dark, or not finite. */
 static gboolean look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
     int i = (x - m->node_x0) / m->step, j = (y - m->node_y0) / m->step;
     if (x < m->node_x0 || y < m->node_y0 || i + 1 >= m->node_columns || j + 1 >= m->node_rows)
@@ -122,8 +124,8 @@ static gboolean project(const struct measuring *m, double angle, double radii, d
     return rig_project(m->camera, p, x, y);
 }
 
-/* Centroid of the projected disc, as a polygon: A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ), x̄ = Σ (xᵢ +
- * xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
+/* Computes the centroid of the projected disc as that of a polygon: A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ), x̄
+ * = Σ (xᵢ + xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
     if (!project(m, 0, 1, &x0, &y0))
@@ -144,7 +146,7 @@ static gboolean expected_centroid(const struct measuring *m, double *ret_x, doub
     return area != 0;
 }
 
-/* Sets the range of pixels; FALSE if the window exceeds the picture. */
+/* Sets the range of pixels. Returns FALSE if the window exceeds the picture. */
 static gboolean set_bounds(struct measuring *m, double ring) {
     double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
     for (int i = 0; i < 32; i++) {
@@ -190,7 +192,8 @@ static double share_of_white(const struct measuring *m, const struct pixel *pixe
     return (pixel->value - ground) / (m->level[pixel->colour] - ground);
 }
 
-/* First moment of the surround: brightness on one side displaces the centroid. */
+/* Measures the first moment of the surround. A surround that is brighter on one side displaces the
+ * centroid. */
 static void measure_moment(struct measuring *m) {
     struct pixel pixel;
     double n = 0;
@@ -208,7 +211,7 @@ static void measure_moment(struct measuring *m) {
         m->moment[i] /= n;
 }
 
-/* Squared displacement of the centroid by the surround, px². */
+/* Returns the squared displacement of the centroid by the surround, in px². */
 static double pull_variance(const struct measuring *m) {
     double r = PULL * m->fiducial->radius_mm, x0, y0, x1, y1;
     struct vec3 pulled = vec3_add(m->middle, vec3(r * m->moment[0], r * m->moment[1], 0));
@@ -217,8 +220,8 @@ static double pull_variance(const struct measuring *m) {
     return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
 }
 
-/* Level of white and surround in each colour, and the variance of both relative to the squared
- * contrast. */
+/* Measures the levels of white and of the surround in each colour, and the variances of their
+ * pixels relative to the squared contrast. */
 static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
     struct mean white[3] = {{0}}, ground[3] = {{0}};
     struct pixel pixel;
@@ -254,7 +257,7 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     return n >= FEW_PIXELS;
 }
 
-/* Centroid Σ s x / Σ s; returns the area Σ s. */
+/* Computes the centroid Σ s x / Σ s. Returns the area Σ s. */
 static double measure_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0;
     struct pixel pixel;
@@ -272,7 +275,7 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     return area;
 }
 
-/* Variance of each coordinate: Σ σ_s² |x − x̄|² / 2 / area². */
+/* Returns the variance of each coordinate, Σ σ_s² |x − x̄|² / 2 / area². */
 static double centroid_variance(const struct measuring *m, const double noise[2], double area,
                                 double middle_x, double middle_y) {
     double variance = 0;
@@ -322,8 +325,8 @@ static gboolean follow(struct measuring *m, struct fiducial_seen *seen) {
     measure_moment(m);
     seen->error_px =
         sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
-    /* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so
-     * that all colours share one variance. */
+    /* The output of the lamp is the mean over all colours. Shot noise is nearly the same in all
+     * pixels, so all colours share one variance. */
     double n = 0, freedom = 0, variance = 0, sum = 0;
     for (int k = 0; k < 3; k++) {
         n += whole[k].n;
@@ -372,7 +375,7 @@ int fiducials_measure(const struct fiducial_scene *scene, const char *cfa, const
     return n;
 }
 
-/* Weighted mean Σ o/σ² / Σ 1/σ² with the standard error 1 / √(Σ 1/σ²). */
+/* The weighted mean is Σ o/σ² / Σ 1/σ², with the standard error 1 / √(Σ 1/σ²). */
 gboolean fiducials_output(const struct fiducial_seen *seen, int n, double *ret_output,
                           double *ret_error) {
     double sum = 0, weight = 0;

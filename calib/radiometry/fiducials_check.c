@@ -1,20 +1,20 @@
-/* Greedy search: each hypothesis is fitted to the displacements d_i (weights w_i) by least
- * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d; the one with the largest decrease of χ² = aᵀ Σ w Jᵀ d
- * is accepted and subtracted, until none is significant. */
+/* A greedy search. Each hypothesis is fitted to the displacements d_i (with weights w_i) by least
+ * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d. The hypothesis with the largest decrease of χ², which is
+ * aᵀ Σ w Jᵀ d, is accepted and subtracted. This is repeated until no hypothesis is significant. */
 #include "fiducials.h"
 
 #include <lapacke.h>
 #include <string.h>
 
 #define STEP_RAD  1e-5
-#define CERTAIN   4.0 /* standard errors from which an angle is certain */
+#define CERTAIN   4.0 /* an angle that exceeds this number of standard errors is certain */
 #define MAX_TURNS (RIG_MAX_CAMERAS + 1)
-#define PRIOR_RAD 0.02 /* prior of any angle: bounds those that are hardly determined */
+#define PRIOR_RAD 0.02 /* prior of each angle; it bounds angles that are hardly determined */
 
 /* A hypothesis: the turntable slipped, or one camera rotated. */
 struct cause {
-    int camera; /* −1: the turntable */
-    int n;      /* unknowns: one angle, or three about the camera's axes */
+    int camera; /* −1 for the turntable */
+    int n;      /* number of unknowns: one angle, or three angles about the camera's axes */
 };
 
 struct checking {
@@ -34,7 +34,8 @@ static struct vec3 rotated(struct vec3 v, int axis, double angle) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* Derivative of a fiducial's picture x, y by an unknown of a hypothesis (central differences). */
+/* Computes the derivatives of a fiducial's x and y in the picture by an unknown of a hypothesis,
+ * with central differences. */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
     const struct fiducial_seen *seen = &check->seen[i];
@@ -47,8 +48,8 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
         double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
         struct rig_camera now = *camera;
         if (cause->camera >= 0) {
-            /* The camera rotated about one of its own axes, with its centre fixed: points rotate
-             * the other way in its frame. */
+            /* The camera rotated about one of its axes, with its centre fixed. In its frame, points
+             * therefore rotate in the opposite direction. */
             struct vec3 eye = rig_camera_centre_mm(camera);
             for (int column = 0; column < 3; column++) {
                 struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
@@ -72,10 +73,10 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
 }
 
 struct explained {
-    double angle[3], variance[3], gain; /* radians; gain: decrease of χ² */
+    double angle[3], variance[3], gain; /* radians; gain is the decrease of χ² */
 };
 
-/* Weighted least squares for one hypothesis. */
+/* Fits one hypothesis by weighted least squares. */
 static gboolean explain(struct checking *check, const struct cause *cause, struct explained *ret) {
     double matrix[9] = {0}, right[3] = {0};
     int n = cause->n;
@@ -109,7 +110,7 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
     return TRUE;
 }
 
-/* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
+/* Returns the length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
 static double length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
@@ -121,8 +122,8 @@ static double length_of(const struct explained *by, double *ret_error) {
     return sqrt(squares);
 }
 
-/* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable has
- * slipped, all cameras show it, and the slip alone explains what they show. */
+/* Accepts one hypothesis after the other, beginning with the largest gain. If the turntable has
+ * slipped, the slip explains the displacements in all cameras, so it has the largest gain. */
 static void find_causes(struct checking *check, double least_deg, struct fiducials_check *ret) {
     gboolean taken[MAX_TURNS] = {FALSE};
     double error;
@@ -178,8 +179,8 @@ void fiducials_check(const struct rig *rig, const struct fiducial_seen *seen, in
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        /* The pixel grid causes an error that is common to all pictures of a pose: they count as
-         * one. */
+        /* The pixel grid causes an error that is common to all pictures of a pose. Together they
+         * therefore count as one picture. */
         int same = 0;
         for (int k = 0; k < n; k++)
             same += seen[k].camera == seen[i].camera && seen[k].fiducial == seen[i].fiducial &&

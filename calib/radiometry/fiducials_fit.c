@@ -7,10 +7,11 @@
 #define STEPS         4
 #define PRIOR_MM      1.0   /* prior standard deviation of a position */
 #define SYSTEMATIC_PX 0.02  /* error of cameras and turntable */
-#define UNEVEN_WHITE  0.003 /* relative variation of white between sightings, besides noise */
+#define UNEVEN_WHITE  0.003 /* relative variation of white between sightings, without noise */
 #define FEW_SEEN      4
 
-/* Position of one fiducial: Gauss-Newton on its reprojection error, with the rig file as prior. */
+/* The position of one fiducial is found by Gauss-Newton on its reprojection error, with the
+ * position in the rig file as prior. */
 struct position {
     const struct rig *rig;
     const struct fiducial_seen **seen;
@@ -19,8 +20,8 @@ struct position {
     double matrix[9], right[3];
 };
 
-/* Predicts as fiducials_measure() does; the offset between the disc's centroid and its projected
- * centre is taken to be the same as at the expected position. */
+/* Predicts a sighting like fiducials_measure(). The offset between the disc's centroid and its
+ * projected centre is taken to be the same as at the expected position. */
 static gboolean project(const struct position *position, const struct fiducial_seen *seen,
                         struct vec3 p, double ret[2]) {
     return rig_project(&position->rig->cameras[seen->camera],
@@ -43,8 +44,8 @@ static void add_seen(struct position *position, const struct fiducial_seen *seen
     }
     double off[2] = {seen->x_px - seen->expected_x_px - (now[0] - start[0]),
                      seen->y_px - seen->expected_y_px - (now[1] - start[1])};
-    /* The pixel grid causes an error that is common to all pictures of a pose: they count as one.
-     */
+    /* The pixel grid causes an error that is common to all pictures of a pose. Together they
+     * therefore count as one picture. */
     int n = 0;
     for (int i = 0; i < position->n; i++)
         n += position->seen[i]->camera == seen->camera &&
@@ -89,8 +90,8 @@ struct white {
     double sum, weight;
 };
 
-/* White and its standard error: √(noise + spread between the cameras), since each camera's flat
- * field has an error of its own at the fiducial's position. */
+/* Computes white and its standard error √(noise + spread between the cameras). The cameras differ
+ * because each camera's flat field has another error at the fiducial's position. */
 static gboolean fit_white(const struct position *position, struct fiducial_fit *ret) {
     struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
     double spread = 0, apart = 0;

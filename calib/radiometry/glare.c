@@ -1,12 +1,13 @@
-/* Veiling glare: light that lens and sensor scatter over the whole picture, g times the mean of the
- * light that is due there. M is the mean of the picture, with glare. A cell c of a camera's picture
- * that shows a dark surface has, in shots s under lamp l,
- *   d_s = γ M_s + ρ_(c,l) e_s,   γ = g / (1 + g),   e_s: what a white surface there would show.
- * The lamp moves about the turntable and is now nearer to the cell and now farther away, so that
- * M_s and e_s differ. With e projected out in each group of a cell, a lamp and a colour,
- *   m_s = M_s − e_s Σ w e M / Σ w e²,   γ = Σ w m d / Σ w m²,
- * with w = 1/σ² of the cell, over all groups. Each group has a ρ of its own, as a surface may
- * reflect more of one lamp's light than of another's. */
+/* Veiling glare is light that lens and sensor scatter over the whole picture. It is g times the
+ * mean of the picture without glare. M is the mean of the picture with glare. A cell c of a
+ * camera's picture that shows a dark surface has, in shots s under lamp l, the signal
+ *   d_s = γ M_s + ρ_(c,l) e_s,   γ = g / (1 + g),
+ * where e_s is the signal of a white surface in its place. The lamp moves about the turntable, so
+ * its distance from the cell changes, and M_s and e_s are not proportional to each other. A group
+ * is a cell, a lamp and a colour. e is projected out in each group, and γ is found from all groups:
+ *   m_s = M_s − e_s Σ w e M / Σ w e²,   γ = Σ w m d / Σ w m²,   w = 1/σ² of the cell.
+ * Each group has a separate ρ, because a surface may reflect more light of one lamp than of
+ * another. */
 #include "radiometry.h"
 
 #include "geometry/fit.h"
@@ -17,13 +18,15 @@
 #define CELLS      12 /* as in radiometry.c */
 #define CELL_PX    16
 #define FEW_PIXELS 16
-#define BORDER_MM  4 /* around the tile, besides twice its height: it throws light and shadow */
-#define MAX_ROWS   256
-#define DARK       0.25 /* of a picture's mean: a brighter surface is not dark */
-#define ALIKE      2.0  /* factor between a shot and its group's median: shadows, marks */
-#define FEW_SHOTS  4    /* of a group */
-#define OUTLIER    4.0  /* standard deviations */
-#define MAX_ERROR  0.002
+/* Border around the tile that is left out, in addition to twice the height of the tile, because the
+ * tile throws light and shadow. */
+#define BORDER_MM 4
+#define MAX_ROWS  256
+#define DARK      0.25 /* a surface is dark if it is darker than this part of the picture's mean */
+#define ALIKE     2.0  /* largest factor between a shot and the median of its group */
+#define FEW_SHOTS 4    /* smallest number of shots of a group */
+#define OUTLIER   4.0  /* standard deviations */
+#define MAX_ERROR 0.002
 
 struct glare_sums {
     double n, signal, white, squares, triples;
@@ -64,7 +67,7 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
             all[colour] += (double)value;
             n_all[colour]++;
             const struct vec3 ray = rig_pixel_ray(c, x, y);
-            double white = 0; /* of what is beyond the turntable, nothing is known */
+            double white = 0; /* stays 0 if the ray does not meet the turntable's plane */
             if (ray.z < 0) {
                 const struct vec3 p = vec3_add(eye, vec3_scale(ray, -eye.z / ray.z));
                 const struct vec3 own = rig_turn(p, -at->turntable_rad);
@@ -95,7 +98,7 @@ int glare_measure(const struct rig *rig, int camera, const struct radiometry_cam
         variance += sums[i].squares;
         mean += sums[i].triples;
     }
-    const double noise = mean > 0 ? variance / mean : 0; /* of a pixel: of dark ones read noise */
+    const double noise = mean > 0 ? variance / mean : 0; /* mean variance of a pixel */
     for (int i = 0; i < CELLS * CELLS * 3 && noise > 0; i++) {
         const struct glare_sums *s = &sums[i];
         if (s->n < FEW_PIXELS || n_all[i % 3] == 0)
@@ -130,16 +133,17 @@ static int compare(gconstpointer a, gconstpointer b, gpointer data) {
                                     : x->shot - y->shot;
 }
 
-/* Sums of one pass over the groups: of all, and of each lamp. */
+/* Sums of one pass over the groups, for all lamps together and for each lamp. */
 struct glare_pass {
     double up, down, chi2;
     int n, groups;
-    double darkest; /* least median of a group's d / M: glare is not above it */
+    double darkest; /* smallest median of d / M in a group; γ cannot be larger */
     double lamp_up[RIG_MAX_LAMPS], lamp_down[RIG_MAX_LAMPS];
 };
 
-/* Adds a group of n cells. g < 0: the first pass; else outliers from it are left out, by `scale`.
- */
+/* Adds a group of n cells. In the first pass g is negative. In later passes, cells that deviate by
+ * more than OUTLIER · scale standard deviations from the result g of the previous pass are left
+ * out. */
 static void add_group(const struct glare_cell *cells, int n, int lamp, double g, double scale,
                       struct glare_pass *to) {
     g_autofree double *share = g_new(double, n), *sorted = g_new(double, n);
@@ -152,7 +156,7 @@ static void add_group(const struct glare_cell *cells, int n, int lamp, double g,
     const double median = sorted[n / 2];
     if (n < FEW_SHOTS || !(median > 0) || median > DARK)
         return;
-    for (int round = 0; round < 2; round++) { /* the second leaves outliers of the first out */
+    for (int round = 0; round < 2; round++) { /* the second round leaves outliers out */
         const double rho = round > 0 && ee > 0 ? (ed - g * em) / ee : 0;
         for (int i = 0; i < n; i++) {
             const double off = cells[i].signal - g * cells[i].mean - rho * cells[i].white;
@@ -220,7 +224,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
         else
             scale = HUGE_VAL;
     }
-    /* What is not described, such as a gloss of the surround, differs from lamp to lamp. */
+    /* Effects that the model lacks, such as gloss of the surround, differ from lamp to lamp. */
     for (int l = 0; l < RIG_MAX_LAMPS; l++)
         if (pass.lamp_down[l] > 0) {
             scatter += pass.lamp_down[l] * pow(pass.lamp_up[l] / pass.lamp_down[l] - g, 2);
@@ -229,7 +233,7 @@ gboolean glare_fit(struct glare_cell *cells, int n, int camera, const struct til
     *ret_error = scale / sqrt(pass.down);
     if (lamps > 1)
         *ret_error = MAX(*ret_error, sqrt(scatter / (lamps - 1) / pass.down));
-    *ret_glare = g / (1 - g); /* M has the glare in it */
+    *ret_glare = g / (1 - g); /* the variable g is γ, because M includes the glare */
     return *ret_error < MAX_ERROR && g < pass.darkest + 3 * *ret_error;
 }
 

@@ -1,7 +1,7 @@
-/* Photon transfer (EMVA 1288): with signal S above dark in DN, temporal variance σ² of a pixel
- * and gain K in DN per electron, σ² = σ_read² + 1/12 + K·S. Tiles of pairs of pictures give
- * points (S, σ²); S and σ² are the mean of both pictures and half the variance of their
- * difference. */
+/* Photon transfer (EMVA 1288). With the signal S above dark in DN, the temporal variance σ² of a
+ * pixel and the gain K in DN per electron, σ² = σ_read² + 1/12 + K·S. Each tile of a pair of
+ * pictures gives a point (S, σ²), where S is the mean of both pictures and σ² is half the variance
+ * of their difference. */
 #include "photon_transfer.h"
 
 #include <math.h>
@@ -9,7 +9,7 @@
 #define TILE         16         /* pixels along a side; smaller pictures have smaller tiles */
 #define SATURATED    0.98       /* of full scale */
 #define TRANSFER_TOP 0.7        /* EMVA 1288 §6.6: the slope is fitted up to 70 % of saturation */
-#define MIN_RANGE    0.15       /* of full scale, which the brightest tile must reach */
+#define MIN_RANGE    0.15       /* part of full scale that the brightest tile must reach */
 #define ALIKE        0.05       /* largest relative difference of the means of a pair */
 #define ROUNDING     (1.0 / 12) /* DN²: variance of quantisation */
 
@@ -17,7 +17,7 @@ G_DEFINE_QUARK(transfer_error, transfer_error)
 
 struct tile {
     double mean, variance; /* mean of both pictures; temporal variance of one pixel */
-    double n;              /* pixels; 0: saturated somewhere */
+    double n;              /* number of pixels; 0 if any pixel is saturated */
 };
 
 /* All tiles of a pair. */
@@ -39,7 +39,7 @@ static double full_scale(const struct fit *fit) {
     return (double)((1 << fit->sensor->bits) - 1);
 }
 
-/* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference, its mean taken off. */
+/* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference about its mean. */
 static struct tile photon_transfer_measure_tile(const struct fit *fit,
                                                 const struct transfer_pair *pair, int index) {
     int columns = fit->sensor->width / fit->side;
@@ -79,12 +79,13 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
                     pair->exposure_us);
     else if (same == n && first > 0)
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the %s pair at %g µs is the same picture twice: its noise cannot be measured",
+                    "the %s pair at %g µs is the same picture twice, so its noise cannot be "
+                    "measured; take two pictures",
                     what, pair->exposure_us);
     else if (fabs(first - second) > ALIKE * 0.5 * (first + second))
         g_set_error(
             error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-            "the pictures of the %s pair at %g µs differ by %.1f %%: let the lamps warm up, "
+            "the pictures of the %s pair at %g µs differ by %.1f %%; let the lamps warm up, "
             "and keep other light out",
             what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
     else
@@ -138,7 +139,8 @@ static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, 
     return TRUE;
 }
 
-/* Black level and dark current: dark mean = black + dark current · exposure (EMVA 1288 §7.1). */
+/* Fits black level and dark current: dark mean = black + dark current · exposure (EMVA 1288
+ * §7.1). */
 static gboolean fit_dark(struct fit *fit, GError **error) {
     struct line line = {0};
     for (int i = 0; i < fit->n_dark; i++) {
@@ -151,12 +153,12 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                "the dark pairs have one exposure only: the dark current needs two, as far apart "
-                "as those of the session");
+                "all dark pairs have the same exposure; the dark current needs two exposures, as "
+                "far apart as those of the session");
     return FALSE;
 }
 
-/* Dark level of a tile: measured at this exposure, or from the line. */
+/* Returns the dark level of a tile, as measured at this exposure, or else from the fitted line. */
 static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     double sum = 0;
     int n = 0;
@@ -168,7 +170,8 @@ static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     return n > 0 ? sum / n : fit->to->black_dn + fit->to->dark_dn_s * exposure_s;
 }
 
-/* The points of the transfer curve: signal above dark, temporal variance and its weight. */
+/* Returns the points of the transfer curve: signal above dark, temporal variance, and number of
+ * pixels. */
 static GArray *transfer_points(const struct fit *fit) {
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
     double range = full_scale(fit) - fit->to->black_dn;
@@ -183,15 +186,15 @@ static GArray *transfer_points(const struct fit *fit) {
             struct tile point = fit->lit[i].tile[k];
             point.mean -= dark_level(fit, k, fit->lit[i].exposure_s);
             point.mean += fit->to->dark_dn_s *
-                          fit->lit[i].exposure_s; /* dark current causes shot noise, too */
+                          fit->lit[i].exposure_s; /* dark current also causes shot noise */
             if (point.n > 0 && point.mean < TRANSFER_TOP * range)
                 g_array_append_val(points, point);
         }
     return points;
 }
 
-/* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line, since weights
- * from the measured variances would favour points that came out too low by chance. */
+/* Fits EMVA 1288 eq. 19, σ² = σ₀² + K · signal. The weights come from the fitted line, because
+ * weights from the measured variances would favour points that are too low by chance. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
     g_autoptr(GArray) points = transfer_points(fit);
     double floor = 1, slope = 0.1, floor_error = 0, slope_error = 0, top = 0;
@@ -199,7 +202,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
         top = MAX(top, g_array_index(points, struct tile, i).mean);
     if (top < MIN_RANGE * (full_scale(fit) - fit->to->black_dn)) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                    "the brightest part that is not saturated is %.0f of %.0f DN: expose so that "
+                    "the brightest part that is not saturated is %.0f of %.0f DN; expose so that "
                     "some pictures are between a third and two thirds of full scale",
                     top, full_scale(fit));
         return FALSE;
@@ -213,15 +216,15 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
         }
         if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error) || !(slope > 0)) {
             g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                        "noise does not grow with light: the pictures are processed (denoised, "
-                        "sharpened) or equally bright; use raw ones");
+                        "the noise does not grow with the light; the pictures were processed "
+                        "(denoised, sharpened) or are equally bright; use raw pictures");
             return FALSE;
         }
     }
     struct transfer *to = fit->to;
     double read = MAX(floor - ROUNDING, 0);
-    /* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n
-     * − 1). */
+    /* Compute χ² per degree of freedom of the transfer curve. The variance of a sample variance is
+     * 2σ⁴ / (n − 1). */
     double sum = 0;
     for (guint i = 0; i < points->len; i++) {
         const struct tile *p = &g_array_index(points, struct tile, i);
@@ -240,12 +243,15 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     return TRUE;
 }
 
-/* One tile over the exposures, for y = a·t·(1 − c·a·t / range) with its own a. */
+/* One tile over the exposures, for the fit of y = a·t·(1 − c·a·t / range). Each tile has another
+ * a. */
 struct ramp {
     double *t, *y, *weight; /* one block, which t owns */
     int n;
     double a;
-    double sum_t, sum_y; /* their ratio is the slope with weights 1/t: variance grows with signal */
+    /* sum_y / sum_t is the slope with weights 1/t. Such weights are right because the variance
+     * grows with the signal. */
+    double sum_t, sum_y;
 };
 
 struct ramps {
@@ -254,7 +260,7 @@ struct ramps {
     double range, curvature, error;
 };
 
-/* One Gauss-Newton step for the a of all tiles and the common c, with the a eliminated (Schur
+/* Makes one Gauss-Newton step for the a of all tiles and the common c. The a are eliminated (Schur
  * complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before the
  * step. */
 static double photon_transfer_step(struct ramps *ramps) {
@@ -289,7 +295,8 @@ static double photon_transfer_step(struct ramps *ramps) {
     return chi2;
 }
 
-/* Largest relative deviation of the mean signal at an exposure from the best line through zero. */
+/* Returns the largest relative deviation of the mean signal at an exposure from the best line
+ * through zero. */
 static double largest_deviation(const struct fit *fit, const struct ramps *ramps) {
     double worst = 0;
     for (int i = 0; i < fit->n_lit; i++) {
@@ -308,13 +315,13 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
     return worst;
 }
 
-/* Fits the curvature c common to all tiles that have three exposures or more. */
+/* Fits the curvature c, which all tiles with three or more exposures share. */
 static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);
     for (int k = 0; k < fit->n_tiles; k++) {
-        /* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the
-         * longest one. */
+        /* The signal of a tile over the exposures, weighted by its inverse variance. a starts at
+         * the value of the longest exposure. */
         double *block = g_new(double, 3 * fit->n_lit);
         struct ramp ramp = {.t = block, .y = block + fit->n_lit, .weight = block + 2 * fit->n_lit};
         double top = 0;
@@ -348,8 +355,8 @@ static gboolean fit_linearity(struct fit *fit, GError **error) {
     if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
-                "no part of the picture is lit and not saturated at three exposures or more: use "
-                "shorter ones");
+                "no part of the picture is lit and not saturated at three or more exposures; use "
+                "shorter exposures");
     return FALSE;
 }
 
@@ -364,8 +371,8 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
                       GError **error) {
     if (n_dark < 2 || n_lit < 3) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                    "there are %d dark and %d lit pairs; at least two dark and three lit ones of "
-                    "different exposures are needed",
+                    "%d dark and %d lit pairs are too few; give at least two dark and three lit "
+                    "pairs of different exposures",
                     n_dark, n_lit);
         return FALSE;
     }
@@ -386,9 +393,9 @@ gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfe
     return ok;
 }
 
-/* The merged value is m = Σ DN / T, T the sum of the exposures. With K gain, σ_r read noise and d
- * dark current in DN/ms, photons and dark electrons give K·(m + d)·T, each exposure's readout
- * K²σ_r², and its rounding to whole DN 1/12:
+/* The merged value is m = Σ DN / T, where T is the sum of the exposures. Let K be the gain, σ_r the
+ * read noise and d the dark current in DN/ms. Photons and dark electrons contribute the variance
+ * K·(m + d)·T, each readout K²σ_r², and each rounding to whole DN 1/12:
  *   var(m) = K·(m + d)/T + n·(K²σ_r² + 1/12)/T². */
 void transfer_noise(const struct transfer *transfer, double sum_ms, int n, double *ret_floor,
                     double *ret_slope) {

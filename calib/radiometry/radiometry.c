@@ -1,24 +1,25 @@
-/* Averages a picture of the white tile over cells of a grid and over colours. Each cell has its
- * mean signal, the prediction of the nominal rig, and the mean of the flat field's basis
- * functions; radiometry_fit.c fits all cells together. */
+/* Averages a picture of the white tile over the cells of a grid, separately for each colour. Each
+ * cell has its mean signal, the prediction of the nominal rig, and the means of the flat field's
+ * basis functions. radiometry_fit.c fits all cells together. */
 #include "radiometry.h"
 
 #include <string.h>
 
 G_DEFINE_QUARK(radiometry_error, radiometry_error)
 
-#define CELLS      12  /* along a side of a picture, at most */
-#define CELL_PX    16  /* side of a cell, at least */
-#define FEW_PIXELS 16  /* of a colour, in a usable cell */
-#define BORDER_MM  2   /* border of the tile that is left out: it may be bevelled or soiled */
-#define MAX_ROWS   256 /* pairs of rows that are used; larger pictures are sampled */
+#define CELLS      12  /* largest number of cells along a side of a picture */
+#define CELL_PX    16  /* smallest side of a cell */
+#define FEW_PIXELS 16  /* smallest number of pixels of a colour in a usable cell */
+#define BORDER_MM  2   /* border of the tile that is left out, as it may be bevelled or soiled */
+#define MAX_ROWS   256 /* largest number of pairs of rows that are used */
 
 static double half_diagonal(const struct rig_camera *camera) {
     return 0.5 * hypot(camera->width - 1, camera->height - 1);
 }
 
-/* Basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i: s, s², s³, x, y, xy,
- * x² − y², xs, ys with s = x² + y², and ±½ in the right and left, lower and upper half. */
+/* Computes the basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i. They are s,
+ * s², s³, x, y, xy, x² − y², xs and ys with s = x² + y². The last two are ½ in the right (lower)
+ * half and −½ in the left (upper) half. */
 static void flat_basis(const struct rig_camera *camera, double x_px, double y_px,
                        double ret[RADIOMETRY_FLAT]) {
     double x = (x_px - 0.5 * (camera->width - 1)) / half_diagonal(camera);
@@ -38,7 +39,7 @@ static void flat_basis(const struct rig_camera *camera, double x_px, double y_px
     memcpy(ret, values, sizeof values);
 }
 
-/* The nominal vignetting of rig.h. */
+/* Returns the nominal vignetting (rig.h). */
 static double nominal_flat(const struct rig_camera *camera, double x_px, double y_px) {
     double dx = x_px - camera->cx_px, dy = y_px - camera->cy_px, corner = half_diagonal(camera);
     return MAX(1 - camera->vignetting * (dx * dx + dy * dy) / (corner * corner), 0.05);
@@ -64,7 +65,7 @@ struct sums {
 };
 
 struct measuring {
-    double all[3], n_all[3]; /* sum and number of the finite pixels of each colour */
+    double all[3], n_all[3]; /* sums and numbers of the finite pixels of each colour */
     const struct rig *rig;
     const struct rig_camera *camera;
     const char *cfa;
@@ -72,7 +73,7 @@ struct measuring {
     const struct tile *tile;
     const struct tile_shot *shot;
     struct vec3 eye;
-    int cells; /* along a side */
+    int cells; /* number of cells along a side */
     struct sums sums[CELLS * CELLS][3];
 };
 
@@ -81,7 +82,7 @@ int radiometry_colour_at(const char *cfa, int x, int y) {
     return name == 'r' ? 0 : name == 'g' ? 1 : 2;
 }
 
-/* response · flat · ρ/π · cos θ · E, DN per second. */
+/* Returns response · flat · ρ/π · cos θ · E, in DN per second. */
 static double expected(const struct measuring *m, struct vec3 p, int x, int y, int colour) {
     const struct rig_lamp *lamp = &m->rig->lamps[m->shot->lamp];
     struct vec3 path = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
@@ -110,8 +111,8 @@ static void radiometry_add_pixel(struct measuring *m, int x, int y) {
     struct sums *s = &m->sums[row * CELLS + column][colour];
     float value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
     s->run = s->last_y == y && x - s->last_x <= 2 ? s->run + 1 : 1;
-    if (s->run > 2) { /* noise from second differences, which a gradient does not affect: Var(a − 2b
-                         + c) = 6σ² */
+    if (s->run > 2) { /* second differences give the noise despite a gradient: Var(a − 2b + c) =
+                         6σ² */
         double off = value - 2.0 * s->last[0] + s->last[1];
         s->squares += off * off / 6;
         s->triples++;
@@ -135,8 +136,8 @@ static gboolean radiometry_is_good(const struct sums *s) {
            s->signal > 0 && s->expected > 0;
 }
 
-/* Ratio of variance to mean: shot noise is proportional to the signal; all cells together
- * determine the factor better than each only. */
+/* Returns the ratio of variance to mean. Shot noise is proportional to the signal, and all cells
+ * together determine this factor better than a single cell. */
 static double variance_by_mean(const struct measuring *m) {
     double variance = 0, mean = 0;
     for (int i = 0; i < CELLS * CELLS; i++)
@@ -153,7 +154,7 @@ static double variance_by_mean(const struct measuring *m) {
 int tile_measure(const struct rig *rig, int camera, const char *cfa, const float *mosaic,
                  const struct tile *tile, const struct tile_shot *shots, int shot, GArray *cells) {
     g_autofree struct measuring *m = g_new0(struct measuring, 1);
-    /* Points of the tile, which is level where the turntable's axis is z. */
+    /* Use the frame in which the turntable's axis is z, because the tile is level in it. */
     g_autofree struct rig *at = g_new(struct rig, 1);
     double tilt_rad[2];
     rig_at(rig, shots[shot].turntable_rad, at);
@@ -167,7 +168,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     m->shot = &shots[shot];
     m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
     m->eye = rig_camera_centre_mm(c);
-    /* Whole rows, since neighbouring pixels measure the noise. */
+    /* Use whole rows, because neighbouring pixels measure the noise. */
     int stride = 2 * MAX(c->height / (2 * MAX_ROWS), 1);
     for (int y = 0; y + 1 < c->height; y += stride)
         for (int x = 0; x < 2 * c->width; x++)
@@ -179,8 +180,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
             const struct sums *s = &m->sums[i][k];
             if (!radiometry_is_good(s))
                 continue;
-            /* The signal is in DN/s; its standard error by the shot noise is √(noise · mean / n).
-             */
+            /* The signal is in DN/s. Its standard error from shot noise is √(noise · mean / n). */
             double mean = s->signal / s->n;
             struct tile_cell cell = {
                 .shot = shot,

@@ -1,35 +1,35 @@
-/* Fits cameras, lamps and outputs to the cells of radiometry.c, twice, with outliers dropped in
- * between. Each step solves the normal equations (Σ w rowᵀ row + priors + gauges) dx = Σ w rowᵀ r
- * by Cholesky decomposition; only the exponents and aims are non-linear. */
+/* Fits cameras, lamps and outputs to the cells of radiometry.c. The fit is done twice, and outliers
+ * are dropped in between. Each step solves the normal equations (Σ w rowᵀ row + priors + gauges) dx
+ * = Σ w rowᵀ r by Cholesky decomposition. Only the exponents and aims are non-linear. */
 #include "radiometry.h"
 
 #include <lapacke.h>
 #include <string.h>
 
 #define STEPS          5
-#define GAUGE          1e8 /* weight of gauge constraints */
-#define EXPONENT_SD    1.0 /* priors of a lamp: */
-#define AIM_SD_RAD     0.035
-#define DRIFT_SD       0.05 /* of the drift between shots, which pictures determine much better */
+#define GAUGE          1e8   /* weight of gauge constraints */
+#define EXPONENT_SD    1.0   /* prior of a lamp's exponent */
+#define AIM_SD_RAD     0.035 /* prior of a lamp's aim */
+#define DRIFT_SD       0.05  /* prior of the drift between shots, which is weak */
 #define MAX_GAIN_ERROR 0.01
 #define OUTLIER        5.0 /* standard deviations */
 #define MAX_OUTLIERS   0.05
 #define MAX_RESIDUAL   0.03
 #define APART_RAD      (30 * G_PI / 180)
-#define STILL_RAD      (1 * G_PI / 180) /* arc angles that differ by less are one */
+#define STILL_RAD      (1 * G_PI / 180) /* arc angles that differ by less count as the same */
 #define MAX_FLAT_ERROR 0.05
-#define FEW_CELLS      30 /* of a camera */
+#define FEW_CELLS      30 /* smallest number of cells of a camera */
 
-/* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: where the tile did not
- * reach, they keep the flat field smooth, as lenses are. */
+/* Priors of the flat field's coefficients, in their order. In regions that the tile did not reach,
+ * they keep the flat field smooth, like that of a lens. */
 static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1,  0.1, 0.1,
                                                 0.1, 0.1, 0.1, 0.05, 0.05};
 
 /*
- * Least squares in logarithms: the residual ln(signal / expected) − Σ of parameters is weighted
- * by (signal / error)². Parameters: per camera three logarithms of gain (relative to nominal) and
- * its flat field; per lamp three logarithms of intensity (relative to nominal), its exponent and
- * two tilts of its aim; per shot the logarithm of its output.
+ * Least squares in logarithms: the residual ln(signal / expected) − Σ of parameters is weighted by
+ * (signal / error)². A camera has three logarithms of gain (relative to nominal) and its flat field
+ * as parameters. A lamp has three logarithms of intensity (relative to nominal), its exponent and
+ * two tilts of its aim. A shot has the logarithm of its output.
  */
 #define CAMERA_SIZE (3 + RADIOMETRY_FLAT)
 #define LAMP_SIZE   6
@@ -42,7 +42,7 @@ struct problem {
     int n_shots, n_cells, n;
     gboolean *bad;
     double *x;      /* present solution */
-    double *matrix; /* n × n, lower triangle; in the end the covariance */
+    double *matrix; /* n × n, lower triangle; finish() replaces it by the covariance */
     double *right;
     double chi2, sum2;
     int n_used;
@@ -60,7 +60,7 @@ static int shot_at(const struct problem *p, int shot) {
     return p->rig->n_cameras * CAMERA_SIZE + p->rig->n_lamps * LAMP_SIZE + shot;
 }
 
-/* Two directions perpendicular to the aim. */
+/* Returns two directions perpendicular to the aim. */
 static void across(const struct rig_lamp *lamp, struct vec3 *ret_a, struct vec3 *ret_b) {
     struct vec3 side = fabs(lamp->aim.y) < 0.9 ? vec3(0, 1, 0) : vec3(1, 0, 0);
     *ret_a = vec3_unit(vec3_cross(lamp->aim, side));
@@ -85,8 +85,8 @@ static void put(struct row *row, int at, double value) {
     row->value[row->n++] = value;
 }
 
-/* One row of the Jacobian and its residual r = ln(signal / expected) − model; weight = (signal /
- * error)². */
+/* Computes one row of the Jacobian, its residual r = ln(signal / expected) − model, and its weight
+ * (signal / error)². */
 static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
     int lamp = p->shots[cell->shot].lamp;
     memset(row, 0, sizeof *row);
@@ -98,8 +98,8 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     double model = 0;
     for (int i = 0; i < row->n; i++)
         model += row->value[i] * p->x[row->at[i]];
-    /* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives
-     * by exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
+    /* Add ln cosⁿ of the lamp's pattern towards the point, minus its nominal value. Append the
+     * derivatives by exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *l = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
@@ -117,7 +117,7 @@ static void cell_row(const struct problem *p, const struct tile_cell *cell, stru
     row->weight = cell->signal * cell->signal / (cell->error * cell->error);
 }
 
-/* Gauge constraint: the sum of some parameters is 0. */
+/* Adds a gauge constraint: the sum of some parameters is 0. */
 static void add_gauge(struct problem *p, const int *at, int n) {
     double sum = 0;
     for (int i = 0; i < n; i++)
@@ -134,8 +134,8 @@ static double *diagonal(const struct problem *p, int i) {
     return &p->matrix[(gsize)i * (gsize)p->n + (gsize)i];
 }
 
-/* Three gauges for the cameras' gains (one per colour), and one per lamp for the outputs of its
- * shots. */
+/* Adds three gauges for the cameras' gains, one per colour, and one gauge per lamp for the outputs
+ * of its shots. */
 static void add_gauges(struct problem *p) {
     g_autofree int *at = g_new(int, MAX(p->n_shots, p->rig->n_cameras));
     for (int k = 0; k < 3; k++) {
@@ -154,7 +154,7 @@ static void add_gauges(struct problem *p) {
     }
 }
 
-/* A mono sensor determines green only: its other colours are tied to it. */
+/* Ties the other colours of a mono sensor to green, because its pictures determine only green. */
 static void tie_colours(struct problem *p, int at) {
     for (int k = 0; k < 3; k++) {
         if (*diagonal(p, at + k) > 0 || *diagonal(p, at + 1) == 0)
@@ -169,7 +169,7 @@ static void tie_colours(struct problem *p, int at) {
     }
 }
 
-/* Prior with mean 0: adds 1/σ² to the diagonal. */
+/* Adds a prior with mean 0, which adds 1/σ² to the diagonal. */
 static void add_prior(struct problem *p, int at, double sd) {
     *diagonal(p, at) += 1 / (sd * sd);
     p->right[at] -= p->x[at] / (sd * sd);
@@ -211,7 +211,7 @@ static void build(struct problem *p) {
         add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
         add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
     }
-    for (int i = 0; i < p->n; i++) /* undetermined parameters stay as they are */
+    for (int i = 0; i < p->n; i++) /* keeps undetermined parameters unchanged */
         if (*diagonal(p, i) == 0)
             *diagonal(p, i) = 1;
 }
@@ -219,9 +219,10 @@ static void build(struct problem *p) {
 static gboolean factor(struct problem *p, GError **error) {
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n) == 0)
         return TRUE;
-    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                "the tile's pictures do not separate cameras and lamps: capture it with every "
-                "camera under every lamp, at several arc and turntable angles");
+    g_set_error(
+        error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+        "the pictures of the tile do not separate the effects of cameras and lamps; capture "
+        "the tile with every camera under every lamp, at several arc and turntable angles");
     return FALSE;
 }
 
@@ -238,18 +239,19 @@ static gboolean solve(struct problem *p, GError **error) {
     return TRUE;
 }
 
-/* The azimuth that a lamp lights the tile from in a shot. */
+/* Returns the azimuth from which the lamp lights the tile in a shot. */
 static double lit_from_rad(const struct problem *p, int shot) {
     const struct vec3 at = rig_lamp_position_mm(&p->rig->arc, &p->rig->lamps[p->shots[shot].lamp],
                                                 p->shots[shot].arc_rad);
     return atan2(at.y, at.x);
 }
 
-/* Light from several sides separates a lamp's fall-off from the cameras' vignetting: light of the
- * lamp itself at several angles of the arc or, in a rig where no lamp ever turns, of all lamps
- * together. For a lamp that stands by itself next to an arc, the lamps on the arc determine the
- * vignetting. Its fall-off is then less certain, as its error says; but the product of fall-off and
- * vignetting, on which alone the pictures of that rig depend, is not. */
+/* Light from several sides separates a lamp's fall-off from the cameras' vignetting. It is the
+ * light of the lamp at several angles of the arc or, in a rig where no lamp ever turns, the light
+ * of all lamps together. For a lamp that stands by itself next to an arc, the lamps on the arc
+ * determine the vignetting. The fall-off of such a lamp is less certain, as its error says. The
+ * product of its fall-off and the vignetting is as certain as for other lamps, and the pictures of
+ * the rig depend only on this product. */
 static gboolean check_shots(const struct problem *p, GError **error) {
     gboolean turns = FALSE;
     for (int s = 1; s < p->n_shots; s++)
@@ -267,9 +269,9 @@ static gboolean check_shots(const struct problem *p, GError **error) {
         if (n == 0 || apart >= APART_RAD || (turns && p->rig->lamps[l].fixed))
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                    "lamp %s lights the tile from one side only (%s within %.0f°): its "
-                    "fall-off and the cameras' vignetting cannot be separated; take it at several "
-                    "arc angles, or with lamps that stand still from several sides",
+                    "lamp %s lights the tile from one side only (%s within %.0f°), so its "
+                    "fall-off and the cameras' vignetting cannot be separated; capture the tile at "
+                    "several arc angles, or with fixed lamps on several sides",
                     p->rig->lamps[l].name, turns ? "arc angles" : "all lamps stand",
                     apart * 180 / G_PI);
         return FALSE;
@@ -284,16 +286,16 @@ static gboolean check_cells(const struct problem *p, GError **error) {
     for (int c = 0; c < p->rig->n_cameras; c++)
         if (seen[c] > 0 && seen[c] < FEW_CELLS) {
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                        "camera %s sees too little of the tile (%d cells in all pictures): use a "
-                        "larger one, or one that lies where the camera looks",
+                        "camera %s sees too little of the tile (%d cells in all pictures); use a "
+                        "larger tile, or put the tile where the camera looks",
                         p->rig->cameras[c].name, seen[c]);
             return FALSE;
         }
     if (p->n_cells >= FEW_CELLS)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
-                "no picture shows the tile: it must lie in the middle of the turntable, %d cells "
-                "were lit",
+                "no picture shows the tile (%d cells were lit); put it in the middle of the "
+                "turntable, under the lamps",
                 p->n_cells);
     return FALSE;
 }
@@ -302,8 +304,8 @@ static double covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
 
-/* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with standard
- * errors. */
+/* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with their
+ * standard errors. */
 static void split_colours(const struct problem *p, int at, double worse, double *ret_mean,
                           double *ret_error, double colour[3], double colour_error[3]) {
     double mean = (p->x[at] + p->x[at + 1] + p->x[at + 2]) / 3, variance = 0;
@@ -322,7 +324,7 @@ static void split_colours(const struct problem *p, int at, double worse, double 
     *ret_error = sqrt(MAX(variance, 0)) * worse;
 }
 
-/* Writes a lamp's intensity, exponent and aim, with standard errors. */
+/* Writes a lamp's intensity, exponent and aim, with their standard errors. */
 static void store_lamp(const struct problem *p, int l, double worse, struct tile_fit *ret) {
     struct radiometry_lamp *to = &ret->lamps[l];
     struct rig_lamp *lamp = &p->rig->lamps[l];
@@ -353,14 +355,14 @@ static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, 
         if (fit->cameras[c].response_error > MAX_GAIN_ERROR)
             g_set_error(
                 error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                "camera %s and others never see the tile in the same shot, so that lamps "
-                "that drift cannot be separated from cameras that differ: plan views of all "
-                "cameras that share turntable angles",
+                "camera %s and the other cameras never see the tile in the same shot, so the drift "
+                "of the lamps cannot be separated from the differences of the cameras; plan views "
+                "of all cameras at the same turntable angles",
                 rig->cameras[c].name);
         else if (!(worst < MAX_FLAT_ERROR))
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                        "the flat field of camera %s is known to %.0f %% only: take the tile at "
-                        "more arc and turntable angles, or use a larger one",
+                        "the flat field of camera %s is known only to %.0f %%; capture the tile at "
+                        "more arc and turntable angles, or use a larger tile",
                         rig->cameras[c].name, 100 * worst);
         else
             continue;
@@ -369,10 +371,11 @@ static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, 
     return TRUE;
 }
 
-/* What the residuals r of the used cells tell. Each picture's mean m of them, with error s, tells
- * of light that differs between the cameras of a shot; what remains, of the flat field and the
- * light's pattern: frame_flicker² = mean of (m² k/(k − 1) − s²), k: cameras of the shot, excess² =
- * mean of ((r − m)² − σ²). */
+/* Finds frame_flicker and excess from the residuals r of the used cells. The mean m of a picture's
+ * residuals, with error s, shows light that differs between the cameras of a shot: frame_flicker² =
+ * mean of (m² k/(k − 1) − s²), where k is the number of cameras of the shot. The remaining
+ * residuals show errors of the flat field and of the light's pattern: excess² = mean of ((r − m)² −
+ * σ²). */
 static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
     const int n_cameras = p->rig->n_cameras, n = p->n_shots * n_cameras;
     g_autofree double *sum = g_new0(double, n), *weights = g_new0(double, n);
@@ -418,8 +421,9 @@ static void tell_residuals(const struct problem *p, struct tile_fit *ret) {
         ret->lamps[l].frame_flicker = sqrt(MAX(lamp_squares[l] / MAX(lamp_n[l], 1), 0));
 }
 
-/* The flicker of each lamp, from the outputs o of its shots, one after the other: a slow drift is
- * nearly a line through three of them. With independent outputs of variance σ² and errors e,
+/* Finds the flicker of each lamp from the outputs o of its shots, in the order of the shots. A slow
+ * drift is nearly a straight line over three shots. With independent outputs of variance σ² and
+ * errors e,
  *   E (o₁ − (o₀ + o₂)/2)² = 1.5 σ² + e₁² + (e₀² + e₂²)/4. */
 static void find_flicker(const struct problem *p, struct tile_fit *ret) {
     for (int l = 0; l < p->rig->n_lamps; l++) {
@@ -442,7 +446,7 @@ static void find_flicker(const struct problem *p, struct tile_fit *ret) {
 }
 
 static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) {
-    tell_residuals(p, ret); /* before the rig is changed, to which the solution is relative */
+    tell_residuals(p, ret); /* call it first: the solution is relative to the unchanged rig */
     if (!factor(p, error))
         return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
@@ -451,7 +455,7 @@ static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) 
     ret->residual = sqrt(p->sum2 / p->n_used);
     double worse = sqrt(MAX(ret->quality, 1));
     for (int c = 0; c < p->rig->n_cameras; c++) {
-        /* Writes a camera's response, colours and flat field, with standard errors. */
+        /* Write the camera's response, colours and flat field, with their standard errors. */
         struct radiometry_camera *to = &ret->cameras[c];
         int at = camera_at(p, c);
         double mean;
@@ -490,8 +494,8 @@ void tile_fit_clear(struct tile_fit *fit) {
 static gboolean run(struct problem *p, struct tile_fit *ret, GError **error) {
     if (!check_cells(p, error) || !check_shots(p, error) || !solve(p, error))
         return FALSE;
-    /* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
-     * freedom). */
+    /* Flag the cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree
+     * of freedom). */
     double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
     struct row row;
     for (int i = 0; i < p->n_cells; i++) {
@@ -504,11 +508,13 @@ static gboolean run(struct problem *p, struct tile_fit *ret, GError **error) {
     double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
     if (ret->rejected <= MAX_OUTLIERS * p->n_cells && rms < MAX_RESIDUAL)
         return finish(p, ret, error);
-    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
-                "average, %d of %d cells quite different; is it clean, matt, level, where the "
-                "session says, and does no other light fall on it?",
-                100 * rms, ret->rejected, p->n_cells);
+    g_set_error(
+        error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+        "the pictures do not show a matt white tile under these lamps: the difference is "
+        "%.1f %% on average, and %d of %d cells are quite different; check that the tile is "
+        "clean, matt, level, and where the session says, and that no other light falls on "
+        "it",
+        100 * rms, ret->rejected, p->n_cells);
     return FALSE;
 }
 

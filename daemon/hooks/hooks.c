@@ -12,10 +12,10 @@ struct event {
 
 struct Hooks {
     const struct hooks_conf *conf;
-    struct event *event; /* at work; NULL: none */
+    struct event *event; /* the event that is handled; NULL if there is none */
     GQueue waiting;      /* of struct event, the oldest first */
-    GQueue programs;     /* paths (char *) of those still to be run for it */
-    gboolean busy;       /* the first of them runs */
+    GQueue programs;     /* paths (char *) of the programs that this event still needs */
+    gboolean busy;       /* the first of these programs runs */
     GCancellable *cancellable;
 };
 
@@ -28,13 +28,14 @@ static void event_free(gpointer data) {
     g_free(event);
 }
 
-/* Whether only root, or this program's user, could have put the executable there. */
+/* Returns whether only root, or the user of this program, could have put the file there. Otherwise
+ * writes a warning. */
 static gboolean is_trusted(const char *path, const struct stat *info) {
     if ((info->st_uid == 0 || info->st_uid == geteuid()) && !(info->st_mode & 022))
         return TRUE;
     g_warning(
-        "%s is not run: it belongs to user %u and its mode is %04o; it must belong to root or to "
-        "user %u, and only its owner may be able to write it",
+        "%s is not run: it belongs to user %u and its mode is %04o; let it belong to root or to "
+        "user %u, and let only its owner write it",
         path, info->st_uid, (guint)info->st_mode & 07777, (guint)geteuid());
     return FALSE;
 }
@@ -71,7 +72,7 @@ static void on_child(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
     hooks_child_finish(result, &error);
     if (g_cancellable_is_cancelled(g_task_get_cancellable(G_TASK(result)))) {
-        g_clear_error(&error); /* the hooks are gone */
+        g_clear_error(&error); /* the hooks were freed */
         return;
     }
     if (error)
@@ -100,7 +101,7 @@ static void run_first(Hooks *hooks) {
                     hooks->cancellable, on_child, hooks);
 }
 
-/* Runs the next program, for the next event if there is none. */
+/* Runs the next program of the event. If there is none, continues with the next event. */
 static void next(Hooks *hooks) {
     if (hooks->busy)
         return;
@@ -153,7 +154,7 @@ void hooks_tell(Hooks *hooks, const char *what, GVariant *details) {
     event->message = dup_detail(owned, "message");
     g_queue_push_tail(&hooks->waiting, event);
     if (hooks->waiting.length > HOOKS_MAX_WAITING) {
-        g_warning("%d events wait, which is the most: the oldest one is dropped",
+        g_warning("%d events wait, which is the maximum; the oldest one is dropped",
                   HOOKS_MAX_WAITING);
         event_free(g_queue_pop_head(&hooks->waiting));
     }

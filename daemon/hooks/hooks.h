@@ -1,14 +1,14 @@
 /*
  * Runs the executables of a folder when something happens to a capture, or shows notifications on
- * a desktop. Events are handled one after the other, and so are the executables of an event. A
- * failure is written to the log, and the next one follows. Main loop's thread.
+ * a desktop. Events are handled one after the other, and so are the executables of an event. The
+ * failure of an executable is written to the log, and the next executable is run. All functions
+ * belong to the main loop's thread.
  */
 #pragma once
 
 #include "hooks_conf.h"
 
-/* Largest number of waiting events, and of posts that wait to be tried again. If there are more,
- * the oldest are dropped. */
+/* Largest number of waiting events. If there are more, the oldest are dropped. */
 #define HOOKS_MAX_WAITING 1000
 
 typedef struct Hooks Hooks;
@@ -20,11 +20,12 @@ Hooks *hooks_new(const struct hooks_conf *conf);
 void hooks_free(Hooks *hooks);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hooks, hooks_free)
 
-/* Handles an event. what and details are those of the signal Milestone, or of an event (a{sv}; a
- * floating reference is taken). */
+/* Handles an event. what and details are the arguments of the signal Milestone, or the results of
+ * hooks_what_of_event() and hooks_details_of_event(). details is a{sv}; a floating reference is
+ * taken. */
 void hooks_tell(Hooks *hooks, const char *what, GVariant *details);
 
-/* Nothing runs and nothing waits. */
+/* Returns whether no program runs and no event waits. */
 gboolean hooks_is_idle(const Hooks *hooks);
 
 /* Convert the daemon's signal Event. hooks_what_of_event() returns "unsafe" if a device has not

@@ -82,7 +82,7 @@ static void finish_if_done(struct child *child) {
         g_cancellable_disconnect(g_task_get_cancellable(task), child->cancel_id);
     if (child->late)
         g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
-                                "%s took longer than the %g s that it may take, and was ended",
+                                "%s took longer than its time limit of %g s, and was ended",
                                 child->name, child->time_limit_s);
     else if (g_subprocess_get_if_signaled(child->process))
         g_task_return_new_error(task, G_IO_ERROR, G_IO_ERROR_FAILED, "%s ended by signal %d (%s)",

@@ -6,8 +6,8 @@
 #define HOOKS_CONF "/etc/mesorig/hooks.conf"
 
 struct hooks_conf {
-    char *folder;        /* of the executables */
-    double time_limit_s; /* of each */
+    char *folder;        /* folder of the executables */
+    double time_limit_s; /* time limit of each executable */
 };
 
 /* Reads the file. If path is NULL, only the defaults are set. The error lists all mistakes of the
@@ -17,5 +17,6 @@ void hooks_conf_clear(struct hooks_conf *conf);
 typedef struct hooks_conf HooksConf;
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(HooksConf, hooks_conf_clear)
 
-/* The keys of [hooks]; NULL: there is no such section. */
+/* Returns the keys of a section, of which there is only "hooks". Returns NULL for any other
+ * name. */
 const struct option *hooks_conf_options(const char *class_name);

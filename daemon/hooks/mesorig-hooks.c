@@ -20,14 +20,14 @@ static gboolean desktop, check, version;
 
 static const GOptionEntry entries[] = {
     {"config", 0, 0, G_OPTION_ARG_FILENAME, &conf_path,
-     "Read this file, not " HOOKS_CONF ", which need not exist", "FILE"},
-    {"check", 0, 0, G_OPTION_ARG_NONE, &check,
-     "Run all hooks for an event that is made up, and end", NULL},
+     "Read this file (" HOOKS_CONF ", if it exists)", "FILE"},
+    {"check", 0, 0, G_OPTION_ARG_NONE, &check, "Run all hooks once for a test event, and end",
+     NULL},
     {"desktop", 0, 0, G_OPTION_ARG_NONE, &desktop,
      "Show notifications on this user's desktop, and do nothing else", NULL},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
-     "A daemon's own socket, in place of a bus (MESORIG_ADDRESS in the environment)",
+     "Connect to the daemon's own socket, not to a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
@@ -90,7 +90,8 @@ static gboolean connect_again(gpointer data);
 /* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
 static void stay_away(struct program *program, GError *why) {
     if (g_strcmp0(program->away, why->message) != 0)
-        g_printerr("mesorig-hooks: %s; it is tried again every %d s\n", why->message, AGAIN_S);
+        g_printerr("mesorig-hooks: %s; mesorig-hooks tries again every %d s\n", why->message,
+                   AGAIN_S);
     g_free(program->away);
     program->away = g_strdup(why->message);
     g_error_free(why);
@@ -166,7 +167,7 @@ static gboolean hear(struct program *program, GError **error) {
             strcmp(bus_name(), "session") == 0 ? G_BUS_TYPE_SESSION : G_BUS_TYPE_SYSTEM, NULL,
             error);
         if (!connection) {
-            g_prefix_error(error, "the %s bus: ", bus_name());
+            g_prefix_error(error, "cannot connect to the %s bus: ", bus_name());
             return FALSE;
         }
         listen_to(program, connection);
@@ -208,7 +209,7 @@ static void tell_made_up(struct program *program) {
         g_dbus_connection_flush_sync(program->screen, NULL, NULL);
 }
 
-/* An exit code. */
+/* Returns an exit code. */
 static int run(const struct hooks_conf *conf, GError **error) {
     struct program program = {.loop = g_main_loop_new(NULL, FALSE),
                               .address = address ? address
@@ -220,7 +221,7 @@ static int run(const struct hooks_conf *conf, GError **error) {
         program.hooks = hooks_new(conf);
     }
     if (desktop && !program.screen) {
-        g_prefix_error(error, "the session bus: ");
+        g_prefix_error(error, "cannot connect to the session bus: ");
         program.exit_code = 1;
     } else if (check) {
         tell_made_up(&program);
@@ -246,8 +247,8 @@ int main(int argc, char **argv) {
         if (error)
             nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-hooks: %s\n", error      ? error->message
-                                          : argc > 1 ? "it takes options alone"
-                                                     : "--bus is system or session");
+                                          : argc > 1 ? "it takes only options, no other arguments"
+                                                     : "--bus must be system or session");
         return 2;
     }
     if (version) {

@@ -1,5 +1,5 @@
-/* mesorig-web: a rig in the browser. A process of its own, which needs no privileges but to call
- * the daemon. */
+/* mesorig-web: shows a rig in the browser. It is a separate process, and needs only the right to
+ * call the daemon. */
 #include "base/help_text.h"
 #include "base/nearest.h"
 #include "bus/bus_client.h"
@@ -19,24 +19,23 @@ static int port = WEB_PORT;
 static gboolean safe_needs_token, version;
 
 static const GOptionEntry entries[] = {
-    {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any that is free (8470)", "N"},
+    {"port", 0, 0, G_OPTION_ARG_INT, &port, "Listen on this port; 0: any free port (8470)", "N"},
     {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
-     "Listen on this IP address, for other machines (this machine only)", "IP"},
+     "Listen on this IP address, so that other machines can connect (only this machine can)", "IP"},
     {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &hosts,
-     "A name under which browsers reach this server: NAME, NAME:PORT, or https://NAME behind a "
+     "Accept requests for this name of the server: NAME, NAME:PORT, or https://NAME behind a "
      "proxy "
      "with TLS; may be repeated",
      "NAME"},
     {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &token_path,
-     "Clients that send this file's first line may pause, continue, abort and release the rig "
-     "(none "
-     "may)",
+     "Let clients that send the first line of this file pause, continue, abort and release the rig "
+     "(no client may)",
      "FILE"},
     {"safe-needs-token", 0, 0, G_OPTION_ARG_NONE, &safe_needs_token,
-     "Clients without the token may not even make the rig safe (all may)", NULL},
+     "Do not let clients without the token make the rig safe (all clients may)", NULL},
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus, "The daemon's bus: system or session (system)", "BUS"},
     {"address", 0, 0, G_OPTION_ARG_STRING, &address,
-     "A daemon's own socket, in place of a bus (MESORIG_ADDRESS in the environment)",
+     "Connect to the daemon's own socket, not to a bus (MESORIG_ADDRESS in the environment)",
      "unix:path=…"},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Print the version", NULL},
     {NULL},
@@ -47,7 +46,7 @@ static gboolean on_signal(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* The first line of the file; g_free(). */
+/* Returns the first line of the token file; g_free(). */
 static char *read_token(GError **error) {
     g_autofree char *text = NULL;
     gsize length;
@@ -58,8 +57,8 @@ static char *read_token(GError **error) {
         strspn(text, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=") !=
             strlen(text)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "%s: its first line must be a token of at least %d letters and digits: openssl "
-                    "rand -hex 24 makes one",
+                    "the first line of %s is not a token of at least %d letters, digits and "
+                    "characters of -._~+/=; make one with: openssl rand -hex 24",
                     token_path, MIN_TOKEN);
         return NULL;
     }
@@ -83,7 +82,9 @@ static int serve(GError **error) {
         g_unix_signal_add(SIGINT, on_signal, loop);
         g_unix_signal_add(SIGTERM, on_signal, loop);
         g_print("%s%s\n", uri,
-                token ? "" : " (it shows, and makes the rig safe; --token-file lets it do more)");
+                token ? ""
+                      : " (clients may only read and make the rig safe; --token-file allows other "
+                        "commands)");
         sd_notify(0, "READY=1");
         g_main_loop_run(loop);
     }
@@ -105,10 +106,11 @@ int main(int argc, char **argv) {
         if (error)
             nearest_add_option(error, (const GOptionEntry *const[]){entries, NULL});
         g_printerr("mesorig-web: %s\n", error      ? error->message
-                                        : argc > 1 ? "it takes options alone"
+                                        : argc > 1 ? "it takes only options, no other arguments"
                                         : safe_needs_token && !token_path
                                             ? "--safe-needs-token needs --token-file"
-                                            : "--port is 0 to 65535, --bus system or session");
+                                            : "--port must be 0 to 65535, and --bus must be system "
+                                              "or session");
         return 2;
     }
     if (version) {

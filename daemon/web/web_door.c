@@ -11,43 +11,43 @@
 
 #define BACKLOG     128         /* connections that wait to be accepted */
 #define SEND_BUFFER (256 << 10) /* bytes that the kernel holds for a reader that is slow */
-#define READER_GONE_MS                                                                             \
-    60000 /* until a reader that acknowledges nothing is taken for one that is gone */
-#define LOOK_MS         500  /* between two looks at the clock */
-#define ACCEPT_AGAIN_MS 200  /* after an accept() that failed */
-#define MAX_PEERS       1024 /* that are remembered for wrong tokens */
-#define FREE_PORTS      8    /* attempts to find one that is free on both loopback addresses */
+/* Time after which a connection whose peer acknowledges nothing is closed. */
+#define READER_GONE_MS  60000
+#define LOOK_MS         500  /* time between two checks of the time limits */
+#define ACCEPT_AGAIN_MS 200  /* pause after an accept() that failed */
+#define MAX_PEERS       1024 /* number of peers whose wrong tokens are remembered */
+#define FREE_PORTS      8    /* attempts to find a port that is free on both loopback addresses */
 
 struct peer {
     char *name;
     int connections, streams;
     int failures; /* wrong tokens in a row */
     gint64 failed_us, allowed_us;
-    gint64 told_us; /* when the log last said that it has too many connections */
+    gint64 told_us; /* time of the last log line that it has too many connections */
 };
 
 struct WebVisitor {
     WebDoor *door;
-    struct peer *peer; /* NULL: it has left */
+    struct peer *peer; /* NULL after leave() */
     GSocket *socket;
-    SoupServerMessage *message; /* borrowed; NULL: none yet, or no longer */
+    SoupServerMessage *message; /* not owned; NULL before the message begins and after it ends */
     enum web_phase phase;
-    gint64 since_us; /* of the phase */
+    gint64 since_us; /* begin of the phase */
     gsize read;      /* bytes of the request's body */
     gboolean answering, closing;
-    GSource *watch;    /* of the request's head, or of a stream's end; NULL: of neither */
-    GIOStream *stream; /* until libsoup gets it; then NULL */
+    GSource *watch;    /* waits for the request's head or for the end of a stream; or NULL */
+    GIOStream *stream; /* NULL after libsoup has taken it */
 };
 
 struct WebDoor {
     SoupServer *soup;
     GPtrArray *listeners; /* of GSocket */
-    GPtrArray *sources;   /* of GSource, one for each */
-    GPtrArray *visitors;  /* that have not left; each is freed with its stream */
+    GPtrArray *sources;   /* of GSource, one for each listener */
+    GPtrArray *visitors;  /* visitors before leave(); each is freed with its stream */
     GHashTable *peers;    /* name → struct peer */
     guint look_id, again_id;
     int streams;
-    gint64 told_us; /* when the log last said that there are too many connections */
+    gint64 told_us; /* time of the last log line that there are too many connections */
 };
 
 static void listen_again(WebDoor *door);
@@ -81,8 +81,8 @@ static gboolean is_forgiven(const struct peer *peer) {
            g_get_monotonic_time() - peer->failed_us > WEB_DOOR_FORGIVEN_S * G_USEC_PER_SEC;
 }
 
-/* Forgets peers without connections whose wrong tokens are long ago, and of the others, if they are
- * too many, the one that has sent none for the longest time. */
+/* Forgets the peers without connections whose wrong tokens are forgiven. If there are still too
+ * many peers, also forgets the peer without connections whose last wrong token is the oldest. */
 static void forget_peers(WebDoor *door) {
     GHashTableIter iter;
     gpointer value;
@@ -124,7 +124,7 @@ static void visitor_free(WebVisitor *visitor) {
     g_free(visitor);
 }
 
-/* It counts no longer: libsoup closes the connection, or has closed it. */
+/* Removes a connection from the counts, because libsoup closes it or has closed it. */
 static void leave(WebVisitor *visitor) {
     WebDoor *door = visitor->door;
     struct peer *peer = g_steal_pointer(&visitor->peer);
@@ -141,8 +141,8 @@ static void leave(WebVisitor *visitor) {
         g_hash_table_remove(door->peers, peer->name);
 }
 
-/* This is later where somebody holds the message, which holds what libsoup has of the connection.
- */
+/* Called when libsoup has freed the connection's stream. This may be some time after its end,
+ * because a reference to the message keeps the stream alive. */
 static void on_stream_gone(gpointer data, GObject *stream) {
     leave(data);
     visitor_free(data);
@@ -191,18 +191,18 @@ void web_visitor_close(WebVisitor *visitor, const char *status) {
             "HTTP/1.1 %s\r\nConnection: close\r\nContent-Length: 0\r\n\r\n", status);
         g_socket_send_with_blocking(visitor->socket, answer, strlen(answer), FALSE, NULL, NULL);
     }
-    /* on_head() and libsoup notice the end of what they read or write, and close. A message that
-     * waits for its answer does neither. */
+    /* on_head() and libsoup notice the shutdown when they read or write, and close the connection.
+     * A paused message does neither, so it is unpaused. */
     g_socket_shutdown(visitor->socket, TRUE, TRUE, NULL);
     if (!visitor->message || visitor->phase == WEB_ASKS)
         return;
-    if (visitor->phase == WEB_STREAMS) /* to have something that fails */
+    if (visitor->phase == WEB_STREAMS) /* gives libsoup something to write, which fails */
         soup_message_body_append(soup_server_message_get_response_body(visitor->message),
                                  SOUP_MEMORY_STATIC, "\n", 1);
     soup_server_message_unpause(visitor->message);
 }
 
-/* Whether a is less worth keeping than b. */
+/* Returns whether a is to be closed rather than b. */
 static gboolean is_less(const WebVisitor *a, const WebVisitor *b) {
     if (a->peer->connections != b->peer->connections)
         return a->peer->connections > b->peer->connections;
@@ -211,7 +211,8 @@ static gboolean is_less(const WebVisitor *a, const WebVisitor *b) {
     return a->since_us < b->since_us;
 }
 
-/* Closes one connection for a new one: of this peer, or of any if peer is NULL. */
+/* Closes one connection to make room for a new one. It is a connection of this peer, or of any peer
+ * if peer is NULL. */
 static void make_room(WebDoor *door, const struct peer *peer) {
     WebVisitor *least = NULL;
     for (guint i = 0; i < door->visitors->len; i++) {
@@ -228,13 +229,13 @@ static void make_room(WebDoor *door, const struct peer *peer) {
         g_autofree char *whose =
             peer ? g_strconcat(peer->name, " has", NULL) : g_strdup("all peers together have");
         *told_us = now_us;
-        web_log("%s %u connections, which is the most: older ones are closed for new ones", whose,
-                peer ? (guint)peer->connections : door->visitors->len);
+        web_log("%s %u connections, which is the maximum; an old one is closed for each new one",
+                whose, peer ? (guint)peer->connections : door->visitors->len);
     }
     web_visitor_close(least, "503 Service Unavailable");
 }
 
-/* Closes what takes too long. */
+/* Closes the connections that have exceeded their time limit. */
 static gboolean look(gpointer data) {
     WebDoor *door = data;
     const gint64 now_us = g_get_monotonic_time();
@@ -264,8 +265,8 @@ static gsize head_length(const char *text, gsize n) {
     return 0;
 }
 
-/* Why libsoup must not get this head; NULL: it may. libsoup 3.2 does not free the path of a request
- * whose length it cannot read, or whose Host has a slash. */
+/* Returns the status with which a head is refused, or NULL if libsoup may get it. libsoup 3.2 does
+ * not free the path of a request whose length it cannot read, or whose Host contains a slash. */
 static const char *refuse_head(const char *text, gsize n) {
     SoupMessageHeaders *headers = soup_message_headers_new(SOUP_MESSAGE_HEADERS_REQUEST);
     g_autofree char *method = NULL, *path = NULL;
@@ -290,19 +291,20 @@ static gboolean is_at_end(int fd) {
     return poll(&at, 1, 0) > 0;
 }
 
-/* Takes the n bytes that were looked at, since closing a socket with bytes that nobody has read
- * could take the answer back. The stream's end frees the visitor. */
+/* Sends a status and closes the connection. First reads the n bytes that were peeked at, because
+ * the kernel may discard the answer if a socket is closed with unread bytes. The end of the stream
+ * frees the visitor. */
 static void turn_away(WebVisitor *visitor, const char *status, char *text, gsize n) {
     g_autoptr(GIOStream) stream = g_steal_pointer(&visitor->stream);
     if (recv(g_socket_get_fd(visitor->socket), text, n, MSG_DONTWAIT) > 0)
         web_visitor_close(visitor, status);
 }
 
-/* Looks at what has come, without taking it, until the head is complete. */
+/* Peeks at the received bytes until the head of the request is complete. */
 static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) {
     WebVisitor *visitor = data;
     const int fd = g_socket_get_fd(socket);
-    if (visitor->closing) { /* what has come by then would still be there */
+    if (visitor->closing) { /* a complete head must not be given to libsoup any more */
         g_clear_pointer(&visitor->watch, source_free);
         g_clear_object(&visitor->stream);
         return G_SOURCE_REMOVE;
@@ -313,7 +315,7 @@ static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) 
         return G_SOURCE_CONTINUE;
     const gsize n = got > 0 ? (gsize)got : 0, head = head_length(text, n);
     if (head == 0 && n > 0 && n < WEB_DOOR_MAX_HEAD && !is_at_end(fd)) {
-        /* Else a part of a head would wake this again and again. */
+        /* Without this, the incomplete head would wake this function again and again. */
         g_socket_set_option(socket, SOL_SOCKET, SO_RCVLOWAT, (int)n + 1, NULL);
         return G_SOURCE_CONTINUE;
     }
@@ -329,7 +331,7 @@ static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) 
     g_autoptr(GIOStream) stream = g_steal_pointer(&visitor->stream);
     g_autoptr(GSocketAddress) remote = g_socket_get_remote_address(socket, NULL);
     g_autoptr(GSocketAddress) local = g_socket_get_local_address(socket, NULL);
-    if (!remote || !local) /* it has gone already */
+    if (!remote || !local) /* the peer has closed the connection already */
         return G_SOURCE_REMOVE;
     g_socket_set_option(socket, SOL_SOCKET, SO_RCVLOWAT, 1, NULL);
     g_object_set_data(G_OBJECT(remote), "visitor", visitor);
@@ -339,7 +341,7 @@ static gboolean on_head(GSocket *socket, GIOCondition condition, gpointer data) 
 
 static void count_in(WebDoor *door, GSocket *socket) {
     g_autoptr(GSocketAddress) remote = g_socket_get_remote_address(socket, NULL);
-    if (!remote) /* it has gone already */
+    if (!remote) /* the peer has closed the connection already */
         return;
     struct peer *peer = find_peer(door, remote);
     if (peer->connections >= WEB_DOOR_PEER_CONNECTIONS)
@@ -381,7 +383,8 @@ static gboolean on_connection(GSocket *listener, GIOCondition condition, gpointe
     if (socket) {
         count_in(door, socket);
     } else if (!g_error_matches(error, G_IO_ERROR, G_IO_ERROR_WOULD_BLOCK) && !door->again_id) {
-        /* No file descriptor is left, for instance: the condition stays. */
+        /* If, for instance, no file descriptor is left, the socket stays ready. Do not watch it for
+         * a while. */
         web_log("cannot accept a connection: %s", error->message);
         g_ptr_array_set_size(door->sources, 0);
         door->again_id = g_timeout_add(ACCEPT_AGAIN_MS, accept_again, door);
@@ -420,7 +423,8 @@ static gboolean add_listener(WebDoor *door, const char *ip, guint port, GError *
     g_autoptr(GSocketAddress) address = g_inet_socket_address_new_from_string(ip, port);
     if (!address) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                    "%s is not an IP address to listen on: 0.0.0.0 listens on all IPv4 addresses",
+                    "cannot listen on %s, because it is not an IP address; use 0.0.0.0 for all "
+                    "IPv4 addresses of this machine",
                     ip);
         return FALSE;
     }
@@ -430,7 +434,7 @@ static gboolean add_listener(WebDoor *door, const char *ip, guint port, GError *
     return socket != NULL;
 }
 
-/* On both loopback addresses with the same port. A computer without IPv6 has one of them. */
+/* Listens on both loopback addresses with the same port. A computer without IPv6 has only one. */
 static gboolean add_loopback(WebDoor *door, guint port, GError **error) {
     for (int i = 0;; i++) {
         g_autoptr(GError) why = NULL;
@@ -471,7 +475,8 @@ void web_door_free(WebDoor *door) {
     g_ptr_array_unref(door->listeners);
     for (guint i = 0; i < door->visitors->len; i++)
         web_visitor_close(door->visitors->pdata[i], NULL);
-    while (door->visitors->len > 0 && g_main_context_iteration(NULL, FALSE)) /* libsoup closes */
+    /* Lets libsoup close the connections. */
+    while (door->visitors->len > 0 && g_main_context_iteration(NULL, FALSE))
         ;
     while (door->visitors->len > 0) {
         WebVisitor *visitor = door->visitors->pdata[0];
@@ -488,8 +493,9 @@ guint web_door_port(const WebDoor *door) {
     return address ? g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(address)) : 0;
 }
 
-/* The stream that is closed for one of this peer: of the peer that has most, its oldest one. NULL:
- * no peer has so many that this one would still have fewer. */
+/* Returns the stream that is closed to make room for a new stream of this peer: the oldest stream
+ * of the peer that has the most. Returns NULL if no other peer would have at least as many streams
+ * afterwards as this peer. */
 static WebVisitor *find_stream(WebDoor *door, const struct peer *peer) {
     WebVisitor *found = NULL;
     for (guint i = 0; i < door->visitors->len; i++) {
@@ -504,7 +510,8 @@ static WebVisitor *find_stream(WebDoor *door, const struct peer *peer) {
     return found;
 }
 
-/* libsoup does not look for the end of a connection to which it has nothing to write. */
+/* Closes a stream whose client has gone. libsoup does not notice the end of a connection while it
+ * has nothing to write. */
 static gboolean on_stream_readable(GSocket *socket, GIOCondition condition, gpointer data) {
     web_visitor_close(data, NULL);
     return G_SOURCE_REMOVE;
@@ -546,6 +553,6 @@ void web_visitor_token(WebVisitor *visitor, gboolean right) {
     const double wait_s = MIN((double)(1 << MIN(peer->failures, 20)) / 8, WEB_DOOR_MAX_PENALTY_S);
     peer->failed_us = g_get_monotonic_time();
     peer->allowed_us = peer->failed_us + (gint64)(wait_s * G_USEC_PER_SEC);
-    web_log("%s has sent a wrong token, the %d. in a row: the next one is looked at in %g s",
+    web_log("%s has sent a wrong token, number %d in a row; its next token is accepted in %g s",
             peer->name, peer->failures, wait_s);
 }

@@ -1,16 +1,17 @@
 /*
- * Who may come in. Accepts connections, gives them to libsoup, and closes those that take too long
- * or are too many. libsoup itself has no limit of this kind. libsoup gets a connection when the
- * head of its request (request line and headers) is complete and has no mistake: libsoup 3.2 loses
- * memory with each request whose length is malformed.
+ * Accepts the connections of the web server, gives them to libsoup, and limits their number and
+ * their duration, because libsoup has no such limits. libsoup gets a connection when the head of
+ * its request (request line and headers) is complete and has no mistake, because libsoup 3.2 leaks
+ * memory with each request whose length is malformed. A connection carries one request.
  *
- * A peer is an IPv4 address, or the first 64 bits of an IPv6 address, since one computer may use
- * all addresses below these. A new connection is always accepted: when there are too many, another
- * one is closed for it, of the peer that has most, and the one that is least worth keeping. So a
- * request that comes promptly is answered whatever others hold open. A connection carries one
- * request.
+ * A peer is an IPv4 address, or the first 64 bits of an IPv6 address, because one computer may use
+ * all addresses with the same first 64 bits. A new connection is always accepted. If there are too
+ * many connections, one connection of the peer that has the most is closed. Among the connections
+ * of that peer it is the one with the lowest phase (enum web_phase), and the oldest of these. A
+ * request that is sent promptly is therefore answered, no matter how many connections other peers
+ * hold open.
  *
- * One thread, the one that runs the main loop.
+ * All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -22,46 +23,50 @@
 #define WEB_DOOR_STREAMS          64
 #define WEB_DOOR_MAX_HEAD         (64 << 10) /* bytes of request line and headers */
 #define WEB_DOOR_MAX_READ         (64 << 10)
-#define WEB_DOOR_REQUEST_S        10  /* from the connection to the last byte of the request */
-#define WEB_DOOR_ANSWER_S         90  /* from there to the last byte of the answer */
-#define WEB_DOOR_MAX_PENALTY_S    60  /* after wrong tokens */
-#define WEB_DOOR_FORGIVEN_S       900 /* after the last of them */
+#define WEB_DOOR_REQUEST_S        10 /* limit from the connection to the end of the request */
+#define WEB_DOOR_ANSWER_S         90 /* limit from the end of the request to the end of the answer */
+#define WEB_DOOR_MAX_PENALTY_S    60  /* longest wait after wrong tokens */
+#define WEB_DOOR_FORGIVEN_S       900 /* time after which a peer's wrong tokens are forgotten */
 
-/* What a connection does, least worth keeping first. */
+/* The phases of a connection. Connections in the first phases are closed first. */
 enum web_phase {
-    WEB_ASKS,    /* its request is not complete; within WEB_DOOR_REQUEST_S */
-    WEB_READS,   /* an answer is made or sent; within WEB_DOOR_ANSWER_S */
-    WEB_STREAMS, /* it gets events, for as long as it likes */
-    WEB_ACTS,    /* the daemon does what it has asked for; within WEB_DOOR_ANSWER_S */
+    WEB_ASKS,    /* the request is not complete; limited to WEB_DOOR_REQUEST_S */
+    WEB_READS,   /* the answer is made or sent; limited to WEB_DOOR_ANSWER_S */
+    WEB_STREAMS, /* the connection receives events, without a time limit */
+    WEB_ACTS,    /* the daemon carries out the request; limited to WEB_DOOR_ANSWER_S */
 };
 
 typedef struct WebDoor WebDoor;
 typedef struct WebVisitor WebVisitor; /* a connection */
 
-/* Listens on an IP address (NULL: loopback only, IPv4 and, where there is one, IPv6) and port (0:
- * any that is free). Borrows soup, which must outlive it. */
+/* Listens on an IP address and a port. If address is NULL, listens only on the loopback addresses
+ * of IPv4 and, if the computer has it, IPv6. Port 0 means any free port. soup is not owned and must
+ * live longer than the door. Returns NULL with an error if it cannot listen. */
 WebDoor *web_door_new(SoupServer *soup, const char *address, guint port, GError **error);
 void web_door_free(WebDoor *door); /* NULL is ignored; closes all connections */
 
 guint web_door_port(const WebDoor *door);
 
-/* The connection of a message; NULL: it has ended, and the message must not be unpaused. */
+/* Returns the connection of a message. Returns NULL if the connection has ended; the message must
+ * then not be unpaused. */
 WebVisitor *web_door_visitor(SoupServerMessage *message);
 
-/* To be called once for each message of the SoupServer, before anything is done with it. The body
- * of its request is dropped, and the connection closed after WEB_DOOR_MAX_READ bytes of it. */
+/* Call it once for each message of the SoupServer, before any other function. It makes libsoup drop
+ * the request's body, and closes the connection if the body has more than WEB_DOOR_MAX_READ
+ * bytes. */
 void web_visitor_begin(WebVisitor *visitor, SoupServerMessage *message);
 
 void web_visitor_set_phase(WebVisitor *visitor, enum web_phase phase);
 
-/* Sets the phase to WEB_STREAMS. FALSE: too many streams are open; nothing has changed. */
+/* Sets the phase to WEB_STREAMS. Returns FALSE and changes nothing if too many streams are open. */
 gboolean web_visitor_stream(WebVisitor *visitor);
 
-/* Closes the connection. status: a line such as "408 Request Timeout", which is sent if no answer
- * has begun; NULL: none. */
+/* Closes the connection. status is a status line such as "408 Request Timeout", which is sent first
+ * unless an answer has begun. With NULL nothing is sent. */
 void web_visitor_close(WebVisitor *visitor, const char *status);
 
-/* Seconds until this peer may send a token again; 0: now. After n wrong tokens in a row it waits
- * 2^n / 8 s, WEB_DOOR_MAX_PENALTY_S at most. */
+/* Returns the number of seconds until the peer may send a token again, or 0 if it may do so now.
+ * After n wrong tokens in a row a peer waits 2^n / 8 s, and at most WEB_DOOR_MAX_PENALTY_S. */
 double web_visitor_penalty_s(const WebVisitor *visitor);
+/* Records that the peer has sent a token, and whether the token was right. */
 void web_visitor_token(WebVisitor *visitor, gboolean right);

@@ -6,7 +6,7 @@ void web_log(const char *format, ...) {
     const gint64 now_us = g_get_monotonic_time();
     if (begun_us == 0 || now_us - begun_us > 60 * G_USEC_PER_SEC) {
         if (left_out)
-            g_printerr("mesorig-web: %d further lines like these were left out\n", left_out);
+            g_printerr("mesorig-web: %d further lines of this kind were left out\n", left_out);
         begun_us = now_us;
         lines = left_out = 0;
     }

@@ -1,5 +1,6 @@
-/* What strangers can cause to be written to the log: at most WEB_LOG_LINES lines a minute, and then
- * how many were left out. Main loop's thread. */
+/* Writes log lines that requests of strangers cause. Writes at most WEB_LOG_LINES lines per minute.
+ * The first line after that minute is preceded by the number of lines that were left out. Belongs
+ * to the main loop's thread. */
 #pragma once
 
 #include <glib.h>

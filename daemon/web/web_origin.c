@@ -6,7 +6,7 @@
 #define DIGITS  "0123456789"
 #define LETTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
-/* 0: it is no port. */
+/* Returns 0 if the text is not a port. */
 static guint parse_port(const char *text) {
     const gsize n = strlen(text);
     if (n == 0 || n > 5 || strspn(text, DIGITS) != n || *text == '0')

@@ -1,19 +1,21 @@
 /*
- * Which names this server has, as origins: "http://rig.lab:8470". A request must be meant for one
- * of them (against DNS rebinding), and may come from a page of the same one only. Pure functions.
+ * Converts names of this server to origins, such as "http://rig.lab:8470". The header Host of a
+ * request must name one of the server's origins, as a protection against DNS rebinding. A request
+ * of a page is accepted only if the page has the same origin. All functions are pure.
  */
 #pragma once
 
 #include <glib.h>
 
-/* The origin of what a request's header Host names, for a scheme: "rig.lab" is
- * "http://rig.lab:80" or "https://rig.lab:443". Takes NAME, NAME:PORT, IPV4, IPV4:PORT, [IPV6] and
- * [IPV6]:PORT, and nothing else: no user, no leading zeros, no blank. NULL: it is something else;
- * g_free(). */
+/* Returns the origin for a scheme and the value of a request's header Host. For example, "rig.lab"
+ * becomes "http://rig.lab:80" or "https://rig.lab:443". Accepts only NAME, NAME:PORT, IPV4,
+ * IPV4:PORT, [IPV6] and [IPV6]:PORT; a user name, leading zeros of the port and blanks are not
+ * allowed. Returns NULL for any other text. Free the result with g_free(). */
 char *web_origin_of_host(const char *scheme, const char *host);
 
-/* The same of a header Origin, "http://rig.lab:8470". */
+/* Does the same for the value of a header Origin, such as "http://rig.lab:8470". */
 char *web_origin_parse(const char *origin);
 
-/* The same of the option --host: NAME is at this port, NAME:PORT, or an origin. */
+/* Does the same for the value of the option --host: NAME, NAME:PORT or an origin. A NAME without a
+ * port gets the given port. */
 char *web_origin_of_option(const char *text, guint port);

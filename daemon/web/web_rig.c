@@ -10,9 +10,9 @@
 
 #define STATE_INTERVAL_MS 500
 #define CALL_TIMEOUT_MS   60000
-#define AGAIN_S           2    /* until a daemon that has gone is looked for again */
-#define MAX_SAMPLES       2000 /* of the progress; every other one goes when there are more */
-#define STEPS             64   /* of a histogram */
+#define AGAIN_S           2    /* pause between two searches for a daemon that does not answer */
+#define MAX_SAMPLES       2000 /* of the progress; if there are more, every second one is removed */
+#define STEPS             64   /* steps of a histogram */
 #define WHITE             250  /* of 255 */
 #define BLACK             5
 #define COLOURS           3
@@ -23,9 +23,9 @@ struct waiting { /* a request that waits for a picture */
 };
 
 struct camera {
-    struct web_picture picture; /* png NULL: none that is new */
-    GArray *waiting;            /* of struct waiting, while a call is under way; NULL: none is */
-    gboolean stale;             /* a newer one has come since the call */
+    struct web_picture picture; /* png is NULL if the latest picture has not been fetched */
+    GArray *waiting;            /* of struct waiting; NULL if no call is under way */
+    gboolean stale;             /* a newer picture exists than the one that the call fetches */
 };
 
 struct sample {
@@ -34,11 +34,11 @@ struct sample {
 };
 
 struct WebRig {
-    BusRig1 *rig; /* NULL: away from address */
+    BusRig1 *rig; /* NULL if no daemon answers at address */
     GDBusConnection *connection;
-    char *address;       /* NULL: on a bus, where the daemon's name comes and goes */
-    char *away;          /* why it is */
-    gboolean connecting; /* to address */
+    char *address;       /* NULL if the daemon is on a bus */
+    char *away;          /* reason why no daemon answers at address; NULL if one does */
+    gboolean connecting; /* a connection to address is being made */
     guint again_id;
     WebRigNews news;
     gpointer news_data;
@@ -77,23 +77,24 @@ static void add_number(GVariantBuilder *to, const char *key, double value) {
     g_variant_builder_add(to, "{sv}", key, g_variant_new_double(value));
 }
 
-/* Whether the rig is held in the safe state, and which devices have not confirmed that they are. */
+/* Adds whether the rig is held in the safe state, and which devices have not confirmed that they
+ * are safe. */
 static void add_safety(GVariantBuilder *to, BusRig1 *bus) {
     g_autoptr(GVariant) latched = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Latched");
     g_autoptr(GVariant) unsafe = g_dbus_proxy_get_cached_property(G_DBUS_PROXY(bus), "Unsafe");
-    /* A daemon before these properties has neither. */
+    /* A daemon of an earlier version lacks these properties. */
     g_variant_builder_add(to, "{sv}", "latched", latched ? latched : g_variant_new_boolean(FALSE));
     g_variant_builder_add(to, "{sv}", "unsafe", unsafe ? unsafe : g_variant_new_strv(NULL, 0));
 }
 
-/* Where the shot is taken from and with which light, and where everything stands. */
+/* Adds the pose and the light of the shot, and the places of all devices. */
 static void add_pose(GVariantBuilder *to, BusRig1 *bus) {
     GVariant *pose = bus_rig1_get_pose(bus), *list = bus_rig1_get_places(bus);
     GVariantBuilder places;
     const char *class_name, *name;
     double turntable_deg, arc_deg, theta_deg, phi_deg;
     gboolean carried;
-    if (!pose || !list) /* of an older daemon */
+    if (!pose || !list) /* a daemon of an earlier version lacks these properties */
         return;
     g_variant_get(pose, "(dd&s&s)", &turntable_deg, &arc_deg, &class_name, &name);
     add_number(to, "turntable_deg", turntable_deg);
@@ -206,7 +207,7 @@ static void tell(const WebRig *rig, const char *name, const char *json) {
         rig->news(name, json, rig->news_data);
 }
 
-/* Samples the progress. If fewer shots are done than before, another session has begun. */
+/* Adds a sample to the progress. If fewer shots are done than before, another session has begun. */
 static void take_sample(WebRig *rig) {
     const struct sample now = {bus_rig1_get_elapsed(rig->rig), bus_rig1_get_shots_done(rig->rig)};
     const guint n = rig->samples->len;
@@ -277,7 +278,7 @@ static void on_thumbnail(BusRig1 *bus, const char *name, gpointer data) {
 
 static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data);
 
-/* Takes proxy. */
+/* Takes ownership of proxy. */
 static void attach(WebRig *rig, BusRig1 *proxy) {
     rig->rig = proxy;
     rig->connection = g_object_ref(g_dbus_proxy_get_connection(G_DBUS_PROXY(proxy)));
@@ -291,8 +292,8 @@ static void attach(WebRig *rig, BusRig1 *proxy) {
         g_signal_connect(rig->connection, "closed", G_CALLBACK(on_closed), rig);
 }
 
-/* Forgets the daemon. Calls under way end by themselves, with an error; later pictures come from
- * another daemon. */
+/* Forgets the daemon. Calls that are under way end with an error. The pictures of this daemon are
+ * forgotten, because later ones come from another daemon. */
 static void detach(WebRig *rig) {
     GHashTableIter iter;
     gpointer camera;
@@ -311,10 +312,10 @@ static void detach(WebRig *rig) {
 
 static gboolean connect_again(gpointer data);
 
-/* Reports why the daemon cannot be reached, once for each new reason. Takes why. */
+/* Reports why the daemon cannot be reached, once for each new reason. Takes ownership of why. */
 static void stay_away(WebRig *rig, GError *why) {
     if (g_strcmp0(rig->away, why->message) != 0)
-        g_printerr("mesorig-web: %s; it is tried again every %d s\n", why->message, AGAIN_S);
+        g_printerr("mesorig-web: %s; mesorig-web tries again every %d s\n", why->message, AGAIN_S);
     g_free(rig->away);
     rig->away = g_strdup(why->message);
     g_error_free(why);
@@ -325,7 +326,7 @@ static void stay_away(WebRig *rig, GError *why) {
 static void on_proxy(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
     BusRig1 *proxy = bus_rig1_proxy_new_finish(result, &error);
-    WebRig *rig = data; /* gone where this was cancelled */
+    WebRig *rig = data; /* no longer valid if the call was cancelled */
     if (g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
         g_error_free(error);
         return;
@@ -346,7 +347,7 @@ static void on_proxy(GObject *source, GAsyncResult *result, gpointer data) {
 
 static void on_connected(GObject *source, GAsyncResult *result, gpointer data) {
     GError *error = NULL;
-    WebRig *rig = data; /* gone where this was cancelled */
+    WebRig *rig = data; /* no longer valid if the call was cancelled */
     g_autoptr(GDBusConnection) connection = bus_client_connect_finish(result, &error);
     if (connection) {
         bus_rig1_proxy_new(connection, G_DBUS_PROXY_FLAGS_NONE, NULL, BUS_PATH, rig->cancellable,
@@ -404,11 +405,11 @@ WebRig *web_rig_new(const char *address, const char *bus, GError **error) {
     return rig;
 }
 
-/* For those who wait for a picture of a rig that ends. */
+/* Answers the requests that wait for a picture when the rig is freed. */
 static void refuse_waiting(gpointer name, gpointer data, gpointer unused) {
     const struct camera *camera = data;
     g_autoptr(GError) error =
-        g_error_new_literal(G_IO_ERROR, G_IO_ERROR_CANCELLED, "mesorig-web ends");
+        g_error_new_literal(G_IO_ERROR, G_IO_ERROR_CANCELLED, "mesorig-web is ending");
     for (guint i = 0; camera->waiting && i < camera->waiting->len; i++) {
         const struct waiting *who = &g_array_index(camera->waiting, struct waiting, i);
         who->back(NULL, error, who->data);
@@ -454,7 +455,7 @@ static void on_called(GObject *proxy, GAsyncResult *result, gpointer data) {
     action->back(answer, error, action->data);
 }
 
-/* The error for a call to a daemon that is away; NULL: the daemon is there. */
+/* Returns the error for a call if no daemon answers, or NULL if one does. */
 static GError *refuse_away(const WebRig *rig) {
     return rig->rig ? NULL
                     : g_error_new_literal(G_IO_ERROR, G_IO_ERROR_NOT_CONNECTED,
@@ -515,12 +516,13 @@ static gboolean encode(GVariant *answer, const char *camera, struct web_picture 
     const guint8 *rgb = g_variant_get_fixed_array(bytes, &length, 1);
     if (length != (gsize)COLOURS * width * height || length == 0) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_DATA,
-                    "%s: the daemon has sent a picture of %u × %u pixels in %zu bytes", camera,
-                    width, height, length);
+                    "the daemon has sent a picture of camera %s that claims %u × %u pixels but has "
+                    "%zu bytes",
+                    camera, width, height, length);
         return FALSE;
     }
     if (!(picture->png = png_bytes(rgb, (int)width, (int)height, error))) {
-        g_prefix_error(error, "%s: ", camera);
+        g_prefix_error(error, "cannot encode the picture of camera %s: ", camera);
         return FALSE;
     }
     count(rgb, (gsize)width * height, camera, time_s, width, height, picture);
@@ -536,7 +538,7 @@ static void on_picture(BusRig1 *proxy, GAsyncResult *result, gpointer data) {
     struct fetch *fetch = data;
     g_autoptr(GError) error = NULL;
     g_autoptr(GVariant) answer = g_dbus_proxy_call_finish(G_DBUS_PROXY(proxy), result, &error);
-    /* The rig is gone where the call was cancelled. */
+    /* The rig is no longer valid if the call was cancelled. */
     if (!g_error_matches(error, G_IO_ERROR, G_IO_ERROR_CANCELLED)) {
         struct camera *camera = g_hash_table_lookup(fetch->rig->cameras, fetch->camera);
         struct web_picture picture = {0};
@@ -559,7 +561,8 @@ static void on_picture(BusRig1 *proxy, GAsyncResult *result, gpointer data) {
     g_free(fetch);
 }
 
-/* So that strangers cannot make the daemon look for cameras of other names. */
+/* Returns whether the rig has a camera of that name. This keeps strangers from making the daemon
+ * search for arbitrary names. */
 static gboolean has_camera(const WebRig *rig, const char *name) {
     GVariant *list = bus_rig1_get_devices(rig->rig);
     GVariantIter iter;
@@ -586,8 +589,8 @@ void web_rig_picture(WebRig *rig, const char *name, WebRigPicture back, gpointer
         return;
     }
     if (!has_camera(rig, name)) {
-        g_autoptr(GError) unknown = g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                                                "the rig has no camera of the name “%s”", name);
+        g_autoptr(GError) unknown =
+            g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "the rig has no camera “%s”", name);
         back(NULL, unknown, data);
         return;
     }

@@ -1,7 +1,7 @@
 /*
- * The rig as the web server sees it: a client of mesorigd's D-Bus interface like any other, which
- * keeps the last state for the server's requests. It never blocks: calls are answered later. One
- * thread, the one that runs the main loop.
+ * A client of mesorigd's D-Bus interface, which keeps the last state of the rig for the web
+ * server's requests. Only web_rig_new() waits; all other calls return immediately and are answered
+ * later from the main loop. All functions belong to the main loop's thread.
  */
 #pragma once
 
@@ -9,41 +9,49 @@
 
 typedef struct WebRig WebRig;
 
-/* address: of a daemon that listens for its user ("unix:path=…"), or NULL: the bus, "system" or
- * "session". The daemon may end and start again, and need not be there yet; at an address it is
- * looked for every 2 s, which is told on standard error. Waits for the first answer, for 5 s. */
+/* Connects to a daemon. address is the daemon's own socket ("unix:path=…"). If address is NULL, the
+ * daemon is on the bus named by bus, "system" or "session". The daemon need not run yet, and may
+ * end and start again. A daemon with an address is searched for every 2 s, and a message on
+ * standard error says so. The function waits up to 5 s until such a daemon answers. Returns NULL
+ * with an error if the bus cannot be used. */
 WebRig *web_rig_new(const char *address, const char *bus, GError **error);
 void web_rig_free(WebRig *rig); /* NULL is ignored */
 
-/* Called with the name of a stream event and its data, one line of JSON: "state" at most twice a
- * second, "event" for each event of the daemon, "picture" for each new picture of a camera. */
+/* Called with the name of a stream event and its data, which are one line of JSON. "state" comes at
+ * most twice a second, "event" for each event of the daemon, and "picture" for each new picture of
+ * a camera. */
 typedef void (*WebRigNews)(const char *name, const char *json, gpointer data);
 void web_rig_listen(WebRig *rig, WebRigNews func, gpointer data);
 
-/* As JSON; g_free(). */
-char *web_rig_state(
-    const WebRig *rig); /* an object; "state" is "away" where no daemon answers, "reason" why */
-char *web_rig_events(const WebRig *rig); /* the last WEB_RIG_EVENTS, an array */
-char *
-web_rig_progress(const WebRig *rig); /* what was done when: {"elapsed_s": […], "shots": […]} */
+/* The next three functions return JSON. Free it with g_free(). */
+
+/* Returns the state as an object. If no daemon answers, its "state" is "away" and its "reason" says
+ * why. */
+char *web_rig_state(const WebRig *rig);
+/* Returns the last WEB_RIG_EVENTS events as an array. */
+char *web_rig_events(const WebRig *rig);
+/* Returns samples of the number of shots done over time: {"elapsed_s": […], "shots": […]}. */
+char *web_rig_progress(const WebRig *rig);
 
 #define WEB_RIG_EVENTS 200
 
-/* A method without arguments: "Pause", "Continue", "Abort", "SafeState", "Release". answer: what it
- * returns, a tuple, or NULL with an error, which is what the daemon says; both are owned by the
- * caller of back. back is called in any case, also by web_rig_free(). */
+/* Calls a method of the daemon without arguments: "Pause", "Continue", "Abort", "SafeState" or
+ * "Release". back is called once in any case, if necessary by web_rig_free(). answer is the tuple
+ * that the method returns. If the call failed, answer is NULL and error is the daemon's error. back
+ * does not own them. */
 typedef void (*WebRigDone)(GVariant *answer, const GError *error, gpointer data);
 void web_rig_call(WebRig *rig, const char *method, WebRigDone back, gpointer data);
 
 /* The latest picture of a camera, 8 bits, sRGB. */
 struct web_picture {
     GBytes *png;
-    char *json; /* camera, time_s, width, height, shares of its pixels that are white and black,
-                   histogram of 64 steps for each of red, green and blue */
+    /* Camera, time_s, width, height, the shares of white and of black pixels, and a histogram of 64
+     * steps for each of red, green and blue. */
+    char *json;
 };
-/* picture: NULL with an error; owned by the rig until back returns. A picture is fetched and
- * encoded once, however many clients ask for it; the daemon is asked for cameras that it has only.
- */
+/* picture is owned by the rig and valid during the call. It is NULL if there is an error. */
 typedef void (*WebRigPicture)(const struct web_picture *picture, const GError *error,
                               gpointer data);
+/* Gets the latest picture of a camera. A picture is fetched and encoded only once, even if several
+ * clients request it. The daemon is asked only for cameras that the rig has. */
 void web_rig_picture(WebRig *rig, const char *camera, WebRigPicture back, gpointer data);

@@ -7,9 +7,9 @@
 #include <string.h>
 
 #define MAX_BODY     4096        /* bytes of a request's body */
-#define MAX_PENDING  (256 << 10) /* bytes that a reader of a stream may lag behind */
-#define KEEP_ALIVE_S 20          /* between two lines of a stream, at most */
-#define MAX_CALLS    256         /* of the daemon that wait for its answer */
+#define MAX_PENDING  (256 << 10) /* bytes of a stream that its client may not have received yet */
+#define KEEP_ALIVE_S 20          /* longest time between two lines of a stream */
+#define MAX_CALLS    256         /* largest number of calls that wait for the daemon's answer */
 #define API          "/api/v1/"
 #define RESOURCES    "/org/mesorig/web"
 
@@ -21,8 +21,8 @@ struct stream {
 
 /* A call of SafeState. */
 struct safe_call {
-    WebServer *server; /* NULL: it is gone */
-    GPtrArray *asked;  /* messages that get the answer */
+    WebServer *server; /* NULL after the server was freed */
+    GPtrArray *asked;  /* messages that receive the answer */
 };
 
 struct WebServer {
@@ -31,12 +31,14 @@ struct WebServer {
     WebRig *rig;
     char *token;
     gboolean safe_needs_token;
-    char *address;      /* that it listens on */
-    GPtrArray *origins; /* of the names that it has; see web_origin.h */
+    char *address;      /* address on which it listens */
+    GPtrArray *origins; /* origins of its names; see web_origin.h */
     GPtrArray *streams;
-    int *calls;                  /* g_rc_box_new(): that wait for the daemon, but for SafeState */
-    struct safe_call *safe_call; /* NULL: none is under way */
-    GPtrArray *safe_next;        /* messages that have asked for the safe state since; or NULL */
+    /* Number of calls that wait for the daemon's answer, without SafeState. Made by
+     * g_rc_box_new(), because the calls may outlive the server. */
+    int *calls;
+    struct safe_call *safe_call; /* NULL if no call of SafeState is under way */
+    GPtrArray *safe_next;        /* messages that wait for the next call of SafeState; or NULL */
     guint keep_alive_id;
 };
 
@@ -45,7 +47,7 @@ static void respond(SoupServerMessage *message, guint status, const char *type, 
     soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, text, strlen(text));
 }
 
-/* Shares the bytes among all that get them. */
+/* Answers with bytes, which are not copied. */
 static void respond_bytes(SoupServerMessage *message, const char *type, GBytes *bytes) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     soup_server_message_set_status(message, SOUP_STATUS_OK, NULL);
@@ -60,7 +62,8 @@ static void refuse(SoupServerMessage *message, guint status, const char *why) {
     respond(message, status, "application/json", json->str);
 }
 
-/* Forbids caching, framing, guessing of types and loading from elsewhere. */
+/* Adds headers that forbid caching, framing, guessing of content types, and loading from other
+ * sites. */
 static void add_headers(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     soup_message_headers_replace(headers, "Connection", "close");
@@ -79,7 +82,8 @@ static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
                            const char *origin) {
     if (g_ptr_array_find_with_equal_func(server->origins, origin, g_str_equal, NULL))
         return TRUE;
-    /* The IP address that the connection came to: no name that somebody else could point here. */
+    /* The IP address on which the connection was accepted is allowed as well. Unlike a name, it
+     * cannot be pointed at this server by somebody else. */
     GInetSocketAddress *local =
         G_INET_SOCKET_ADDRESS(soup_server_message_get_local_address(message));
     g_autofree char *ip = g_inet_address_to_string(g_inet_socket_address_get_address(local));
@@ -88,8 +92,8 @@ static gboolean has_origin(const WebServer *server, SoupServerMessage *message,
     return strcmp(origin, of_ip) == 0;
 }
 
-/* The value of a header that occurs once. NULL: it does not, or more than once; ret_n, which may be
- * NULL, says how often. */
+/* Returns the value of a header that occurs exactly once, and otherwise NULL. *ret_n is the number
+ * of occurrences; ret_n may be NULL. */
 static const char *only_header(SoupServerMessage *message, const char *name, int *ret_n) {
     SoupMessageHeadersIter iter;
     const char *key, *value, *found = NULL;
@@ -105,7 +109,8 @@ static const char *only_header(SoupServerMessage *message, const char *name, int
     return n == 1 ? found : NULL;
 }
 
-/* What follows the scheme in the URI that libsoup has made of request line and Host. */
+/* Returns host and port of the URI that libsoup has made from the request line and the header Host.
+ * Returns NULL if the URI has a user name. */
 static char *authority(GUri *uri) {
     const char *host = g_uri_get_host(uri);
     const char *form = strchr(host, ':') ? "[%s]:%d" : "%s:%d";
@@ -113,15 +118,15 @@ static char *authority(GUri *uri) {
     return g_uri_get_userinfo(uri) ? NULL : g_strdup_printf(form, host, port > 0 ? port : 80);
 }
 
-/* The origins that the request may be meant for, at most one of each scheme; none: it is meant for
- * another server. */
+/* Returns the origins of this server that the request may be meant for, at most one per scheme. The
+ * list is empty if the request is meant for another server. */
 static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *message) {
     static const char *const schemes[] = {"http", "https"};
     GPtrArray *found = g_ptr_array_new_with_free_func(g_free);
     const char *host = only_header(message, "Host", NULL);
     GUri *uri = soup_server_message_get_uri(message);
     g_autofree char *of_uri = authority(uri);
-    /* A request line may name a host as well. */
+    /* A request line may also name a host, which must be the same. */
     g_autofree char *uri_origin = of_uri ? web_origin_of_host("http", of_uri) : NULL;
     g_autofree char *host_origin = host ? web_origin_of_host("http", host) : NULL;
     if (!host_origin || g_strcmp0(host_origin, uri_origin) != 0)
@@ -134,7 +139,7 @@ static GPtrArray *find_origins(const WebServer *server, SoupServerMessage *messa
     return found;
 }
 
-/* Whether it comes from a page of this server, or from no page. */
+/* Returns whether a request comes from a page of this server, or from no page. */
 static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origins, gboolean acts) {
     int n;
     const char *header = only_header(message, "Origin", &n);
@@ -147,7 +152,7 @@ static gboolean is_from_here(SoupServerMessage *message, const GPtrArray *origin
     return !acts || !site || strcmp(site, "same-origin") == 0 || strcmp(site, "none") == 0;
 }
 
-/* Compares in a time that does not depend on the content. */
+/* Compares in a time that does not depend on the content of the token. */
 static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     const char *header = only_header(message, "Authorization", NULL);
     if (!header || !g_str_has_prefix(header, "Bearer "))
@@ -160,7 +165,7 @@ static gboolean has_token(const WebServer *server, SoupServerMessage *message) {
     return different == 0;
 }
 
-/* FALSE: it was answered. */
+/* Returns FALSE if the request was refused, and thus answered. */
 static gboolean admit_token(const WebServer *server, SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
     WebVisitor *visitor = web_door_visitor(message);
@@ -169,15 +174,17 @@ static gboolean admit_token(const WebServer *server, SoupServerMessage *message)
                                      "Authorization") != NULL;
     if (!server->token) {
         refuse(message, SOUP_STATUS_FORBIDDEN,
-               "this server is read-only: start it with --token-file to allow commands");
+               "this server accepts no commands; start mesorig-web with --token-file to allow "
+               "them");
         return FALSE;
     }
-    /* Not even the right one: the answer would tell whether it was. */
+    /* During the penalty even the right token is refused. Otherwise the answer would say whether a
+     * guess is right. */
     const double penalty_s = given ? web_visitor_penalty_s(visitor) : 0;
     if (penalty_s > 0) {
         g_autofree char *after = g_strdup_printf("%d", (int)penalty_s + 1);
         g_autofree char *why =
-            g_strdup_printf("wrong tokens have come from this address: try again in %s s", after);
+            g_strdup_printf("this address has sent wrong tokens; try again in %s s", after);
         refuse(message, 429, why);
         soup_message_headers_replace(headers, "Retry-After", after);
         return FALSE;
@@ -192,10 +199,11 @@ static gboolean admit_token(const WebServer *server, SoupServerMessage *message)
     return right;
 }
 
-/* Who may send a request. */
+/* Condition for a request: none, the token if safe_needs_token is set, or the token. */
 enum access { ACCESS_LOOK, ACCESS_SAFE, ACCESS_TOKEN };
 
-/* What every request must satisfy; FALSE: it was answered. */
+/* Checks the conditions of a request. Returns FALSE if the request was refused, and thus
+ * answered. */
 static gboolean admit(const WebServer *server, SoupServerMessage *message, enum access access) {
     const char *method = soup_server_message_get_method(message);
     const gboolean acts = access != ACCESS_LOOK;
@@ -203,8 +211,8 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
     g_autoptr(GPtrArray) origins = find_origins(server, message);
     if (origins->len == 0) {
         refuse(message, SOUP_STATUS_MISDIRECTED_REQUEST,
-               "the header Host does not name this server: start it with --host NAME[:PORT] to add "
-               "a name");
+               "the header Host is not a name of this server; start mesorig-web with --host "
+               "NAME[:PORT] to add the name");
     } else if (acts ? strcmp(method, "POST") != 0 : !reads) {
         refuse(message, SOUP_STATUS_METHOD_NOT_ALLOWED, acts ? "use POST" : "use GET");
         soup_message_headers_replace(soup_server_message_get_response_headers(message), "Allow",
@@ -219,7 +227,8 @@ static gboolean admit(const WebServer *server, SoupServerMessage *message, enum 
     return FALSE;
 }
 
-/* Whether the body has a length, of digits only, and is not too long. */
+/* Returns whether the request gives the length of its body, in digits only, and the body is not too
+ * long. */
 static gboolean has_small_body(SoupServerMessage *message) {
     SoupMessageHeaders *headers = soup_server_message_get_request_headers(message);
     int n;
@@ -232,22 +241,23 @@ static gboolean has_small_body(SoupServerMessage *message) {
 }
 
 static void on_headers(SoupServerMessage *message, gpointer data) {
-    /* A reader who asks for many overlapping parts would get a multiple of the whole. */
+    /* Without this, a client could request many overlapping parts and get much more than the
+     * whole. */
     soup_message_headers_remove(soup_server_message_get_request_headers(message), "Range");
     add_headers(message);
     if (has_small_body(message))
         return;
     refuse(message, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE,
-           "the request's body is too large, or does not say how large it is");
-    /* libsoup reads a body before it answers. It takes 2^64 − 1 for −1: until the connection ends.
-     */
+           "the body of the request is too large, or the request does not give its length");
+    /* libsoup reads the body before it answers. It takes a length of 2^64 − 1 as −1, and then reads
+     * until the connection ends. */
     const goffset length =
         soup_message_headers_get_content_length(soup_server_message_get_request_headers(message));
     if (length < 0 || length > WEB_DOOR_MAX_READ)
         web_visitor_close(web_door_visitor(message), "413 Content Too Large");
 }
 
-/* All of it, and nothing has been done about it yet. */
+/* Called when a request was read completely, before its handler. */
 static void on_request_read(SoupServer *soup, SoupServerMessage *message, gpointer data) {
     web_visitor_set_phase(web_door_visitor(message), WEB_READS);
 }
@@ -257,7 +267,7 @@ static void on_request(SoupServer *soup, SoupServerMessage *message, gpointer da
     g_signal_connect(message, "got-headers", G_CALLBACK(on_headers), NULL);
 }
 
-/* The page, from the resources in this program. */
+/* Answers with a file of the page from the resources in this program. */
 static void on_page(SoupServer *soup, SoupServerMessage *message, const char *path,
                     GHashTable *query, gpointer data) {
     static const struct {
@@ -276,14 +286,14 @@ static void on_page(SoupServer *soup, SoupServerMessage *message, const char *pa
         respond_bytes(message, files[i].type, bytes);
         return;
     }
-    refuse(message, SOUP_STATUS_NOT_FOUND, "there is no such page");
+    refuse(message, SOUP_STATUS_NOT_FOUND, "this page does not exist");
 }
 
 static void send(struct stream *stream, const char *text) {
     const gsize n = strlen(text);
     stream->pending += n;
     if (stream->pending > MAX_PENDING) {
-        /* The client does not read: the next state contains what it misses. */
+        /* The client does not read. When it opens a new stream, it gets the complete state. */
         web_visitor_close(web_door_visitor(stream->message), NULL);
         return;
     }
@@ -326,7 +336,7 @@ static void stream_free(gpointer data) {
 static void open_stream(WebServer *server, SoupServerMessage *message) {
     if (!web_visitor_stream(web_door_visitor(message))) {
         refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
-               "too many pages are open on this rig: close one");
+               "too many pages of this rig are open; close one");
         return;
     }
     SoupMessageHeaders *headers = soup_server_message_get_response_headers(message);
@@ -350,22 +360,23 @@ static void open_stream(WebServer *server, SoupServerMessage *message) {
 /* A request that waits for the daemon's answer. */
 struct waiting {
     SoupServerMessage *message;
-    int *calls; /* the server's, which may be gone */
+    int *calls; /* a reference to the counter of the server */
     gboolean as_json;
 };
 
-/* The message may have ended meanwhile, and is not answered then. Releases it. */
+/* Continues a paused message, unless its connection has ended. Releases the message. */
 static void go_on(SoupServerMessage *message) {
     if (web_door_visitor(message))
         soup_server_message_unpause(message);
     g_object_unref(message);
 }
 
-/* NULL: too many wait; the message was answered. */
+/* Pauses a message until the daemon answers. Returns NULL if too many requests wait; the message
+ * was then answered. */
 static struct waiting *begin_waiting(WebServer *server, SoupServerMessage *message) {
     if (*server->calls >= MAX_CALLS) {
         refuse(message, SOUP_STATUS_SERVICE_UNAVAILABLE,
-               "too many requests wait for an answer of mesorigd");
+               "too many requests wait for an answer of mesorigd; try again later");
         return NULL;
     }
     struct waiting *waiting = g_new0(struct waiting, 1);
@@ -394,7 +405,7 @@ static void on_picture(const struct web_picture *picture, const GError *error, g
     end_waiting(waiting);
 }
 
-/* cameras/NAME.png or cameras/NAME.json */
+/* Answers a request for cameras/NAME.png or cameras/NAME.json. Returns FALSE for any other path. */
 static gboolean answer_picture(WebServer *server, SoupServerMessage *message, const char *what) {
     const gboolean png = g_str_has_suffix(what, ".png"), json = g_str_has_suffix(what, ".json");
     if (!g_str_has_prefix(what, "cameras/") || !(png || json))
@@ -428,7 +439,7 @@ static void do_action(WebServer *server, SoupServerMessage *message, const char 
     web_rig_call(server->rig, method, on_done, waiting);
 }
 
-/* {"safe": …, "devices": [{"class": …, "name": …, "state": …}, …]} */
+/* Returns {"safe": …, "devices": [{"class": …, "name": …, "state": …}, …]}. */
 static char *safe_text(GVariant *answer) {
     GVariantBuilder to, devices;
     const char *class_name, *name, *state;
@@ -481,11 +492,12 @@ static void ask_safe(WebServer *server) {
     web_rig_call(server->rig, "SafeState", on_safe, call);
 }
 
-/* However many ask: one call is under way, and one more follows for those who have asked since. */
+/* Answers a request for the safe state. Only one call of SafeState is under way at a time.
+ * Requests that come meanwhile share the next call. */
 static void answer_safe(WebServer *server, SoupServerMessage *message) {
     if (!server->safe_next)
         server->safe_next = g_ptr_array_new_with_free_func(g_object_unref);
-    for (guint i = server->safe_next->len; i-- > 0;) /* those that have gone meanwhile */
+    for (guint i = server->safe_next->len; i-- > 0;) /* drops messages whose connection has ended */
         if (!web_door_visitor(server->safe_next->pdata[i]))
             g_ptr_array_remove_index_fast(server->safe_next, i);
     soup_server_message_pause(message);
@@ -534,10 +546,11 @@ static void on_api(SoupServer *soup, SoupServerMessage *message, const char *pat
     if (strcmp(what, "events") == 0 && strcmp(soup_server_message_get_method(message), "GET") == 0)
         open_stream(server, message);
     else if (!answer_picture(server, message, what))
-        refuse(message, SOUP_STATUS_NOT_FOUND, "this path does not exist: see docs/operate/web.md");
+        refuse(message, SOUP_STATUS_NOT_FOUND,
+               "this path does not exist; docs/operate/web.md lists the paths");
 }
 
-/* FALSE: one of the options is no name. */
+/* Adds the origins of the server's names. Fails if a value of --host is not a name. */
 static gboolean add_origins(WebServer *server, const struct web_options *options, GError **error) {
     static const char *const local[] = {"localhost", "127.0.0.1", "[::1]"};
     const guint port = web_door_port(server->door);
@@ -547,8 +560,8 @@ static gboolean add_origins(WebServer *server, const struct web_options *options
         char *origin = web_origin_of_option(options->hosts[i], port);
         if (!origin) {
             g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
-                        "--host %s is not a name by which browsers reach this server: write NAME, "
-                        "NAME:PORT, or https://NAME for a proxy with TLS",
+                        "--host %s is not the name of a server; write NAME, NAME:PORT, or "
+                        "https://NAME behind a proxy with TLS",
                         options->hosts[i]);
             return FALSE;
         }

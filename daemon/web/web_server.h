@@ -1,31 +1,32 @@
 /*
  * The web server of a rig: a page, an HTTP interface and a stream of server-sent events, described
- * in docs/operate/web.md. Everyone who reaches the port may read and make the rig safe; requests
- * that change anything else need the token. Requests of other sites' pages are refused: Host must
- * be a name of this server (against DNS rebinding), Origin the same name with scheme and port, and
- * no response allows other origins. web_door.h says what a client may take. One thread, the one
- * that runs the main loop.
+ * in docs/operate/web.md. Everyone who reaches the port may read and make the rig safe. Requests
+ * that change anything else need the token. Requests from pages of other sites are refused: the
+ * header Host must be a name of this server (against DNS rebinding), the header Origin must be the
+ * same name with scheme and port, and no response allows other origins. The limits of connections
+ * and times are in web_door.h. All functions belong to the main loop's thread.
  */
 #pragma once
 
 #include "web_rig.h"
 
 struct web_options {
-    const char *address; /* IP address to listen on; NULL: loopback only */
-    guint port;          /* 0: any that is free */
-    const char *token;   /* NULL: nobody may send commands */
+    const char *address; /* IP address to listen on; NULL for the loopback addresses */
+    guint port;          /* 0 for any free port */
+    const char *token;   /* NULL if no client may send commands */
     gboolean safe_needs_token;
-    const char *const *hosts; /* further names under which it is reached: NAME, NAME:PORT or
-                                 https://NAME; NULL: none */
+    /* Further names of the server: NAME, NAME:PORT or https://NAME. NULL means none. */
+    const char *const *hosts;
 };
 
 #define WEB_PORT 8470
 
 typedef struct WebServer WebServer;
 
-/* Borrows rig, which must outlive it. */
+/* Starts the server. rig is not owned and must live longer than the server. Returns NULL with an
+ * error if the port cannot be opened or a name in hosts is not valid. */
 WebServer *web_server_new(WebRig *rig, const struct web_options *options, GError **error);
 void web_server_free(WebServer *server); /* NULL is ignored */
 
-/* "http://127.0.0.1:8470/"; g_free(). */
+/* Returns the address of the page, such as "http://127.0.0.1:8470/". Free it with g_free(). */
 char *web_server_uri(const WebServer *server);

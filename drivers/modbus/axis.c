@@ -7,9 +7,10 @@
 #include <string.h>
 
 #define DEADLINE_MS 1500
-#define COMMAND_MS                                                                                 \
-    3000 /* a busy drive may answer late; the class waits 4 s longer than the move takes */
-#define IDLE_MS 200 /* time between polls of a drive that stands */
+/* Deadline of a command. A busy drive may answer late. It is below the 4 s by which the class waits
+ * longer than a move takes. */
+#define COMMAND_MS 3000
+#define IDLE_MS    200 /* time between polls of a drive that stands */
 /* Number of failed polls in a row after which a drive is lost. A delay may be caused by this
  * program. */
 #define MIN_UNHEARD 3
@@ -422,8 +423,8 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->polling = FALSE;
-    if (priv->n_commands >
-        0) /* the answer is older than the commands; the last command polls again */
+    /* The answer is older than the commands. The last command polls again. */
+    if (priv->n_commands > 0)
         return;
     poll_later(axis);
     if (error) {

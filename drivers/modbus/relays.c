@@ -9,7 +9,7 @@
 /* A time that function 5 writes must not equal its value for "on", 0xff00. */
 #define MAX_PULSE 0x7fff
 
-/* Some relays of a board: those of a bank, or that of a laser. */
+/* Some relays of a board: the relays of a lamp bank, or the relay of a laser. */
 struct relays {
     struct modbus_link link;
     struct modbus_watchdog watchdog;

@@ -267,7 +267,8 @@ static guint mask_of(int first, int n) {
     return ((1u << n) - 1) << (first - 1);
 }
 
-/* Takes relays of a board and leaves them off. n 0: all from first on. */
+/* Takes relays of a board and leaves them off. If *n is 0, takes all relays from the first one on.
+ */
 static struct board *board_enter(struct device *device, struct usb_relays *relays, int *n,
                                  GError **error) {
     const char *name = *relays->serial ? relays->serial : relays->path;

@@ -362,8 +362,8 @@ char *usb_path_of(libusb_device *device) {
     return g_string_free(path, FALSE);
 }
 
-/* Locks the device. The key is that of its node, which changes when the device is plugged in
- * again. */
+/* Locks the device. The key is made from its device node, which changes when the device is plugged
+ * in again. */
 static gboolean lock_device(UsbDevice *usb, GError **error) {
     libusb_device *device = libusb_get_device(usb->handle);
     const int bus = libusb_get_bus_number(device), address = libusb_get_device_address(device);

@@ -72,4 +72,4 @@ char *usb_words(const char *what, const char *serial, const char *path);
 
 guint8 usb_interface(const UsbDevice *usb); /* number of the interface that was claimed */
 const char *usb_product(const UsbDevice *usb);
-const char *usb_serial(const UsbDevice *usb); /* "": it has none */
+const char *usb_serial(const UsbDevice *usb); /* empty if the device has none */

@@ -70,11 +70,11 @@ static const struct option options[] = {
      "Value in the dark; -1: 16 for luma of limited range, otherwise 0"},
     {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
      "Meaning of its time stamps: the start of the exposure, the first data, the end of the data; "
-     "auto: as the kernel reports, and first-data for UVC cameras unless the kernel uses their own "
-     "stamps"},
+     "auto: as the kernel reports, but first-data for UVC cameras unless the kernel uses the "
+     "camera's own stamps"},
     {"delay_ms", OPTION_DOUBLE, "ms", -1, 60000, "-1", NULL, FIELD(delay_ms),
-     "How long after the end of the exposure the stamp may be (with stamp = start: after its "
-     "start); -1: none for start, otherwise a frame"},
+     "Largest delay of a time stamp after the end of the exposure, or after its start with "
+     "stamp = start; -1: no delay with stamp = start, otherwise the duration of a frame"},
     {"settle_frames", OPTION_INT, NULL, 0, 100, "2", NULL, FIELD(settle_frames),
      "Frames after a change of exposure or gain that may still have the previous settings"},
     {"gain_0db", OPTION_INT, NULL, -1, G_MAXINT, "-1", NULL, FIELD(gain_0db),
@@ -292,7 +292,7 @@ static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
         return FALSE;
     if (v4l2->white_balance_k > 0 && white->id == 0)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, &v4l2->node,
-                            "has no white balance control: leave white_balance_k out");
+                            "has no white balance control; leave white_balance_k out");
     if (v4l2->white_balance_k > 0 &&
         !video_control_set(&v4l2->node, white->id, v4l2->white_balance_k, error))
         return FALSE;

@@ -40,10 +40,11 @@ static gboolean choose_format(const struct video_node *node, const char *name,
             *ret = video_format_find(fourcc);
     }
     if (!*ret && named)
-        video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                     "cannot measure in format %s: compressed frames are not proportional to "
-                     "light; it offers %s, of which only Bayer, mono, YUYV and UYVY are supported",
-                     name, list->str);
+        video_refuse(
+            error, DEVICE_ERROR_UNSUPPORTED, node,
+            "cannot measure in format %s, because compressed frames are not proportional to "
+            "light; it offers %s, of which only Bayer, mono, YUYV and UYVY are supported",
+            name, list->str);
     else if (!*ret)
         video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                      "offers only %s: compressed frames are not proportional to light; a camera "
@@ -71,7 +72,7 @@ static gboolean stream_check_format(const struct video_node *node,
     if (pix->planes != 1)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
                             "spreads a frame of format %s over %u planes of memory; only formats "
-                            "of one plane are supported: choose another format",
+                            "of one plane are supported; choose another format",
                             name, pix->planes);
     if (wide || high)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
@@ -103,11 +104,11 @@ static gboolean set_rate(const struct video_node *node, double frame_rate, gint6
         seconds = (double)interval->numerator / interval->denominator;
     if (seconds <= 0 || seconds > 3600)
         return video_refuse(error, DEVICE_ERROR_UNSUPPORTED, node,
-                            "does not report its frame rate: set frame_rate");
+                            "does not report its frame rate; set frame_rate");
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
         return video_refuse(
             error, DEVICE_ERROR_UNSUPPORTED, node,
-            "does not send %g frames per second in this format, but %.4g: set frame_rate",
+            "does not send %g frames per second in this format, but %.4g; correct frame_rate",
             frame_rate, 1 / seconds);
     *ret_us = MAX(llrint(seconds * 1e6), 1);
     return TRUE;

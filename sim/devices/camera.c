@@ -30,10 +30,10 @@ struct sim_camera {
     gint64 rendering_us; /* CPU time of the rendering */
 };
 
-/* One exposure. Another thread renders it; it ends when its time is over and its pixels are there.
- * It lives until that thread has finished, even if the camera has been closed. */
+/* One exposure. Another thread renders it. The picture is complete when its time is over and its
+ * pixels are rendered. It exists until the thread has finished, even if the camera was closed. */
 struct picture {
-    Camera *camera; /* NULL: closed or disarmed meanwhile */
+    Camera *camera; /* NULL if the camera was closed or disarmed meanwhile */
     World *world;
     int index;
     struct world_state state;
@@ -57,31 +57,31 @@ static const struct option options[] = {
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "The camera's name in the world file; default: the section's own name"},
     {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
-     "From the end of the exposure until the frame is here"},
+     "Time from the end of the exposure to the arrival of the frame"},
     {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
-     "From the trigger to the start of the exposure"},
+     "Time from the trigger to the start of the exposure"},
     {"fault_jitter_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(jitter_ms),
-     "Fault: how much later the exposure may begin, as its time stamp says; a function of the "
-     "shot"},
+     "Fault: largest further delay of the exposure; its time stamp includes the delay, which is a "
+     "function of the shot"},
     {"min_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "10", NULL, FIELD(min_exposure_us),
      "Shortest exposure"},
     {"max_exposure_us", OPTION_DOUBLE, "µs", 1, 1e9, "60000000", NULL, FIELD(max_exposure_us),
      "Longest exposure"},
     {"fault_stale", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_stale),
-     "Fault: probability that the frame before is delivered instead"},
+     "Fault: probability that the previous frame is delivered instead"},
     {"fault_stale_kind", OPTION_CHOICE, NULL, 0, 0, "old", stale_kinds, FIELD(fault_stale_kind),
      "Whether a stale frame has its old id and time stamp, or fresh ones"},
     {"fault_lost", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, FIELD(fault_lost),
      "Fault: probability that a frame never arrives"},
     {"fault_slow_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(fault_slow_ms),
-     "Fault: how much later than readout_ms frames arrive"},
+     "Fault: time by which frames arrive later than readout_ms"},
     {"fault_disconnect_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL,
      FIELD(fault_disconnect_after),
-     "Fault: after this many triggers the camera is gone, once; 0: never"},
+     "Fault: number of triggers after which the camera is disconnected once; 0: never"},
     {"fault_reconnect_s", OPTION_DOUBLE, "s", 0, 1e9, "5", NULL, FIELD(fault_reconnect_s),
-     "How long the camera is gone before it can be armed again"},
+     "Time for which the camera stays disconnected before it can be armed again"},
     {"fault_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(fault_seed),
-     "Which of the frames fail; the frames themselves do not depend on it"},
+     "Seed that determines which frames fail; the frames themselves do not depend on it"},
     {NULL},
 };
 
@@ -94,7 +94,8 @@ static void sim_camera_picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* Drops the camera's reference; if the thread is still rendering, on_rendered() frees it. */
+/* Drops the camera's reference to a picture. If the thread is still rendering it, on_rendered()
+ * frees it. */
 static void picture_drop(struct picture *picture) {
     if (!picture)
         return;
@@ -144,7 +145,7 @@ static gboolean on_rendered(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
-/* The calling thread's. */
+/* Returns the processor time that the calling thread has used. */
 static gint64 processor_us(void) {
     struct timespec now;
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -172,7 +173,7 @@ static void on_due(gpointer data) {
         sim_camera_deliver(camera);
         return;
     }
-    /* Held only from here on, so that all cameras of a shot render at the same time. */
+    /* Hold the clock only from here on, so that all cameras of a shot render at the same time. */
     picture->holds = TRUE;
     clock_hold(picture->clock);
 }
@@ -195,7 +196,7 @@ static void sim_camera_on_exposed(gpointer data) {
 
 static gboolean refuse_gone(const Camera *camera, GError **error) {
     return device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
-                            "it is gone" ERROR_ADVICE "check its cable");
+                            "it is disconnected" ERROR_ADVICE "check its cable");
 }
 
 static void sim_camera_on_gone(gpointer data) {
@@ -207,7 +208,7 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Integer arithmetic: the same on every machine. */
+/* Uses integer arithmetic, so that the result is the same on every machine. */
 static gint64 jitter_us(const struct sim_camera *sim, guint64 shot) {
     guint64 x = (shot + 1) * 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -288,7 +289,7 @@ static gboolean sim_camera_open_camera(Camera *camera, GError **error) {
     sim->camera = world_find_camera(sim->world, name);
     if (sim->camera < 0) {
         g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                    "camera %s: part: %s has no camera \"%s\"", camera->device.name,
+                    "camera %s: part: the world file %s has no camera \"%s\"", camera->device.name,
                     sim->world_path, name);
         g_clear_pointer(&sim->world, world_unref);
         return FALSE;

@@ -12,7 +12,7 @@ struct sim_lamps {
 
     World *world;
     int *lamps;         /* index in the world of each lamp of the bank */
-    int *switches;      /* how often each was switched on */
+    int *switches;      /* number of times that each lamp was switched on */
     GQueue pending;     /* of struct pending, in order */
     gint64 answered_us; /* no command is answered before an earlier one */
 };
@@ -21,7 +21,7 @@ struct pending {
     LampBank *bank;
     int index;
     gboolean on;
-    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean reached; /* the command has reached the device, and its answer is due */
     gboolean answers;
     guint timer;
 };
@@ -34,11 +34,12 @@ static const struct option options[] = {
     {"lamps", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(names),
      "The world's lamps in the order of the bank; default: all, in the order of the world file"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
-     "How long a relay takes to switch and answer"},
+     "Time that a relay takes to switch and to answer"},
     {"fault_dead", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(fault_dead),
-     "Fault: these lamps give no light, though their switches answer"},
+     "Fault: these lamps give no light, although their switches answer"},
     {"fault_dead_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_dead_after),
-     "Fault: how often a lamp of fault_dead still lights before it dies; 0: dead from the start"},
+     "Fault: number of times that a lamp of fault_dead still lights before it dies; 0: it is dead "
+     "from the start"},
     SIM_UNHEARD_OPTIONS(FIELD(unheard)),
     {NULL},
 };
@@ -102,7 +103,7 @@ static gboolean find_lamps(LampBank *bank, GError **error) {
         sim->lamps[i] = all ? i : world_find_lamp(sim->world, sim->names[i]);
         if (sim->lamps[i] < 0) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                        "lamps %s: lamps: %s has no lamp \"%s\"", bank->device.name,
+                        "lamps %s: lamps: the world file %s has no lamp \"%s\"", bank->device.name,
                         sim->world_path, sim->names[i]);
             return FALSE;
         }
@@ -110,8 +111,8 @@ static gboolean find_lamps(LampBank *bank, GError **error) {
     for (char **name = sim->fault_dead; *name; name++) {
         if (world_find_lamp(sim->world, *name) < 0) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                        "lamps %s: fault_dead: %s has no lamp \"%s\"", bank->device.name,
-                        sim->world_path, *name);
+                        "lamps %s: fault_dead: the world file %s has no lamp \"%s\"",
+                        bank->device.name, sim->world_path, *name);
             return FALSE;
         }
     }
@@ -143,8 +144,8 @@ static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     }
     bank->warm_up_s = world_lamp_warm_up_s(sim->world);
-    /* Switches the lamps on and off, so that the world forgets when they were last on: if the world
-     * has outlived earlier devices, that time belongs to another clock. */
+    /* Switch the lamps on and off, so that the world forgets when they were last on. If the world
+     * has existed longer than this device, that time may belong to another clock. */
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; i < bank->n; i++) {
         world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);

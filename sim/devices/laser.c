@@ -21,7 +21,7 @@ struct sim_laser {
 struct pending {
     Laser *laser;
     gboolean on;
-    gboolean reached; /* the device was asked; what follows is the answer */
+    gboolean reached; /* the command has reached the device, and its answer is due */
     gboolean answers;
     guint timer;
 };
@@ -30,15 +30,15 @@ struct pending {
 
 static const struct option options[] = {
     {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
-     "World file whose laser this is; none: it lights nothing"},
+     "World file whose laser this is; default: it lights nothing"},
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "The laser's name in the world file; default: the section's own name"},
     {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
-     "From switching on until the laser's power is stable"},
+     "Time from switching on until the laser's power is stable"},
     {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
-     "How long the laser takes to switch and answer"},
+     "Time that the laser takes to switch and to answer"},
     {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
-     "Fault: once on, the laser stays on, though it answers that it is off"},
+     "Fault: after it was switched on, the laser stays on, although it answers that it is off"},
     {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
      "Fault: number of commands to switch off that the laser neither obeys nor answers"},
     SIM_UNHEARD_OPTIONS(FIELD(unheard)),
@@ -98,12 +98,13 @@ static int sim_laser_find_place(const Laser *laser, const char *name, GError **e
     int found = world_find_laser(sim->world, name);
     if (found < 0)
         g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                    "laser %s: part: %s has no laser \"%s\"", laser->device.name, sim->world_path,
-                    name);
+                    "laser %s: part: the world file %s has no laser \"%s\"", laser->device.name,
+                    sim->world_path, name);
     return found;
 }
 
-/* The place is that of the laser in the world which has the section's name; its own: its part. */
+/* Moves the laser to the place of the laser in the world file that is named by place. The name of
+ * this device means the place of its own part. */
 static gboolean mount(Laser *laser, const char *place, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     if (!sim->world)

@@ -1,4 +1,5 @@
-/* The part of a world file that a simulated device acts on or looks at. For drivers' check(). */
+/* Checks the part of a world file that a simulated device acts on or looks at. For a driver's
+ * check(). */
 #pragma once
 
 #include "base/options.h"

@@ -217,9 +217,8 @@ static gboolean is_write(guint8 function) {
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
     if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
-        memcpy(ret, query,
-               /* Libmodbus only knows the values on and off, so the reply is made here. */
-               (gsize)n);
+        /* Libmodbus only knows the values on and off, so the reply is made here. */
+        memcpy(ret, query, (gsize)n);
         return n;
     }
     modbus_set_socket(device->context, device->made[0]);

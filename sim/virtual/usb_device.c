@@ -44,10 +44,8 @@ struct VirtualUsb {
 };
 
 struct flight {
-    UMockdevIoctlClient
-        /* The client whose memory holds the transfer. Only that client may reap it. Not a
-         * reference. */
-        *client;
+    /* The client whose memory holds the transfer. Only that client may reap it. Not a reference. */
+    UMockdevIoctlClient *client;
     UMockdevIoctlData *urb;
     gboolean waits; /* a bulk transfer without data so far */
     gint64 due_us;  /* G_MAXINT64 means never */

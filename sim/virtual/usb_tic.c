@@ -7,8 +7,8 @@
 #define STEP_US       500
 #define SAFE_START_US 200000  /* duration of an "exit safe start" */
 #define HOMING_SPEED  20000.0 /* in steps/s; a setting of the Tic */
-#define SWITCH_DISTANCE                                                                            \
-    20.0 /* distance from the point where the reverse switch opens to that where it closes */
+/* Distance between the points at which the reverse switch opens and closes, in steps. */
+#define SWITCH_DISTANCE 20.0
 
 enum error_bit { DEENERGIZED = 0, TIMED_OUT = 6, SAFE_START = 7 };
 enum control_state { HOLDING, TO_POSITION, AT_VELOCITY, HOMING_TOWARDS, HOMING_AWAY };
@@ -25,7 +25,7 @@ struct VirtualTic {
     gboolean energized, uncertain;
     enum control_state state;
     int homing;                                /* -1 or 1 */
-    double steps, origin, velocity, top_speed; /* origin: place of its position 0 */
+    double steps, origin, velocity, top_speed; /* origin is the place of its position 0 */
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
 
@@ -33,7 +33,7 @@ struct VirtualTic {
     double steps_per_deg, zero_steps;
 };
 
-/* One vendor-specific interface of those of a Tic, without endpoints. */
+/* The descriptor has one of a Tic's vendor-specific interfaces, without endpoints. */
 static const guint8 config[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 0xff, 0, 0, 0};
 
 static gboolean pressed(const VirtualTic *tic, int direction) {

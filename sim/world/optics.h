@@ -1,8 +1,9 @@
 /*
- * Ray optics of the simulated rig: lenses, lamps and laser sheets as they truly are, written apart
- * from calib/ so that an error on one side shows on the other.
+ * Ray optics of the simulated rig: the true lenses, lamps and laser sheets. It is written
+ * independently of calib/, so that an error on one side shows on the other.
  *
- * Millimetres and radians; rig frame, or any frame turned about z. Pure functions.
+ * Units are millimetres and radians. Positions are in the rig frame, or in a frame that is turned
+ * about z. Pure functions.
  */
 #pragma once
 
@@ -41,45 +42,46 @@ struct optics_camera {
     int width, height, bits;
     enum cfa cfa;
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
-    double k1, k2, p1, p2; /* seen = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan of the angle */
+    double k1, k2, p1, p2; /* distorted = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan angle */
     struct v3 centre_mm, right, down, forward;
     double blur_px;    /* standard deviation of the blur of the lens */
     double vignetting; /* 1 − vignetting·(r/r_corner)² */
-    double falloff;    /* the response falls with cos^falloff of the angle to the axis */
+    double falloff;    /* the response is proportional to cos^falloff of the angle to the axis */
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
     double colour[3];  /* relative response behind each filter */
     double black_level, full_well_e, read_noise_e;
-    double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
+    double curvature;      /* response linear·(1 − curvature·linear/(full scale − black)) */
     double lateral_colour; /* red is magnified by 1 + this, blue by 1 − this */
     double veiling_glare;  /* share of the mean light of the picture that is added everywhere */
-    double half_gain_step; /* the right half of the sensor reads brighter by this ratio */
-    double column_offset;  /* standard deviation of the columns' offsets, of full scale */
-    guint64 columns_key;   /* which offsets they are */
+    double half_gain_step; /* ratio by which the right half of the sensor reads brighter */
+    double column_offset;  /* standard deviation of the columns' offsets, as a part of full scale */
+    guint64 columns_key;   /* seed of these offsets */
 };
 
-/* Places a camera at a point, looking at the origin; its right is e_φ of that point. */
+/* Places a camera at a point so that it looks at the origin. Its right is e_φ at that point. */
 void optics_camera_place(struct optics_camera *camera, double theta, double phi,
                          double distance_mm);
 
-/* Turns the camera about its own right, down and forward axes, in that order. */
+/* Turns the camera about its right, down and forward axes, in this order. */
 void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
 
-/* The vector turned by an angle about a unit axis. */
+/* Returns the vector turned by an angle about a unit axis. */
 struct v3 optics_spin(struct v3 a, struct v3 axis, double angle);
 
-/* How much larger than green light the lens draws light that passes the red (1, 0, 0), green or
- * blue filter; weights are relative responses. */
+/* Returns the magnification of light relative to that of green light. weights are the relative
+ * responses of the red, green and blue filters to the light; (1, 0, 0) is light that passes only
+ * the red filter. */
 double optics_magnification(const struct optics_camera *camera, const double weights[3]);
 
-/* Unit viewing ray through a point of the picture, of green light. */
+/* Returns the unit viewing ray through a point of the picture, for green light. */
 struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px);
 
-/* Response at a point of the picture behind a filter, DN·s⁻¹ per W·sr⁻¹·m⁻². */
+/* Returns the response at a point of the picture behind a filter, in DN·s⁻¹ per W·sr⁻¹·m⁻². */
 double optics_response(const struct optics_camera *camera, double x_px, double y_px,
                        enum cfa_colour colour);
 
-/* How the light arc truly turns: at arc angle α, its frame is x, y, z turned by α + zero about z,
- * with the origin at centre_mm. */
+/* The true rotation of the light arc. At arc angle α, the arc's frame has the axes x, y and z
+ * turned by α + zero about z, and the origin at centre_mm. */
 struct optics_arc {
     double zero;
     struct v3 centre_mm, x, y, z; /* unit, perpendicular */
@@ -91,20 +93,20 @@ void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y)
 struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
 struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
 
-/* An axis that carries cameras or lamps: a line, about which they turn by its angle and a zero. */
+/* An axis that carries cameras or lamps. It is a line about which they turn by its angle + zero. */
 struct optics_swing {
-    struct v3 axis, centre_mm; /* axis: unit */
+    struct v3 axis, centre_mm; /* axis is a unit vector */
     double zero;
 };
 struct v3 optics_swing_direction(const struct optics_swing *swing, double angle, struct v3 v);
 struct v3 optics_swing_point(const struct optics_swing *swing, double angle, struct v3 p);
 
 struct optics_lamp {
-    struct v3 position_mm, aim; /* aim: unit */
+    struct v3 position_mm, aim; /* aim is a unit vector */
     double exponent, intensity; /* W·sr⁻¹ */
 };
 
-/* W·m⁻² on a surface that faces the lamp. */
+/* Returns the irradiance on a surface that faces the lamp, in W·m⁻². */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
 
 /* A sheet of light that turns about an axis through position. axis × forward is its normal at
@@ -116,21 +118,24 @@ struct optics_laser {
     double fan;                           /* full angle in the sheet, evenly lit */
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
-    double bend;      /* rad: at a tangent t of the angle in the sheet, the sheet is where a plane
-                         would be that had turned on by bend·t² */
+    /* In radians. At the tangent t of the angle in the sheet, the sheet is displaced like a plane
+     * that has turned further by bend·t². */
+    double bend;
 };
 
-/* The sweep angle at which the middle of the sheet's profile goes through a point. */
+/* Returns the sweep angle at which the middle of the sheet's profile goes through a point. */
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);
 
-/* W·m⁻² at the middle of the line, on a surface that faces the laser; 0 outside the fan. */
+/* Returns the irradiance at the middle of the line on a surface that faces the laser, in W·m⁻².
+ * Returns 0 outside of the fan. */
 double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
 
-/* Light that lens and sensor scatter over the whole picture: adds veiling_glare times the mean of
- * the pixels behind the same filter. */
+/* Adds the light that lens and sensor scatter over the whole picture: veiling_glare times the mean
+ * of the pixels behind the same filter. */
 void optics_add_glare(const struct optics_camera *camera, float *rate);
 
-/* Sensor: DN from a picture of DN·s⁻¹ rates, with photon and read noise, black level, offsets of
- * columns, gain of the two halves, saturation and ADC. rate NULL: a dark picture. */
+/* Computes what a sensor reads, in DN, from a picture of rates in DN·s⁻¹, with photon and read
+ * noise, black level, offsets of columns, gain of the two halves, saturation and ADC. If rate is
+ * NULL, the picture is dark. */
 void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
                   double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

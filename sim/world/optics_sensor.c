@@ -2,8 +2,8 @@
 
 #include "samples/sample.h"
 
-/* Normal deviates by table: quantiles of the normal distribution, scaled so that the table's
- * variance is one. The sum of two entries has tails to 4.6 σ. */
+/* Normal deviates come from a table of quantiles of the normal distribution, which is scaled so
+ * that its variance is one. The sum of two entries has tails to 4.6 σ. */
 #define TABLE_BITS 11
 #define TABLE_SIZE (1 << TABLE_BITS)
 
@@ -38,11 +38,11 @@ static inline float normal(guint32 bits) {
     return table[bits & (TABLE_SIZE - 1)] + table[bits >> TABLE_BITS & (TABLE_SIZE - 1)];
 }
 
-struct sensor { /* electrons, DN an electron, DN */
+struct sensor { /* units: electrons, DN per electron, and DN */
     float electrons_per_rate, read_variance, full_well, dn_per_e, bend, max;
 };
 
-struct column { /* factor of the signal, and DN */
+struct column { /* factor of the signal, and offset in DN */
     float gain, black;
 };
 
@@ -55,7 +55,7 @@ static inline guint16 read_pixel(const struct sensor *s, const struct column *co
     return (guint16)CLAMP(dn, 0, s->max);
 }
 
-/* One column per pixel of a row. */
+/* Returns a struct column for each pixel of a row. */
 static struct column *columns_new(const struct optics_camera *camera) {
     const double max = (double)((1 << camera->bits) - 1);
     struct column *columns = g_new0(struct column, camera->width);

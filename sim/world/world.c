@@ -1,10 +1,10 @@
 #include "world_private.h"
 
-#define MAX_POSES    32    /* of an exposure while the turntable turns */
-#define POSE_STEP_PX 0.125 /* by which the sample's edge may move from one to the next */
+#define MAX_POSES    32    /* largest number of poses of an exposure while the turntable turns */
+#define POSE_STEP_PX 0.125 /* distance by which the sample's edge may move between two poses */
 
 static GMutex registry_lock;
-static GHashTable *registry; /* path → World, without a reference */
+static GHashTable *registry; /* maps a path to a World, without holding a reference */
 
 static void free_world(World *world) {
     cache_free(world->cache);
@@ -110,7 +110,8 @@ void world_turn_turntable(World *world, double deg, double deg_s, gint64 at_us) 
     world->turns[world->n_turns++ % WORLD_TURNS] = (struct turn){at_us, deg, deg_s};
 }
 
-/* Before the oldest turn that is known, that one counts. */
+/* Returns the position of the turntable at a time. For a time before the oldest turn that is kept,
+ * the oldest turn is used. */
 static double turntable_at(const World *world, gint64 at_us) {
     const guint oldest = world->n_turns > WORLD_TURNS ? world->n_turns - WORLD_TURNS : 0;
     guint i = world->n_turns - 1;
@@ -186,7 +187,8 @@ void world_set_laser(World *world, int laser, gboolean on) {
     world->laser_on[laser] = on;
 }
 
-/* Integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, seconds. */
+/* Returns the integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, in
+ * seconds. */
 static double warming(const World *world, double t) {
     double w = world->warm_up_s, rest = 1 - t / w;
     return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
@@ -240,7 +242,7 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
         ret->lamp_output[i] = (float)lamp_output(world, i, start_us, exposure_us);
 }
 
-/* Adds share of the light of all lamps and lasers, DN·s⁻¹, in one pose. */
+/* Adds the light of all lamps and lasers in one pose, in DN·s⁻¹, multiplied by share. */
 static void add_light(World *world, int camera, const struct world_state *state, float share,
                       float *rate) {
     const gsize n = (gsize)world->cameras[camera].width * (gsize)world->cameras[camera].height;
@@ -266,7 +268,7 @@ static void add_light(World *world, int camera, const struct world_state *state,
     }
 }
 
-/* In how many poses an exposure is computed: 1 if the turntable stood. */
+/* Returns the number of poses in which an exposure is computed. It is 1 if the turntable stood. */
 static int world_n_poses(const World *world, int camera, const struct world_state *state) {
     const struct optics_camera *sensor = &world->cameras[camera];
     const float *low = world->scene.low, *high = world->scene.high;

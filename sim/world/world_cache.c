@@ -5,19 +5,19 @@
 #include <string.h>
 
 struct node {
-    struct cache_entry entry; /* first */
+    struct cache_entry entry; /* must be the first member */
     struct cache_key key;
     gsize bytes;
     int users;
     gboolean ready;
-    GList link; /* in the queue while ready */
+    GList link; /* is in the queue if ready is set */
 };
 
 struct Cache {
     GMutex lock;
     GCond made;
     GHashTable *nodes;
-    GQueue recent; /* head: used last */
+    GQueue recent; /* the most recently used node first */
     gsize bytes, limit;
 };
 

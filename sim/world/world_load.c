@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define RAD(deg)   ((deg) * (G_PI / 180))
-#define BEND_AT_MM 36.0 /* where sheet_bend_mm is meant */
+#define BEND_AT_MM 36.0 /* distance from the middle of the line to which sheet_bend_mm applies */
 
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
@@ -87,18 +87,17 @@ static const struct option world_table[] = {
     {"bearing_wobble_deg", OPTION_DOUBLE, "deg", 0, 5, "0", NULL, AT(wobble_deg),
      "tilt of the turntable's axis by its bearing, about the middle of the turntable's top"},
     {"bearing_wobble_per_turn", OPTION_INT, NULL, 1, 36, "2", NULL, AT(wobble_per_turn),
-     "how many times the direction of this tilt goes around while the turntable turns once; with "
-     "the turntable at 0 the axis leans towards the x of the rig"},
+     "number of turns of the direction of this tilt while the turntable turns once; with the "
+     "turntable at 0 the axis leans towards the x of the rig"},
     {"lamp_flicker", OPTION_DOUBLE, NULL, 0, 0.5, "0", NULL, AT(lamp_flicker),
-     "standard deviation of a lamp's output from frame to frame, a ratio"},
+     "relative standard deviation of a lamp's output from frame to frame"},
     {"speckle_contrast", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(speckle_contrast),
-     "contrast of laser speckle: standard deviation over mean of the light that a pixel gets; the "
+     "contrast of laser speckle: standard deviation over mean of a pixel's light; the "
      "grain is as large as the blur of the lens (at least 0.5 px), and changes with every movement "
      "of laser, turntable or camera"},
     {"bleeding_share", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(bleeding_share),
-     "share of the laser light reflected diffusely by the sample that has entered it, and comes "
-     "out "
-     "elsewhere"},
+     "share of the laser light reflected diffusely by the sample that has entered it and comes "
+     "out elsewhere"},
     {"bleeding_mm", OPTION_DOUBLE, "mm", 0.2, 20, "0.6", NULL, AT(bleeding_mm),
      "distance over which this light decreases to 1/e"},
     {0},
@@ -234,15 +233,16 @@ static const struct option laser_table[] = {
     {"start_deg", OPTION_DOUBLE, "deg", -10, 10, "0", NULL, AT(start_deg),
      "sweep angle at which the laser truly lights the origin"},
     {"sheet_bend_mm", OPTION_DOUBLE, "mm", -10, 10, "0", NULL, AT(sheet_bend_mm),
-     "bend of the sheet, a parabola: how far it is from a plane at 36 mm from the middle of the "
-     "line that it draws through the origin, on both sides, in the direction of the sweep"},
+     "bend of the sheet, a parabola: distance of the sheet from a plane, in the direction of the "
+     "sweep, at 36 mm on both sides of the middle of the line that it draws through the origin"},
     {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
      "offset of the true position, with the arc at 0"},
     {0},
 };
 #undef AT
 
-/* Deviates of a device come from the world's seed and its place in the file. */
+/* Returns the random numbers of a device, which depend on the world's seed and on the device's
+ * place in the file. */
 static struct sample_random device_random(const struct world_options *options, char class_letter,
                                           int index) {
     guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
@@ -259,7 +259,7 @@ static gboolean check_count(const struct config_section *section, const char *ke
     if (list->n == n)
         return TRUE;
     config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                   "%d of %d numbers given; separate them by ';'", list->n, n);
+                   "%d of %d numbers are given; separate numbers by ';'", list->n, n);
     return FALSE;
 }
 
@@ -278,7 +278,7 @@ static gboolean load_camera(World *world, const struct world_options *all,
                     check_count(section, "colour", &from.colour, 3, mistakes);
     if (good && from.optics.black_level >= (double)((1 << from.optics.bits) - 1)) {
         config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "black_level",
-                       "%g is not below the last value of %d bits", from.optics.black_level,
+                       "%g is not below the largest value of %d bits", from.optics.black_level,
                        from.optics.bits);
         good = FALSE;
     }
@@ -306,8 +306,8 @@ static gboolean load_camera(World *world, const struct world_options *all,
     return good;
 }
 
-/* Directions at a polar angle of the arc at 0, or at an azimuth: outwards, upwards along the arc,
- * and across it. */
+/* Returns three directions at a polar angle, for a device on the arc at 0 or at an azimuth:
+ * outwards, upwards along the arc, and across the arc. */
 static struct v3 on_arc(double theta_deg, double phi_deg, struct v3 *ret_up,
                         struct v3 *ret_across) {
     double theta = RAD(theta_deg), c = cos(RAD(phi_deg)), s = sin(RAD(phi_deg));
@@ -407,7 +407,7 @@ static void load_mark(World *world, const struct config_section *section, Mistak
     options_clear(mark_table, &mark);
 }
 
-/* With the world's marks, which are part of its sample. */
+/* Loads the sample with the world's marks, which are part of the sample. */
 static void load_sample(World *world, const struct world_options *all, const Config *config,
                         gboolean all_sections, Mistakes *mistakes) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -415,7 +415,8 @@ static void load_sample(World *world, const struct world_options *all, const Con
     gsize n = 0;
     if (!section && all_sections)
         config_lacks(mistakes, config,
-                     "no section [sample]: say what lies on the turntable (kind = flat, …)");
+                     "there is no section [sample]; add it to say what lies on the turntable (kind "
+                     "= flat, …)");
     if (section && options_read(&(struct option_target){sample_option_table, &options}, 1, section,
                                 NULL, mistakes)) {
         world->mesh = sample_new(section, &options, mistakes);
@@ -462,8 +463,8 @@ static gboolean load_section(World *world, const struct world_options *all,
             config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
                            "there are more than %d sections of this class", classes[i].max);
         else
-            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
-                           section->class_name);
+            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, NULL,
+                           "needs a name; write [%s NAME]", section->class_name);
         return TRUE;
     }
     static const char *const names[] = {"world", "sample", "camera", "lamp", "laser", "mark"};
@@ -490,7 +491,7 @@ const struct option *world_section_options(const char *class_name) {
     return NULL;
 }
 
-/* An axis that carries cameras or lamps, with its deviations from where it is meant to be. */
+/* Returns an axis that carries cameras or lamps, with its deviations from the nominal axis. */
 static struct optics_swing swing_of(const struct world_options *all, char letter, double theta_deg,
                                     double phi_deg, double zero_deg, double tilt_deg,
                                     double off_mm) {

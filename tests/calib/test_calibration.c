@@ -279,7 +279,7 @@ TEST(nonsense) {
     assert_refused("degrees_of_freedom=1234\n", "", "degrees_of_freedom: missing");
     assert_refused("\ndate=2", "\ndate=yesterday 2", "date: is not a date");
     assert_refused("covariance=9.9999999999999995e-07", "covariance=-1", "is not a covariance");
-    assert_refused("covariance=9.9999999999999995e-07;", "covariance=", "not as many numbers");
+    assert_refused("covariance=9.9999999999999995e-07;", "covariance=", "wrong number of numbers");
     assert_refused("cameras=2", "cameras=1", "sections");
     assert_refused("fx_px=333.25", "fx_px=", "[camera 0] fx_px");
     assert_refused("response=6000", "response=1e308", "[camera 0] response: is out of range");

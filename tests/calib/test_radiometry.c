@@ -216,7 +216,7 @@ TEST(bad_pairs) {
     refused(&pairs, 4, 2, TRANSFER_ERROR_TOO_FEW, "three lit");
     changed = pairs;
     changed.dark[0].exposure_us = changed.dark[1].exposure_us;
-    refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "one exposure only");
+    refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "the same exposure");
     changed = pairs;
     changed.lit[1].second = changed.lit[1].first;
     refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "the same picture twice");

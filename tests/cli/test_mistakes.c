@@ -106,7 +106,7 @@ TEST(drivers_mistakes) {
         "[camera cam60] part: ",
         "has no camera \"cam61\"; choose from: cam30, cam60",
         "[laser laser30] world: there is no file ",
-        "[axis sweep60] home_deg: 20 lies outside min_deg to max_deg, -15 to 15"};
+        "[axis sweep60] home_deg: 20 is outside of min_deg to max_deg, -15 to 15"};
     struct operation *run = operator_new(NULL);
     small_rig_write(run->directory, "rig.conf", wrong);
     operator_does(run, 1, "plan", run->rig, run->conf, NULL);

@@ -33,11 +33,12 @@ function duration(seconds) {
            : m ? `${m} min ${String(s % 60).padStart(2, "0")} s` : `${s} s`;
 }
 
-// By our clock while a capture runs: that of a simulated rig has a pace of its own.
+// While a capture runs, the time left is computed with the browser's clock, because a simulated rig's clock runs at
+// another speed.
 function timeLeft(runs, paused) {
   if (runs && state.predicted_end) return duration(Math.max(0, state.predicted_end - Date.now() / 1000));
   if (paused && state.left_s > 0)
-    return `${duration(state.left_s)}${state.simulated ? " (simulated)" : ""} once it goes on`;
+    return `${duration(state.left_s)}${state.simulated ? " (simulated)" : ""} after it continues`;
   return "–";
 }
 
@@ -85,7 +86,7 @@ function showState() {
     if (device.class === "camera") watchCamera(device.name);
 }
 
-// Devices that may give light or move although they should not. Nothing is known while no daemon answers.
+// Shows the devices that may give light or move although they should not. Nothing is known while no daemon answers.
 function showUnsafe(away) {
   const names = away ? [] : state.unsafe || [];
   const lines = names.map(name => {
@@ -104,7 +105,7 @@ function showLatched() {
   text("latched-text", "Nothing shines or moves until the rig is released: " + (!acts ? "run mesorig release." : sessionStorage.getItem("token") ? "press Release." : "enter the token and press Release."));
 }
 
-// What stopped the capture, and how to go on. The message itself says what to do about a device.
+// Shows what stopped the capture and how to continue. The message itself says what to do about a device.
 function showNotice(paused) {
   const faulty = (state.devices || []).filter(device => device.health.startsWith("fault: "));
   const prompt = state.prompt || "", reason = prompt ? "" : state.reason || "";
@@ -121,11 +122,11 @@ function showNotice(paused) {
   const goOn = acts ? "Press Continue" : "Run: mesorig continue", makeSafe = acts ? "press Safe state" : "run mesorig safe";
   if (prompt) steps.push("Do this.", `${goOn}.`);
   else if (paused) {
-    if (fault) steps.push(`Lamps and lasers were told to go off and the axes to stop: before you reach into the rig, ${makeSafe}, which says whether each has confirmed it.`,
-                          `Mend ${faulty.map(device => device.name).join(", ")} as the message says.`);
-    steps.push(fault ? `${goOn}. The shot that was under way is taken again; nothing that was taken is lost.`
+    if (fault) steps.push(`Lamps and lasers were told to switch off, and the axes to stop. Before you reach into the rig, ${makeSafe}. It says whether each device has confirmed this.`,
+                          `Repair ${faulty.map(device => device.name).join(", ")} as the message says.`);
+    steps.push(fault ? `${goOn}. The interrupted shot is taken again. No frame is lost.`
                      : `${goOn} to go on.`);
-  } else if (aborted) steps.push(`What was taken stays. To go on: ${resume}`);
+  } else if (aborted) steps.push(`The frames are kept. To continue: ${resume}`);
   const wanted = reason || prompt ? steps : [];
   if ($("steps").dataset.shown !== wanted.join("\n")) {
     $("steps").dataset.shown = wanted.join("\n");
@@ -133,8 +134,8 @@ function showNotice(paused) {
   }
 }
 
-// --- the pose: the turntable from above, x to the right. A place at polar angle θ is drawn at sin θ of the
-// circle of the horizon, so that one overhead lies in the middle.
+// --- the pose: the turntable from above, x to the right. A place at polar angle θ is drawn at sin θ times the radius
+// of the horizon's circle, so that the zenith lies in the middle.
 
 const horizon = 92; // units of the drawing
 
@@ -147,8 +148,8 @@ function degrees(value) {
   return `${Math.round(10 * (((value % 360) + 360) % 360)) / 10 % 360}°`;
 }
 
-// Whether a lamp or laser shines. While shots are taken it is that of the shot; otherwise a laser's device says
-// so. A bank of lamps says how many are on, and not which.
+// Returns whether a lamp or laser shines. While shots are taken, only the light of the shot does. At other times the
+// health of a laser says whether it shines. A bank of lamps says only how many of its lamps are on.
 function shines(at) {
   if (["running", "homing", "pausing"].includes(state.state))
     return at.class === state.light_class && at.name === state.light;
@@ -216,7 +217,8 @@ function time(seconds) {
   return seconds ? new Date(1000 * seconds).toLocaleTimeString([], clockTime) : "–";
 }
 
-// When each session begins and ends, by the plans' predictions from the end of the one before.
+// Shows when each session is expected to begin and end. A session begins when the one before it ends, and takes as long
+// as its plan predicts.
 function showQueue() {
   const keeps = state.queue_state && state.queue_state !== "none";
   $("queue-section").hidden = !keeps;
@@ -256,7 +258,7 @@ function watchCamera(name) {
   return camera;
 }
 
-// At most one request a camera is under way, and at most one an interval.
+// Loads the picture of a camera. At most one request per camera is under way, and at most one per interval is sent.
 async function loadPicture(name) {
   const camera = cameras.get(name), now = Date.now();
   if (camera.waits) return;
@@ -268,7 +270,7 @@ async function loadPicture(name) {
   if (!answer || !answer.ok) return;
   const told = await answer.json();
   if (!camera.seen) {
-    camera.seen = true; // the map has them in the rig's order
+    camera.seen = true; // the map has the cameras in the rig's order
     $("cameras").replaceChildren(...[...cameras.values()].filter(other => other.seen).map(other => other.figure));
   }
   camera.image.src = `${api}cameras/${encodeURIComponent(name)}.png?t=${told.time_s}`;
@@ -279,7 +281,7 @@ async function loadPicture(name) {
     fill: colours[c], "fill-opacity": 0.5 })));
   camera.caption.replaceChildren(element("strong", "", name),
     ` ${told.width} × ${told.height}, `,
-    "brightened for the page, and so is its histogram; “mesorig snap” shows the camera's own numbers");
+    "brightened for the page, like its histogram; “mesorig snap” shows the camera's values");
 }
 
 // --- course and events
@@ -326,19 +328,19 @@ async function act(name) {
   showState();
 }
 
-// What SafeState says: each device that was not read back is named. One that was only told may answer yet; if it
-// does not, it is among the unsafe ones.
+// Shows the answer of SafeState. It names each device that was not read back. A device with the state "commanded only"
+// may still answer; if it does not, it becomes one of the unsafe devices.
 function showSafe(told) {
   const list = (told.devices || []).filter(device => device.state !== "read back");
   const names = list.map(device => `${device.class} ${device.name}`).join(", ");
   if (told.safe) text("done", "The rig is safe: every device was read back.");
   else if (list.every(device => device.state === "commanded only"))
-    text("answer", `Not confirmed yet: ${names}. Press again to see whether they have.`);
+    text("answer", `Not confirmed yet: ${names}. Press again to see whether they have confirmed.`);
   else text("answer", `NOT safe: ${names}. Switch them off by hand.`);
 }
 
 for (const name of ["pause", "continue", "release", "safe"]) $(name).onclick = () => act(name);
-$("abort").onclick = () => confirm("Abort the capture? What was taken stays, and can be resumed.") && act("abort");
+$("abort").onclick = () => confirm("Abort the capture? Its frames are kept, and it can be resumed.") && act("abort");
 $("unlock").onclick = () => { $("token-form").hidden = false; $("token").focus(); };
 $("token-form").onsubmit = event => {
   event.preventDefault();
@@ -370,7 +372,7 @@ function away() {
   showState();
 }
 
-// A browser does not ask again for a stream that was refused, because too many are open for instance.
+// A browser does not repeat the request for a stream that was refused, for instance because too many are open.
 function openStream() {
   const stream = new EventSource(api + "events");
   stream.onopen = () => reload().catch(() => {});

@@ -52,8 +52,8 @@ gboolean virtual_rig_plug(VirtualRig *rig, const char *name, gboolean plugged, G
             return TRUE;
         g_set_error(
             error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
-            "%s (%s) cannot be unplugged here: only devices on Modbus, GigE Vision and USB3 "
-            "Vision can",
+            "%s (%s) cannot be unplugged here; only devices on Modbus, GigE Vision and USB3 "
+            "Vision can be unplugged",
             own, device->driver);
         return FALSE;
     }

@@ -86,7 +86,7 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
     *ret_deg = given ? rig_number(section, sim, "home_deg") : min_deg - SWITCH_DEG;
     if (rig_number(section, sim, "position_error_deg") != 0) {
         rig_set_error(error, section,
-                      "a virtual Tic makes no errors of position: remove "
+                      "a virtual Tic has no position errors; remove "
                       "position_error_deg");
         return FALSE;
     }
@@ -94,7 +94,7 @@ static gboolean find_switch(const struct config_section *section, double *ret_de
         return TRUE;
     rig_set_error(
         error, section,
-        "a Tic's limit switch is beyond the limits of the axis: home_deg must be below min_deg");
+        "a Tic's limit switch is beyond the limits of the axis, so home_deg must be below min_deg");
     return FALSE;
 }
 

@@ -18,7 +18,7 @@ const struct option sample_option_table[] = {
     {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
      "approximate depth of the structure"},
     {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
-     "height of the reference plane; nothing of the sample may be higher"},
+     "height of the reference plane; no part of the sample may be higher"},
     {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
      "distance between yarns, ridges or courses of bricks; rounded so that the sample tiles"},
     {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
@@ -27,24 +27,25 @@ const struct option sample_option_table[] = {
      "number of equal pieces in x and in y, which join without a seam; more than 1 for flat, "
      "brushed, brick, ridges, grass, bluepipe and block"},
     {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
-     "diffuse albedo, one number or red;green;blue; empty: the kind's own"},
+     "diffuse albedo, one number or red;green;blue; empty: the value of the kind"},
     {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
      "albedo of the second colour: weft, mortar"},
     {"gloss", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(gloss),
-     "albedo of the gloss; -1: the kind's own"},
+     "albedo of the gloss; -1: the value of the kind"},
     {"roughness_along", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(along),
-     "roughness of the gloss along the fibres or scratches; -1: the kind's own"},
+     "roughness of the gloss along the fibres or scratches; -1: the value of the kind"},
     {"roughness_across", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(across),
-     "roughness of the gloss across the fibres or scratches; -1: the kind's own"},
+     "roughness of the gloss across the fibres or scratches; -1: the value of the kind"},
     {"places_mm", OPTION_DOUBLES, "mm", -500, 500, "", NULL, AT(places_mm),
      "poles: x;y;height of each post; balls: x;y;radius of each; they stand on base_mm"},
     {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "radius of the posts"},
     {"smooth", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(smooth),
      "obj: shade the surface with interpolated normals"},
     {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
-     "picture: PNG of the relief, black base_mm, white relief_mm above; obj: mesh in mm, z up"},
+     "picture: PNG of the relief, in which black is base_mm high and white is relief_mm higher; "
+     "obj: mesh in mm, z up"},
     {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
-     "picture: PNG of the colours; plate: PNG whose every pixel is a rectangle of its print"},
+     "picture: PNG of the colours; plate: PNG of its print, in which each pixel is a rectangle"},
     {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
      "plate: angle by which the plate leans, its lowest corner on the turntable"},
     {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
@@ -168,8 +169,8 @@ double sample_noise(double x, double y, int period_x, int period_y, guint64 seed
     return low * (1 - v) + high * v;
 }
 
-/* Adds a wall below n vertices: the first and every step-th after it. A wall has vertices of its
- * own, with the normal of its side. */
+/* Adds a wall below n vertices: the first and every step-th vertex after it. A wall has separate
+ * vertices, with the normal of its side. */
 static void add_wall(struct mesh *mesh, guint32 first, guint32 step, guint32 n, float nx,
                      float ny) {
     guint32 before[2] = {0, 0};
@@ -217,7 +218,7 @@ static gboolean check_rgb(const struct config_section *section, const char *key,
                           const struct option_doubles *list, Mistakes *mistakes) {
     return list->n == 0 || list->n == 1 || list->n == 3 ||
            config_mistake(mistakes, CONFIG_ERROR_VALUE, section, key,
-                          "%d numbers given; write one, or red;green;blue", list->n);
+                          "%d numbers are given; write one, or red;green;blue", list->n);
 }
 
 static gboolean check_options(const struct config_section *section,
@@ -226,32 +227,34 @@ static gboolean check_options(const struct config_section *section,
     good &= check_rgb(section, "albedo2", &options->albedo2, mistakes);
     if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "period_mm",
-                              "%g mm is too short for a sample of this size, which may have 200 "
-                              "periods: give at least %g mm",
+                              "%g mm is too short for a sample of this size, which may have at "
+                              "most 200 periods; give at least %g mm",
                               options->period_mm, MAX(options->width_mm, options->height_mm) / 200);
     const gboolean whole = options->kind == SAMPLE_WEAVE || options->kind == SAMPLE_PEANUTS ||
                            (options->kind >= SAMPLE_PICTURE && options->kind <= SAMPLE_PLATE);
     if (options->repeats > 1 && whole)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "repeats",
-                              "%d: a sample of kind %s is of one piece, leave repeats out",
+                              "%d is not possible, because a sample of kind %s is of one piece; "
+                              "leave repeats out",
                               options->repeats, kinds[options->kind]);
     gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
     if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0))
         good = placed = config_mistake(
             mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-            "%d numbers are given, not three for each: x;y;height of a post, x;y;radius of a ball",
+            "%d numbers are given, which is not a multiple of three; write x;y;height for each "
+            "post, or x;y;radius for each ball",
             options->places_mm.n);
     for (int i = 2; placed && i < options->places_mm.n; i += 3)
         if (options->places_mm.values[i] <= 0)
             good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "places_mm",
-                                  "number %d, a height or a radius, is %g: it must be positive",
+                                  "number %d, a height or a radius, is %g; it must be positive",
                                   i + 1, options->places_mm.values[i]);
     if (options->offset_mm.n != 0 && options->offset_mm.n != 2)
         good = config_mistake(mistakes, CONFIG_ERROR_VALUE, section, "offset_mm",
-                              "%d of two numbers given: write x;y", options->offset_mm.n);
+                              "%d of two numbers are given; write x;y", options->offset_mm.n);
     if (options->kind == SAMPLE_PLATE && !*options->albedo_path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "albedo_path",
-                              "must be given for a plate: the PNG it is printed with");
+                              "must be given for a plate; it is the PNG of the plate's print");
     const gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path)
         good = config_mistake(mistakes, CONFIG_ERROR_MISSING, section, "path",
@@ -259,7 +262,8 @@ static gboolean check_options(const struct config_section *section,
     return good;
 }
 
-/* A mesh outside its bounds would cause wrong data later on, not an error. */
+/* Checks the bounds of a mesh. A mesh outside of its bounds would not cause an error later on, but
+ * wrong data. */
 static gboolean check_mesh(const struct config_section *section,
                            const struct sample_options *options, const struct mesh *mesh,
                            Mistakes *mistakes) {

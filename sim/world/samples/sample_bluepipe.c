@@ -2,24 +2,26 @@
 
 #include <math.h>
 
-/* Pipes on a dark floor, in two layers: the lower ones along x, the upper ones along y, one period
- * apart, with sleeves where two lengths of pipe meet. They are hollow, and their ends lie on the
- * sample's edge. Light and views pass between and below the upper pipes. */
+/* Pipes on a dark floor, in two layers. The lower pipes are along x, and the upper pipes along y.
+ * They are one period apart, and have sleeves where two lengths of pipe meet. The pipes are hollow,
+ * and their ends lie on the sample's edge. Light and views pass between and below the upper
+ * pipes. */
 
 #define AROUND     28
-#define PIPE       0.84 /* radius of a pipe, as a share of that of its sleeves */
-#define RADIUS     0.36 /* radius of a sleeve: most of the period */
+#define PIPE       0.84 /* radius of a pipe, as a part of the radius of its sleeves */
+#define RADIUS     0.36 /* radius of a sleeve, as a part of the period */
 #define PER_SLEEVE 24   /* rings of vertices from one sleeve to the next */
 
 struct pipe {
     const struct sample_options *options;
     gboolean upper;
     double at_mm, length_mm, axis_mm, radius_mm;
-    double sleeves, phase; /* number of sleeves along the pipe, and place of the first, 0 … 1 */
+    double sleeves, phase; /* number of sleeves along the pipe; phase of the first, 0 … 1 */
     float albedo[3];
 };
 
-/* Radius in parts of the sleeve's, s from 0 to 1 along the pipe: steps with round shoulders. */
+/* Returns the radius as a part of the sleeve's radius, for s from 0 to 1 along the pipe. The
+ * profile has steps with round shoulders. */
 static double pipe_profile(const struct pipe *pipe, double s, double *ret_sleeve) {
     double place = s * pipe->sleeves + pipe->phase;
     double off = fabs(place - floor(place) - 0.5);

@@ -20,8 +20,8 @@ gboolean sample_picture_error(png_image *image, const char *path, GError **error
     return FALSE;
 }
 
-/* 16-bit numbers are kept as they are, and so are 8-bit greys that are heights, since heights have
- * no gamma. */
+/* Reads a PNG picture. Numbers of 16 bits are not converted. Grey values of 8 bits that are heights
+ * are not converted either, because heights have no gamma. */
 static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
                              GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
@@ -57,7 +57,7 @@ static float pixel(const struct picture *picture, gint64 x, gint64 y, int channe
         ->values[(row * picture->width + column) * (gsize)picture->channels + (gsize)channel];
 }
 
-/* Bilinear; u from the left, v from the bottom, 0 … 1. */
+/* Interpolates bilinearly. u is from the left and v from the bottom, both from 0 to 1. */
 static double look_up(const struct picture *picture, double u, double v, int channel) {
     double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
     double fx = floor(x), fy = floor(y);
@@ -118,7 +118,7 @@ static gboolean obj_position(struct obj *obj, const char *text, GError **error) 
         char *end = NULL;
         double value = g_ascii_strtod(text, &end);
         if (end == text || !isfinite(value) || fabs(value) > 1e4)
-            return obj_error(obj, error, "a vertex needs three numbers, millimetres below 10000");
+            return obj_error(obj, error, "a vertex needs three numbers within ±10000 mm");
         p[k] = (float)value;
         text = end;
     }
@@ -134,13 +134,13 @@ static guint32 obj_vertex(struct obj *obj, guint32 position) {
     return sample_add_vertex(obj->mesh, &vertex);
 }
 
-/* One corner of a face: "7", "7/1", "7//3" or "-1", counted from the last vertex. */
+/* Reads a corner of a face: "7", "7/1", "7//3", or "-1", which counts from the last vertex. */
 static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
     char *end = NULL;
     gint64 index = g_ascii_strtoll(*text, &end, 10);
     guint n = obj->positions->len;
     if (end == *text || index == 0 || index > (gint64)n || index < -(gint64)n)
-        return obj_error(obj, error, "a face names a vertex that was not given before it");
+        return obj_error(obj, error, "a face names a vertex that does not come before it");
     *ret = (guint32)(index > 0 ? index - 1 : (gint64)n + index);
     *text = end + strcspn(end, " \t");
     *text += strspn(*text, " \t");
@@ -152,7 +152,7 @@ static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
     if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
         return FALSE;
     if (!*text)
-        return obj_error(obj, error, "a face needs three corners or more");
+        return obj_error(obj, error, "a face needs at least three corners");
     while (*text) {
         if (!obj_corner(obj, &text, &corner, error))
             return FALSE;
@@ -195,8 +195,8 @@ struct mesh *sample_obj(const struct sample_options *options, GError **error) {
         sample_free(obj.mesh);
         return NULL;
     }
-    /* A smooth mesh shares vertices, in the order of their positions. They are added at the end,
-     * since faces need only their numbers. */
+    /* The faces of a smooth mesh share vertices, which have the order of the positions. They are
+     * added at the end, because faces need only their numbers. */
     for (guint32 i = 0; options->smooth && i < positions->len; i++)
         obj_vertex(&obj, i);
     sample_smooth_normals(obj.mesh, 0, 0);

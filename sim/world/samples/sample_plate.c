@@ -7,14 +7,14 @@
 #define MAX_CELLS (1u << 20)
 #define RAD(deg)  ((deg) * (G_PI / 180))
 
-/* A flat plate, printed with a picture whose pixels are rectangles with sharp edges, which are
- * exact however near a camera is. It may be rotated, tilted and off the centre, as when somebody
- * has put it down by hand. */
+/* A flat plate that is printed with a picture. The pixels of the picture are rectangles with sharp
+ * edges, which are exact at any distance of the camera. The plate may be rotated, tilted and off
+ * the centre, like a plate that somebody has put down by hand. */
 
 struct plate {
     const struct sample_options *options;
-    double across[3], along[3], up[3]; /* its own axes in the sample frame */
-    double middle[3];                  /* of its printed side */
+    double across[3], along[3], up[3]; /* axes of the plate in the sample frame */
+    double middle[3];                  /* middle of its printed side */
 };
 
 static void turn(double v[3], int a, int b, double angle) {
@@ -23,7 +23,8 @@ static void turn(double v[3], int a, int b, double angle) {
     v[b] = s * x + c * y;
 }
 
-/* Turned about its normal, then tilted so that its normal leans towards an azimuth. */
+/* Turns an axis of the plate about the plate's normal, and then tilts it so that the normal leans
+ * towards an azimuth. */
 static void place_axis(const struct sample_options *o, double v[3]) {
     turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
     turn(v, 2, 0, RAD(o->tilt_deg));
@@ -61,7 +62,8 @@ static void add_cells(struct mesh *mesh, const struct plate *plate, const png_im
         }
 }
 
-/* The underside is one dark face: it casts shadows, and no camera sees it. */
+/* Adds the sides and the underside. The underside is one dark face, which casts shadows and is seen
+ * by no camera. */
 static void add_sides(struct mesh *mesh, const struct plate *plate) {
     static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
     static const float dark[3] = {0.05f, 0.05f, 0.05f};
@@ -108,7 +110,7 @@ struct mesh *sample_plate(const struct sample_options *options, GError **error) 
     place_axis(options, plate.across);
     place_axis(options, plate.along);
     place_axis(options, plate.up);
-    /* Its lowest corner touches the turntable. */
+    /* The lowest corner touches the turntable. */
     const double reach = fabs(plate.across[2]) * options->width_mm / 2 +
                          fabs(plate.along[2]) * options->height_mm / 2;
     for (int k = 0; k < 2 && options->offset_mm.n == 2; k++)

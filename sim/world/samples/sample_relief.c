@@ -7,7 +7,8 @@ static void tone(struct vertex *to, double factor) {
         to->albedo[k] = (float)CLAMP(to->albedo[k] * factor, 0, 1);
 }
 
-/* Position from 0 to 1 across a piece of the sample, whose size the options have here. */
+/* Returns the position from 0 to 1 across a piece of the sample. Here the options have the size of
+ * a piece. */
 static void unit_place(const struct sample_options *o, const struct vertex *vertex, double *ret_u,
                        double *ret_v) {
     *ret_u = vertex->p[0] / o->width_mm + 0.5 * o->repeats;
@@ -25,7 +26,8 @@ static void flat(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.2, 0.2);
 }
 
-/* Scratches along x: noise that is long in x and short in y, in three sizes; a few are deep. */
+/* Scratches along x. They are noise that is long in x and short in y, in three sizes. A few
+ * scratches are deep. */
 static void brushed(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;
@@ -84,7 +86,7 @@ static void brick(struct vertex *vertex, gconstpointer data) {
     sample_set_gloss(vertex, o, 0, 0.4, 0.4);
 }
 
-/* Corduroy: round wales along y, with pile leaning out of them. */
+/* Corduroy: round wales along y, whose pile leans outwards. */
 static void ridges(struct vertex *vertex, gconstpointer data) {
     const struct sample_options *o = data;
     double u, v;

@@ -323,7 +323,7 @@ static void faults(void) {
     browser_wait(browser, "document.getElementById('reason').textContent.includes('cam60')");
     browser_wait(browser, "document.querySelectorAll('#steps li').length == 3");
     browser_wait(browser,
-                 "document.getElementById('left').textContent.endsWith('once it goes on')");
+                 "document.getElementById('left').textContent.endsWith('after it continues')");
     browser_wait(browser, "document.documentElement.scrollWidth <= innerWidth");
     /* Continue is there for who has the token; the camera is still gone. */
     browser_wait(browser, "document.getElementById('continue').disabled");

@@ -193,7 +193,7 @@ TEST(half_sent) {
     assert_has(other, "{\"safe\": ");
     g_assert_cmpint(most, <, WEB_DOOR_PEER_CONNECTIONS + 40);
     g_autofree char *log = read_log(site);
-    assert_has(log, STRANGER " has 64 connections, which is the most");
+    assert_has(log, STRANGER " has 64 connections, which is the maximum");
     site_free(site);
 }
 
@@ -403,7 +403,7 @@ static void tokens(void) {
     }
     g_assert_cmpuint(status, ==, 409);
     g_autofree char *log = read_log(site);
-    assert_has(log, STRANGER " has sent a wrong token, the 5. in a row");
+    assert_has(log, STRANGER " has sent a wrong token, number 5 in a row");
     /* Many strangers: few lines. */
     for (int i = 0; i < 3 * WEB_LOG_LINES; i++) {
         g_autofree char *from = g_strdup_printf("127.0.4.%d", 1 + i);
