@@ -10,8 +10,8 @@ struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
     double delta_e_different; /* mean over differing pixels only; 0 if there are none */
-    double p95, largest;      /* of those */
-    double different;         /* their share */
+    double p95, largest;      /* percentile and maximum of CIEDE2000 over the differing pixels */
+    double different;         /* share of the differing pixels */
 };
 
 /* An attribute of EXR pictures that materials do not have. */

@@ -2,8 +2,8 @@
  *
  * B(v, l), which contains n·l, is averaged over the texels of a region without holes, and divided
  * by π cos θ_l: f_r(l, v) = B / (π cos θ_l). Between the measured directions f_r is interpolated as
- * by direction_grid.h, separately over views and lights. Beyond the lowest measured direction it
- * keeps the value of that direction. It is never negative. */
+ * by direction_grid.h, separately over views and lights. Beyond the lowest measured direction f_r
+ * keeps the value of that direction. f_r is never negative. */
 #pragma once
 
 #include "btf/btf_layout.h"

@@ -161,8 +161,8 @@ struct rti *rti_fit(const char *name, const float *pictures, int width, int heig
     }
     if (!solve(&whole, solution)) {
         data_error_set(name, 0, error,
-                       "its %d lights do not determine the six terms of a PTM; six or more that do "
-                       "not lie on one ring are needed",
+                       "its %d lights do not determine the six terms of a PTM; at least six lights "
+                       "are needed that do not lie on one ring",
                        n);
         return NULL;
     }

@@ -430,9 +430,9 @@ TEST(turntable) {
             write_exr(dir, name, planes, 3);
             g_string_append_printf(rows, "%s,cam,lamp%d,%g\n", name, k + 1, turns_deg[t]);
         }
-    assert_refused(dir, rows->str, "say how exactly with --same-light");
+    assert_refused(dir, rows->str, "can be joined with --same-light");
     same_light_deg = 60;
-    assert_refused(dir, rows->str, "give less to --same-light");
+    assert_refused(dir, rows->str, "give a smaller value to --same-light");
     same_light_deg = 1;
     g_autofree char *path = session_of(dir, rows->str);
     same_light_deg = 0;
@@ -480,7 +480,7 @@ TEST(target) {
     static const char *const rows = "file,camera,lamp,turntable_deg\n"
                                     "a.exr,cam,lamp,0\na.exr,cam,lamp,20\na.exr,cam,lamp,40\n";
     write_exr(dir, "a.exr", planes, 3);
-    assert_refused(dir, rows, "--target is for pictures of a calibration target");
+    assert_refused(dir, rows, "For pictures of a calibration target");
     target = TRUE;
     import_rows(dir, rows, path, &error);
     target = FALSE;

@@ -140,7 +140,7 @@ TEST(pictures__bad) {
     assert_folder_refused(dir, "tl030.0_pl090.0.exr: 13 of its 24 pixels are not numbers");
     write_exr(one, 1, 1, WIDTH, 0);
     write_exr(same, 1, 1, WIDTH, 0);
-    assert_folder_refused(dir, "of the same view and light as");
+    assert_folder_refused(dir, "has the same view and light as");
     g_unlink(same);
     write_exr(odd, 1, 1, WIDTH, 0);
     assert_folder_refused(dir, "the name “tv060_pv180_tl030.exr” does not say its directions");
@@ -302,7 +302,7 @@ TEST(rti__bad) {
         {"1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number"},
         {"1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction"},
         {"1\nb.png 0 0 1\n", "lights.lp:2: there is no picture"},
-        {"2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light"},
+        {"2\na.png 0 0 1\na.png 0 0 1\n", "has the same view and light"},
         {"0\n", "lights.lp:1: the number of pictures is 0; 1 to 65536 are expected"},
         {"a.png 0 1\n", "lights.lp:1: the number of pictures, or a picture's name and x, y, z"},
         {"1\n0 1\n", "lights.lp:2: a picture's name and x, y, z of the direction"},

@@ -406,7 +406,7 @@ TEST(cropped) {
     write_window(a, one, "", NULL);
     write_window(b, other, "", NULL);
     g_assert_false(import_rti(path, list, &wish, &quietly, &result, &error));
-    assert_has(error->message, "so that they show different parts of the scene");
+    assert_has(error->message, "they show different parts of the scene");
     g_clear_error(&error);
     write_window(a, full, "", NULL);
     write_window(b, full, "", NULL);

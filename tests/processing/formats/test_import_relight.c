@@ -146,7 +146,7 @@ static void assert_refused(const char *info, const char *what) {
 
 TEST(bad) {
     static const char *const bad[][2] = {
-        {"{", "it is no JSON"},
+        {"{", "it is not JSON"},
         {"[]", "it is not a JSON object"},
         {"{}", "type is none and colorspace none; ptm or hsh with rgb or lrgb is read"},
         {"{\"type\": 3, \"colorspace\": null}", "type is none"},
