@@ -20,7 +20,7 @@
  * diffuser is at the origin. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
-    double theta_deg, phi_deg; /* direction from the origin */
+    double theta_deg, phi_deg; /* direction of the lamp from the origin */
     float rgb[3];
     double distance; /* from the origin, in radii of the mesh; 0 means infinitely far away */
     /* Half the angle of a near lamp's cone of light, and the inner part of it in which the light
