@@ -9,7 +9,8 @@
 struct viewer_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path; /* as given, and the file that is read, which need not exist */
+    char *mdf, *mdf_path; /* the path as given, and the path of the file that is read, which need
+                             not exist */
     /* Index map as given (a file or the directory of a session), and its file. */
     char *index, *index_path;
     char *normal_map; /* for methods that accept one; NULL keeps their normals */
