@@ -45,10 +45,10 @@ struct run {
     const struct pipeline_options *options;
     struct catalogue *catalogue;
     int n_views;
-    gboolean *made[N_STAGES]; /* for each view */
+    gboolean *made[N_STAGES]; /* whether the product of each view of a stage is made */
     GHashTable *whole;        /* relative paths of intact products */
     int n_damaged;            /* number of damaged products made by the pipeline */
-    char *lock_path;          /* of lock: */
+    char *lock_path;          /* path of the lock file */
     int lock;                 /* lock file, held while products are made */
     char **btf_inputs;        /* of each view that is made */
     int *missing;             /* missing lights of each view in the BTF */
