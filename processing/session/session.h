@@ -183,8 +183,9 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
 gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
                            const char *message, GError **error);
 
-/* Values by name ("state", "clock_s", …), for the records of capture and results of processing.
- * session_read_value() sets *ret to NULL if the value is not set, and on an error; g_free(). */
+/* Values by name ("state", "clock_s", …) record the capture and the results of processing.
+ * session_read_value() sets *ret to NULL if the value is not set, and also on an error; g_free().
+ */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 gboolean session_read_value(Session *session, const char *key, char **ret, GError **error);
 /* The same for values that are only shown to people. Returns NULL if the value is not set or cannot
@@ -209,7 +210,7 @@ gboolean session_add_product(Session *session, const char *relative, const char 
  * are ignored. made_by contains the arguments with which mesorig makes the file again: "compress …"
  * or "export …". */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
-GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
+GHashTable *session_products(Session *session, GError **error); /* the set of their paths */
 
 struct session_product {
     char *path; /* relative */
