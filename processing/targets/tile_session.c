@@ -245,12 +245,12 @@ static void find_mistake(struct run *run, GError **error) {
         double turntable, arc;
         const char *what, *fix;
     } all[] = {
-        {1, -1, "the arc turns in the direction opposite to the noted angles",
+        {1, -1, "the arc turns against the angles that were noted",
          "the sign of steps_per_deg of [axis arc]"},
         {1, 180 / G_PI, "the arc's angles were noted in radians", "steps_per_deg of [axis arc]"},
-        {-1, 1, "the turntable turns in the direction opposite to the noted angles",
+        {-1, 1, "the turntable turns against the angles that were noted",
          "the sign of steps_per_deg of [axis turntable]"},
-        {-1, -1, "turntable and arc turn in the direction opposite to the noted angles",
+        {-1, -1, "turntable and arc turn against the angles that were noted",
          "the signs of steps_per_deg of [axis turntable] and [axis arc]"},
         {180 / G_PI, 1, "the turntable's angles were noted in radians",
          "steps_per_deg of [axis turntable]"},
